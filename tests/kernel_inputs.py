@@ -59,7 +59,6 @@ def _(rng: np.random.Generator) -> Arguments:
     spectra = rng.normal(size=(4, 36)) + 1j * rng.normal(size=(4, 36))
     shaped, noise = np.zeros((2, 4, 36), complex), np.zeros((4, 2))
     return {
-        "gain": [(12.5, 40.0), (0.0, 40.0), (1e4, 0.1)],
         "_derived": [(spectra, 7.5, cutoff, 70 + k, 2 - k, shaped, noise) for k in range(2)],
     }
 

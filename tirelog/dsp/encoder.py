@@ -49,7 +49,7 @@ def without_spikes(high: FloatArray) -> FloatArray:
     """
     around = np.pad(high, 3, mode="edge")
     far = np.max([around[:-6], around[1:-5], around[5:-1], around[6:]], axis=0)
-    return np.minimum(high, far)
+    return np.asarray(np.minimum(high, far), np.float64)
 
 
 def sliding_maximum(values: FloatArray, reach: int) -> FloatArray:
@@ -134,7 +134,7 @@ def _middles(
     are slow.
     """
     place = coarse + 0.5
-    whole = np.minimum(place.astype(np.int64), x.size - 1)
+    whole = np.clip(place.astype(np.int64), 0, x.size - 1)
     below = total[whole] + (place - whole) * x[whole]
     number = np.arange(coarse.size)
     first = np.maximum(number - 2 * AROUND, 0)
@@ -296,18 +296,6 @@ class AngleFunction:
                 near - (self.at(near) - angle_rad) / rate, self.time_s[k], self.time_s[k + 1]
             )
         return np.where(inside, near, np.nan)
-
-    def mean_rate(self, time_s: FloatArray, span_s: float) -> FloatArray:
-        """Rate [rad/s] over a window of `span_s` centred at each time, cut at the ends.
-
-        A low-pass with -3 dB at 0.443 / span_s.
-        """
-        first, last = (
-            np.maximum(time_s - span_s / 2, self.time_s[0]),
-            np.minimum(time_s + span_s / 2, self.time_s[-1]),
-        )
-        span = np.where(last > first, last - first, np.nan)
-        return (self.at(last) - self.at(first)) / span
 
 
 # ---- Counters and angle channels.

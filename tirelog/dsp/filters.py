@@ -37,16 +37,6 @@ ComplexArray = NDArray[np.complex128]
 ORDER = 4
 
 
-@compiled
-def gain(frequency_Hz: float, cutoff_Hz: float) -> float:
-    """Gain of the zero-phase low-pass, 1/2 at the cut-off."""
-    ratio2 = (frequency_Hz / cutoff_Hz) ** 2
-    power = 1.0
-    for _ in range(ORDER):
-        power *= ratio2
-    return 1.0 / (1.0 + power)
-
-
 def closed(windows: FloatArray) -> FloatArray:
     """`windows` (n, m) with NaN bridged, closed without a step.
 
@@ -79,7 +69,7 @@ def _derived(
         second = third = 0.0
         for k in range(last + 1):
             turning = 2.0 * np.pi * k * step_Hz
-            passed = gain(k * step_Hz, cutoff_Hz[row])
+            passed = 1.0 / (1.0 + (k * step_Hz / cutoff_Hz[row]) ** (2 * ORDER))
             square = turning**2
             power = (passed * square) ** 2
             second += power

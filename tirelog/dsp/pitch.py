@@ -495,7 +495,7 @@ def _local_cubics(
 class Knots:
     """Knots of a piece or of a log, arrays of shape (n,).
 
-    What `Teeth` says of them, `rate_rad_s`, the `reach` of the cubic that was laid through it, 0
+    What `TEETH` says of them, `rate_rad_s`, the `reach` of the cubic that was laid through it, 0
     for none, and how much `late_s` its passage was behind the cubic, empty if it does not matter.
     """
 

@@ -5,7 +5,7 @@ What is missing, what is too many, where the count was lost.
     pieces of indices (n,)
         --intervals that no smooth motion explains are joined-->
         indices, half teeth of each interval
-        --standstills, holes, turning points--> pieces of Teeth: counts (n,) in half teeth,
+        --standstills, holes, turning points--> pieces of TEETH: counts (n,) in half teeth,
                                                 stretches between losses of the count
 
 A passage through the middle level is half a tooth; a rising one has an even count. Rising and
@@ -76,9 +76,6 @@ STEADY_AMPLITUDE, LEAST_SWINGS = 0.6, 6
 #: samples this near to the upper or the lower level, in half ranges, are on it; a signal with more
 #: than this share of its samples there is square. Twice the distance takes a sine for one
 ON_LEVEL, SQUARE_SHARE = 0.2, 0.7
-#: a count goes one way in more than this share of a piece's samples, and over more than so many of
-#: its own steps in the log; twice as many do not know a counter that has just begun
-ONE_WAY, COUNTED_STEPS = 0.998, 2.5
 
 Read = Callable[[int, int], FloatArray]
 #: whole numbers of whatever size
@@ -111,7 +108,7 @@ class Crossings(NamedTuple):
     unseen.
     """
 
-    index: FloatArray
+    index: FloatArray  # type: ignore[assignment]  # a tuple's own is not used
     rising: np.ndarray
     breaks: IntArray
 
@@ -145,10 +142,12 @@ def probe(read: Read, size: int, pieces: int = 24, length: int = 2048) -> Probe:
         return Probe("dead", 0.0, 0.0)
     amplitude, noise = float(np.quantile(amplitudes, 0.9)), float(np.quantile(noises, 0.2))
     # slow pulses also go one way within a piece, but never on from there
+    # a count goes one way in more than this share of a piece's samples, and over more than so many
+    # of its own steps in the log; twice as many do not know a counter that has just begun
     if (
         ways
-        and float(np.median(ways, axis=0).max()) > ONE_WAY
-        and highest - lowest > COUNTED_STEPS * float(np.median(steps))
+        and float(np.median(ways, axis=0).max()) > 0.998
+        and highest - lowest > 2.5 * float(np.median(steps))
     ):
         return Probe("counter", amplitude, noise)
     if (

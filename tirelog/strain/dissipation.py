@@ -90,10 +90,6 @@ PASS = 20.0
 #: and at most this share of the Nyquist frequency; below LEAST the derivative itself is lost;
 #: nearer to one, the filter needs many more coefficients
 SHARE_OF_NYQUIST, LEAST = 0.8, 6.0
-#: a sample off its neighbours' cubic by more than these many sigmas and this share of the
-#: passages' height is bridged; twice as much of either leaves spikes in that are half as large as
-#: what counts
-WILD_SIGMAS, WILD_SHARE = 10.0, 0.06
 #: the patch with its shoulders, in half windows of the passages
 SHOULDERS = 1.6
 #: a gap in the patch with its shoulders is bridged up to so many means, half a period of the pass
@@ -241,9 +237,12 @@ def _energies(
     last = filled.size // how.averaged
     known = np.isfinite(bounds[0]) & np.isfinite(bounds[1])
     low, high = (np.clip(np.where(known, b, 0.0), 0, last).astype(np.int64) for b in bounds)
+    # a sample off its neighbours' cubic by more than these many sigmas and this share of the
+    # passages' height is bridged; twice as much of either leaves spikes in that are half as large
+    # as what counts
     wild = max(
-        WILD_SIGMAS * passages.noise / np.sqrt(how.averaged),
-        WILD_SHARE * float(np.nanmedian(np.abs(passages.height))),
+        10.0 * passages.noise / np.sqrt(how.averaged),
+        0.06 * float(np.nanmedian(np.abs(passages.height))),
     )
     half = how.coefficients.size // 2
     side = how.coefficients[:half][::-1].copy()

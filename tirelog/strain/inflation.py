@@ -37,9 +37,6 @@ LONGEST_S = 7 * 86400.0
 #: twice as much cuts the slow ends off a ramp, half as much takes leaks of an eighth of the rate
 #: for one
 RAMP_SHARE = 0.25
-#: standard errors of a rate that the border between ramp and stop is above: the rate is told over
-#: as many means as that takes.  With half as many noise makes ramps of stops
-RATE_SIGMAS = 5.0
 #: means of the ramp on either side that a stop's kinks are told by: so little of a ramp is straight
 #: whatever the compressor does; twice as many tell them better, and count on it for 6 s
 BESIDE = 30
@@ -166,9 +163,9 @@ def inflation_stretches(values: InflationSeries) -> tuple[BoolArray, IntArray]:
     for _ in range(2):  # the fast rate is told better by the wider window
         rate = _rates(values, reach)
         fast = float(np.quantile(direction * rate, 0.8))
-        wider = (
-            RATE_SIGMAS * values.noise / (np.sqrt(2.0) * MEAN_S * RAMP_SHARE * max(fast, 1e-300))
-        )
+        # standard errors of a rate that the border between ramp and stop is above: the rate is told
+        # over as many means as that takes.  With half as many noise makes ramps of stops
+        wider = 5.0 * values.noise / (np.sqrt(2.0) * MEAN_S * RAMP_SHARE * max(fast, 1e-300))
         reach = int(np.clip(np.ceil(wider), RATE_MEANS, max(rate.size // 8, RATE_MEANS)))
     ramp = direction * rate > RAMP_SHARE * fast if fast > 0 else np.zeros(rate.size, bool)
     while True:
@@ -375,12 +372,6 @@ def inflation(
 # Recording --no drive, no strain that goes to and fro--> `inflation` --> columns, sentences
 
 
-#: way of the strain over its range, and stretches that are needed to say so.  Filling with leaks at
-#: stops: 1.1, filling and emptying: 2; vibration: 10.  Twice as much would take some of that for a
-#: test
-MOST_TO_AND_FRO, FEWEST_STRETCHES = 4.0, 8
-
-
 @dataclass(frozen=True)
 class InflationOfChannel(TableRows):
     """The table's rows of one channel, its stretches, and the means behind them."""
@@ -469,7 +460,10 @@ def _refuse_to_and_fro(recording: Recording, channel: Channel, found: Inflation)
         float(np.abs(change[1:]).sum()),
         float(np.ptp(np.concatenate([[0.0], np.cumsum(change[1:])]))),
     )
-    if change.size - 1 >= FEWEST_STRETCHES and way > MOST_TO_AND_FRO * most:
+    # way of the strain over its range, and stretches that are needed to say so.  Filling with leaks
+    # at stops: 1.1, filling and emptying: 2; vibration: 10.  Twice as much would take some of that
+    # for a test
+    if change.size - 1 >= 8 and way > 4.0 * most:
         raise UsageError(
             f"no inflation test: the strain of {channel.name} goes up and down, {way / most:.0f}"
             " times its range in all",

@@ -121,7 +121,11 @@ class WheelAngle:
 
     def speed_rad_s(self, time_s: FloatArray) -> FloatArray:
         """Wheel speed [rad/s], low-passed at 20 Hz, at times of shape (n,)."""
-        return self.angle.mean_rate(time_s, SPEED_WINDOW_S)
+        knots, half = self.angle.time_s, SPEED_WINDOW_S / 2
+        # the window is cut at the ends
+        first, last = np.maximum(time_s - half, knots[0]), np.minimum(time_s + half, knots[-1])
+        span = np.where(last > first, last - first, np.nan)
+        return (self.angle.at(last) - self.angle.at(first)) / span
 
     def quality(self, start_s: FloatArray, stop_s: FloatArray) -> QualityFlags:
         """What is wrong with the angle within [start, stop], each shape (n,).
@@ -262,34 +266,18 @@ def _counted(channel: Channel, is_angle: bool, steps: int) -> WheelAngle:
         noise = float(np.median(grid))
     count = np.rint(turns * size).astype(np.int64)
     stretch = np.zeros(time.size, np.int32)
+    form = "angle" if is_angle else "counter"
     if is_angle or np.any(np.abs(turns * size - count) > 1e-6):
         slope = rate.astype(np.float32)
         function = AngleFunction(time, turns, 2 * np.pi, slope, stretch, noise, grid)
-        form = "angle" if is_angle else "counter"
-        return WheelAngle(
-            channel.name,
-            steps,
-            form,
-            function,
-            PitchTable.zero(steps),
-            backward,
-            np.zeros(1, bool),
-            (),
-        )
-    builder = KnotBuilder(2 * np.pi / size, 1, edges=True)
-    builder.add(time, count, stretch, ~backward)
-    knots, one = builder.knots(), np.ones(1, np.int32)
-    function = angle_function(knots, np.zeros(1), one, 0 * one, 2 * np.pi / size, noise, sample_s)
-    return WheelAngle(
-        channel.name,
-        steps,
-        "counter",
-        function,
-        PitchTable.zero(steps),
-        ~knots.forward,
-        np.zeros(1, bool),
-        (),
-    )
+    else:
+        builder = KnotBuilder(2 * np.pi / size, 1, edges=True)
+        builder.add(time, count, stretch, ~backward)
+        knots, one, unit = builder.knots(), np.ones(1, np.int32), 2 * np.pi / size
+        function = angle_function(knots, np.zeros(1), one, 0 * one, unit, noise, sample_s)
+        backward = ~knots.forward
+    untold, pitch = np.zeros(1, bool), PitchTable.zero(steps)
+    return WheelAngle(channel.name, steps, form, function, pitch, backward, untold, ())
 
 
 def _scatter(turns: FloatArray) -> float:

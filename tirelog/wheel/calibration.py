@@ -136,10 +136,6 @@ QUASI_STATIC_M_S2 = 0.6
 #: a drive whose acceleration [m/s^2] ranges over more has a force by which its maps may bend: at
 #: half of it a car's force is below 25 N a wheel; twice as much leaves 50 N in the maps
 SLOW_M_S2 = 0.03
-#: driving off is an acceleration [m/s^2] above this: an undriven wheel then carries no
-#: longitudinal force, and load transfer moves its width; twice as much leaves hard driving alone
-#: to learn it from
-DRIVE_M_S2 = 0.8
 #: f1 / f2 [m/s] of a car's drag f0 + f1 v + f2 v^2, and its standard deviation: coast-down tests of
 #: passenger cars give 0 to 11 m/s (f1 = 2.76 - 71.7 f2 in N and km/h, the regression by which
 #: CO2MPAS completes them, for f2 of 0.025 to 0.038), and a gearbox adds to f1. Twice the deviation
@@ -151,9 +147,6 @@ DRAG_M_S, DRAG_SD_M_S = 6.0, 6.0
 WIND_UP_DEG, WIND_UP_SD_DEG = 7e-5, 5e-5
 #: the channel by which a shift's map is freed of what is force
 FORCE = "longitudinal_force"
-#: share of a log's quasi-static passages at which it has to be known, to be used; the others are
-#: then left out of the map; nearer to one, a log with a gap in its force is mapped without any
-FORCE_KNOWN = 0.8
 #: passages and range of speed [m/s] that a map needs: the mean of so many is known to a fifth of
 #: one's scatter, a slope to as much per m/s; half the passages make it 1.4 times that, half the
 #: range twice
@@ -300,9 +293,10 @@ def _force_of_all(logs: Sequence[EdgeTimes]) -> bool:
     At most of its passages.
     """
     used = [p for p in logs if quasi_static(p).any()]
+    # share of a log's quasi-static passages at which it has to be known, to be used; the others are
+    # then left out of the map; nearer to one, a log with a gap in its force is mapped without any
     return bool(used) and all(
-        FORCE in p.forces_N
-        and np.mean(np.isfinite(p.forces_N[FORCE][quasi_static(p)])) > FORCE_KNOWN
+        FORCE in p.forces_N and np.mean(np.isfinite(p.forces_N[FORCE][quasi_static(p)])) > 0.8
         for p in used
     )
 
@@ -446,7 +440,10 @@ def _crosstalk(logs: Sequence[EdgeTimes], calibration: Calibration) -> tuple[flo
         cleaned = clean_passages(p, calibration)
         calm = p.good & (p.steady >= 0)
         with np.errstate(invalid="ignore"):
-            rows = p.good & (p.acceleration_m_s2 > DRIVE_M_S2) & np.isfinite(cleaned.shift_deg)
+            # driving off is an acceleration [m/s^2] above this: an undriven wheel then carries no
+            # longitudinal force, and load transfer moves its width; twice as much leaves hard
+            # driving alone to learn it from
+            rows = p.good & (p.acceleration_m_s2 > 0.8) & np.isfinite(cleaned.shift_deg)
         if calm.sum() < 8 or rows.sum() < 8:
             continue
         shifts.append(cleaned.shift_deg[rows] - np.mean(cleaned.shift_deg[calm]))

@@ -31,9 +31,6 @@ DEGREE = np.pi / 180
 PIECE = 1 << 17
 #: bins worked on at once, and their overlap: a turn and a half
 CORE, OVERLAP = 360 * 128, 540
-#: a dip that is shorter or longer than this is no patch [deg]; half of it is 1 cm on a car's
-#: wheel, twice of it most of the lower half
-NARROWEST, WIDEST = 4, 70
 #: the level is taken from this range beside each front [deg]; half of the first lies in the lobes
 #: of the front, twice the second reaches beyond the top of the wheel
 BESIDE = (25, 130)
@@ -152,7 +149,9 @@ def _dips(bins: Records, begins: bool) -> Records:
     width = leave - entry
     inner = np.stack([entry + 0.25 * width, leave - 0.25 * width], axis=1).astype(int)
     deep = np.array([q[a : b + 1].mean() < 0.4 for a, b in inner], bool)
-    good = (width > NARROWEST) & (width < WIDEST) & deep & (starts > 1) & (stops < m - 1)
+    # a dip that is shorter or longer than this is no patch [deg]; half of it is 1 cm on a car's
+    # wheel, twice of it most of the lower half
+    good = (width > 4) & (width < 70) & deep & (starts > 1) & (stops < m - 1)
     # the last overlap is the next piece's first
     good &= (entry >= OVERLAP / 2) | begins
     return _levels(bins, mean, rate, lost, entry[good], leave[good])
@@ -210,15 +209,20 @@ def _levels(
     target = np.concatenate([design, mean[at][..., None]], axis=-1)
     normal = np.einsum("ij,ijk,ijl->ikl", weight, design, target)
     scale = bins["degree"][0] * DEGREE
-    dips = np.empty(entry.size, DIPS)
-    dips["entry_rad"], dips["exit_rad"] = (
-        (entry + 0.5) * DEGREE + scale,
-        (leave + 0.5) * DEGREE + scale,
+    level, tilt = line(specific)
+    gravity_level, gravity_tilt = line(gravity)
+    dips = records(
+        DIPS,
+        entry_rad=(entry + 0.5) * DEGREE + scale,
+        exit_rad=(leave + 0.5) * DEGREE + scale,
+        level=level,
+        tilt=tilt,
+        gravity_level=gravity_level,
+        gravity_tilt=gravity_tilt,
+        level_share=np.sqrt(w2 / determinant),
+        noise_m_s2=np.sqrt(np.maximum(within, between)),
     )
-    dips["level"], dips["tilt"] = line(specific)
-    dips["gravity_level"], dips["gravity_tilt"] = line(gravity)
-    dips["level_share"] = np.sqrt(w2 / determinant)
-    dips["noise_m_s2"], dips["normal"] = np.sqrt(np.maximum(within, between)), normal
+    dips["normal"] = normal
     return dips
 
 
@@ -226,9 +230,9 @@ def _levels(
 #
 # Read in pieces, divided by the level, gravity taken off.
 #
-# Dips, WheelAngle --level, tilt, speed, acceleration at each passage--> Flanks (entries, then
+# Dips, WheelAngle --level, tilt, speed, acceleration at each passage--> flanks (entries, then
 # exits)
-# Flanks, half widths --pieces of the channel--> groups of fronts whose samples were read together
+# flanks, half widths --pieces of the channel--> groups of fronts whose samples were read together
 #                     --angle, a / level - gravity--> owner (s,), angle from the front (s,) [rad],
 #                                                     level left (s,)
 

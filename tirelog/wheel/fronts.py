@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import polynomial
+from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
 from tirelog.dsp.filters import sliding_median
@@ -25,9 +26,6 @@ from tirelog.wheel.coarse_patch import (
     normalised,
     ranges,
 )
-
-if TYPE_CHECKING:
-    from scipy.interpolate import BSpline
 
 # ---- Fronts by the flank's mean form, learnt from the log itself.
 #
@@ -60,12 +58,6 @@ OUTER, INNER = 1.0, 0.8
 #: knots of the spline lie so far apart, in level over the flank's slope; twice as far apart, the
 #: spline rounds off what is as steep as the flank
 KNOTS = 0.35
-#: a matched place farther from the crossing than so many standard errors is not taken: noise does
-#: it once in 2e6; half of it would drop one in 80
-FAR = 5.0
-#: a width follows the steepest part of the flanks if it moves by more than so many of its errors:
-#: what the noise moves would be followed too.  Half of it would let an eighth of noise in
-MOVED = 3.0
 #: degree of the polynomial through a flank: the least that has a steepest place and its own lobes;
 #: a cubic sees an eighth of what a ring's fronts move by, two more see nothing else
 DEGREE_OF_FLANK = 5
@@ -117,7 +109,9 @@ def matched(
         error[side] *= _about(left)
     by_form = result[n:] - result[:n]
     result += _difference(place - result, by_form, flanks, good)
-    known = np.isfinite(result) & (np.abs(result - place) < FAR * se)
+    # a matched place farther from the crossing than so many standard errors is not taken: noise
+    # does it once in 2e6; half of it would drop one in 80
+    known = np.isfinite(result) & (np.abs(result - place) < 5.0 * se)
     result, error = np.where(known, result, place), np.where(known, error, se * _scatter(place, se))
     lead = _grown(channel, wheel, moved(flanks, result), result, error, slope, good)
     result += lead
@@ -153,28 +147,38 @@ def _samples(
 
 def _mean_flank(
     channel: Channel, wheel: WheelAngle, flanks: Records, reach: tuple[float, float], step: float
-) -> BSpline:
-    """The mean flank in levels outside over the angle from the front [rad].
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The mean flank: angles from the front [rad], levels outside and slopes [1/rad] there, (g,).
 
     The least-squares cubic spline through the samples of all `flanks`, aligned by place, with even
     knots about `step` apart within `reach`.
     """
-    from scipy.interpolate import BSpline  # a third of a second that speeds do without
-
     low, high = reach
     intervals = max(round((high - low) / step), 4)
-    knots = low + (high - low) / intervals * np.arange(-3, intervals + 4)
     left, right = 1e-9 * np.eye(intervals + 3), np.zeros(intervals + 3)
+
+    def bumps(u: FloatArray) -> FloatArray:
+        """The cubic B-splines about the knots at `u` (n,), shape (n, intervals + 3)."""
+        place = (u - low) * (intervals / (high - low))
+        away = np.abs(place[:, None] - np.arange(-1.0, intervals + 2))
+        wide, narrow = np.maximum(2.0 - away, 0.0), np.maximum(1.0 - away, 0.0)
+        return np.asarray((wide**3 - 4.0 * narrow**3) / 6.0)
+
     for _, _, u, y in _samples(channel, wheel, flanks, max(-low, high)):
-        inside = np.isfinite(y) & (u >= low) & (u <= knots[-4])
-        bumps = BSpline.design_matrix(u[inside], knots, 3)
-        left += (bumps.T @ bumps).toarray()
-        right += bumps.T @ y[inside]
-    return BSpline(knots, np.linalg.solve(left, right), 3)
+        inside = np.isfinite(y) & (u >= low) & (u <= high)
+        columns = bumps(u[inside])
+        left += columns.T @ columns
+        right += columns.T @ y[inside]
+    angle = np.linspace(low, high, 8193)  # straight lines between miss a ten-millionth of a level
+    level = bumps(angle) @ np.linalg.solve(left, right)
+    return angle, level, np.gradient(level, angle)
 
 
 def _shifts(
-    channel: Channel, wheel: WheelAngle, flanks: Records, form: BSpline
+    channel: Channel,
+    wheel: WheelAngle,
+    flanks: Records,
+    form: tuple[FloatArray, FloatArray, FloatArray],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(places [rad] at which the form fits best, standard errors, misfits), shape (n,).
 
@@ -182,16 +186,17 @@ def _shifts(
     if samples are missing.
     """
     place, se, left = np.full((3, flanks.size), np.nan)
-    low, high = form.t[3], form.t[-4]
-    steepness = form.derivative()
+    angle, levels, slopes = form
+    low, high = angle[0], angle[-1]
     for group, owner, u, y in _samples(channel, wheel, flanks, max(-low, high)):
         part = flanks[group]
         lost = np.bincount(owner[~np.isfinite(y)], minlength=group.size) > 0
         u, y = np.nan_to_num(u, nan=10.0), np.nan_to_num(y)
         shift = np.zeros(group.size)
         for _ in range(STEPS):
-            at = np.clip(u - shift[owner], low, high)
-            weight, level, slope = _weight(at, low, high), form(at), steepness(at)
+            at = u - shift[owner]
+            weight = _weight(at, low, high)
+            level, slope = np.interp(at, angle, levels), np.interp(at, angle, slopes)
             known = np.bincount(owner, weight * slope**2, group.size)
             known[known == 0] = np.inf  # nothing tells the place: it stays
             step = -np.bincount(owner, weight * slope * (y - level), group.size) / known
@@ -204,9 +209,9 @@ def _shifts(
         place[group] = np.where(lost, np.nan, part["angle"] + shift)
         noise = np.hypot(own, lever * part["level_share"]) * of_noise
         se[group] = np.hypot(noise, part["angle_noise"])
-        at = np.clip(u - shift[owner], low, high)
-        weight = _weight(at, low, high)
-        square = np.bincount(owner, weight * (y - form(at)) ** 2, group.size)
+        at = u - shift[owner]
+        weight, rest = _weight(at, low, high), y - np.interp(at, angle, levels)
+        square = np.bincount(owner, weight * rest**2, group.size)
         free = np.bincount(owner, weight, group.size) - 1.0  # the place is fitted
         misfit = np.sqrt(square / np.maximum(free, 1.0)) / of_noise
         left[group] = np.where(lost, np.nan, misfit)
@@ -291,7 +296,10 @@ def _grown(
     if known.sum() < LEAST:
         return np.zeros(2 * n)
     usual, spread = float(np.mean(width[known])), float(np.std(width[known]))
-    if spread < MOVED * float(np.median(own[known])):
+    # a width follows the steepest part of the flanks if it moves by more than so many of its
+    # errors: what the noise moves would be followed too.  Half of it would let an eighth of noise
+    # in
+    if spread < 3.0 * float(np.median(own[known])):
         return np.zeros(2 * n)
     grown = np.nan_to_num((width - usual) / spread)
     leads = []
@@ -348,7 +356,7 @@ def _lead(u: FloatArray, y: FloatArray, z: FloatArray, reach: float) -> float:
     return 0.5 * (leads[1] - leads[0]) * reach
 
 
-def _real_roots(form: FloatArray, reach: float) -> FloatArray:
+def _real_roots(form: NDArray[np.floating[Any]], reach: float) -> FloatArray:
     """The roots of a polynomial within +-`reach`."""
     roots = polynomial.polyroots(form)
     return np.real(roots[(np.abs(np.imag(roots)) < 1e-9) & (np.abs(np.real(roots)) < reach)])
@@ -372,15 +380,10 @@ def _half_level(form: FloatArray, near: float) -> float | None:
 # ---- Where the flanks of the patch signal cross half of the level outside, each by a cubic of
 # its own.
 #
-#     Flanks, half widths of the windows --normalised samples--> weighted cubic least squares
+#     flanks, half widths of the windows --normalised samples--> weighted cubic least squares
 #         --root--> place, standard error, slope
 #
 # The cubic follows the flank's own shape, so nothing is assumed about it.
-
-
-#: samples that a flank has at least: a cubic takes four, and three are left to tell the noise;
-#: twice as many widen windows with few samples, and take more of the front's bend into them
-LEAST_SAMPLES = 7
 
 
 def at_least(channel: Channel, flanks: Records, window: FloatArray) -> FloatArray:
@@ -388,7 +391,9 @@ def at_least(channel: Channel, flanks: Records, window: FloatArray) -> FloatArra
 
     `window` (2,) of entries and of exits, wider if it would hold too few samples.
     """
-    least = 0.5 * (LEAST_SAMPLES + 0.5) * flanks["rate"] / channel.axis.rate_Hz
+    # samples that a flank has at least: a cubic takes four, and three are left to tell the noise;
+    # twice as many widen windows with few samples, and take more of the front's bend into them
+    least = 0.5 * (7 + 0.5) * flanks["rate"] / channel.axis.rate_Hz
     return np.maximum(np.repeat(window, flanks.size // 2), least)
 
 
@@ -581,7 +586,12 @@ def find_fronts(
         part = np.concatenate([flanks[:n][some], flanks[n:][some]])
         slope = crossings(channel, wheel, part, at_least(channel, part, window), limits)[2]
         window = np.clip(
-            [FLANK_SHARE / _median(np.abs(s)) for s in np.split(slope, 2)],
+            [
+                FLANK_SHARE / np.nanmedian(np.abs(s))
+                if np.isfinite(s).any()
+                else FLANK_SHARE * DEGREE
+                for s in np.split(slope, 2)
+            ],
             NARROW * DEGREE,
             WIDE * DEGREE,
         )
@@ -673,7 +683,3 @@ def _expected(
         ]
     )
     return dips, expected, row + before
-
-
-def _median(x: FloatArray) -> float:
-    return float(np.nanmedian(x)) if np.isfinite(x).any() else 1.0 / DEGREE

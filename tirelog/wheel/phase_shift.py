@@ -76,24 +76,19 @@ def limits(channel: Channel) -> tuple[float, float, float]:
 
     Infinite if the extreme of the log is not a pile of equal samples.
     """
-    extremes = [np.inf, -np.inf]
-    counts, known = [0, 0], 0
+    ends, known = [], 0
     for _, block in channel.blocks(PIECE):
         x = block[np.isfinite(block)]
         known += x.size
-        if x.size == 0:
-            continue
-        for side, (value, further) in enumerate(((float(x.min()), -1), (float(x.max()), 1))):
-            if further * (value - extremes[side]) > 0:
-                extremes[side], counts[side] = value, 0
-            if value == extremes[side]:
-                counts[side] += int(np.sum(x == value))
-    low, high = (
-        e if n >= PILED_UP else s * np.inf
-        for e, n, s in zip(extremes, counts, (-1, 1), strict=True)
-    )
-    share = sum(n for n in counts if n >= PILED_UP) / max(known, 1)
-    return low, high, share
+        if x.size:
+            ends.append([(end, np.sum(x == end)) for end in (float(x.min()), float(x.max()))])
+    if not ends:
+        return -np.inf, np.inf, 0.0
+    least, most = np.array(ends).transpose(1, 2, 0)  # of each block, and how many of it
+    low, high = float(least[0].min()), float(most[0].max())
+    piles = [least[1][least[0] == low].sum(), most[1][most[0] == high].sum()]
+    share = sum(n for n in piles if n >= PILED_UP) / known
+    return low if piles[0] >= PILED_UP else -np.inf, high if piles[1] >= PILED_UP else np.inf, share
 
 
 # ---- What makes an encoder or an accelerometer doubtful.

@@ -44,9 +44,6 @@ _SLIP_BY_SPEED = 0.1
 _OUTLYING = 3.0
 #: longest run that is counted [samples]; mere numerics
 _LONGEST_RUN = 100_000
-#: what is thought of slip: 0 give or take so much, and per acceleration [s^2/m]; a tire's usual is
-#: a tenth of either. Doubled, hardly anything moves: it only bounds what a log does not tell
-_SLIP, _SLIP_M_S2 = 0.1, 0.1
 #: rows over which errors may go together; half as many take slow waves of the reference for noise
 _WAVES = 20
 #: error of a turn's distance that no row goes below, as a share: 2 um per turn; mere numerics
@@ -220,11 +217,6 @@ class WheelTurns:
     acceleration_m_s2: FloatArray
     quality: QualityFlags
 
-    @property
-    def good(self) -> BoolArray:
-        """Stretches with which nothing is wrong."""
-        return np.asarray(self.quality == 0)
-
 
 @dataclass(frozen=True)
 class Rolling:
@@ -272,7 +264,7 @@ def rolling(speed: Channel, wheel: WheelTurns) -> Rolling:
         rows = _rows(meter, wheel, period, delay)
         if abs(step) < _SETTLED_S:
             break
-    free = wheel.good & rows.known & (np.abs(wheel.acceleration_m_s2) < FREE_M_S2)
+    free = (wheel.quality == 0) & rows.known & (np.abs(wheel.acceleration_m_s2) < FREE_M_S2)
     radius, radius_se, grows = _radius(rows, period, change * delay_se, free)
     return Rolling(rows.metres, rows.se, change, radius, radius_se, grows, delay, delay_se, free)
 
@@ -364,7 +356,7 @@ def _delay_step(
 
     Least squares of the metres per turn on what a longer belt, slip and a delay make of them.
     """
-    used = wheel.good & rows.known & np.isfinite(change)
+    used = (wheel.quality == 0) & rows.known & np.isfinite(change)
     if used.sum() < LEAST_TURNS:
         return -delay, _DELAY_S
     metres, a = rows.metres[used], wheel.acceleration_m_s2[used]
@@ -375,7 +367,9 @@ def _delay_step(
         [np.ones(a.size), (speed / _GROWTH_M_S) ** 2, drives, brakes, drives * a, brakes * a,
          -change[used] / turn], axis=1,
     )  # fmt: skip
-    prior = np.array([0.0, 1 / _GROWTH, *[1 / _SLIP] * 2, *[1 / _SLIP_M_S2] * 2, 1 / _DELAY_S])
+    # what is thought of slip: 0 give or take so much, and per acceleration [s^2/m]; a tire's usual
+    # is a tenth of either. Doubled, hardly anything moves: it only bounds what a log does not tell
+    prior = np.array([0.0, 1 / _GROWTH, *[1 / 0.1] * 2, *[1 / 0.1] * 2, 1 / _DELAY_S])
     weight = 1.0 / np.maximum(rows.se[used], _LEAST_SHARE * turn)
     whole = np.concatenate([design * weight[:, None], np.diag(prior)])
     wanted = np.concatenate([metres * weight, np.zeros(6), [-delay / _DELAY_S]])

@@ -75,10 +75,6 @@ MISSES, CLEARER = 0.15, 0.5
 #: with a misfit above this a form is no start for another; twice as much starts from forms that
 #: have gone astray, half as much learns from the beginning what would have been near
 NO_START = 10.0
-#: then it is learnt of this share of them, which it fits best, and of all with no more than this
-#: chi-square per degree of freedom; twice the share mixes those that pull with those that do not,
-#: half the chi-square leaves out speeds that the first ones do not have
-BEST, LIKELY = 0.2, 4.0
 #: where the form of the first does not hold yet, at other speeds, passages are told by a gap: the
 #: misfit above it is so many times that below; twice as much leaves out speeds
 GAP = 2.0
@@ -230,7 +226,10 @@ def _of_alike(
         # what it misses of all; half of it asks of forms that miss all alike
         if not again and like is None and np.median(misfit) - 1.0 < 0.3 * missed:
             return None
-        best = misfit <= max(np.quantile(misfit, BEST), LIKELY)
+        # then it is learnt of this share of them, which it fits best, and of all with no more than
+        # this chi-square per degree of freedom; twice the share mixes those that pull with those
+        # that do not, half the chi-square leaves out speeds that the first ones do not have
+        best = misfit <= max(np.quantile(misfit, 0.2), 4.0)
         if again:
             best |= _below_gap(misfit, look.number[rows])
         groups = [best, ~best] if again and learnt.reference.misfit > REMARKABLE else [best]
@@ -267,11 +266,6 @@ def _below_gap(misfit: FloatArray, group: IntArray) -> BoolArray:
         if steps.size and steps.max() > GAP:
             below[own[: few + int(np.argmax(steps))]] = True
     return below
-
-
-#: error of a length whose traction leaves a share of the misfit: this many times the share's root
-#: of what the traction has moved it; the error is proportional to it
-UNEXPLAINED = 2.0
 
 
 @dataclass(frozen=True)
@@ -403,7 +397,9 @@ def _unexplained(fits: Records, slip: Records, scatter: float) -> FloatArray:
     with np.errstate(invalid="ignore", divide="ignore"):
         share = (slip["left"] - free) / np.maximum(fits["chi2"] * free / scatter**2 - free, 1.0)
         moved = np.abs(slip["length_m"] - fits["length_m"])
-        return np.asarray(UNEXPLAINED * np.sqrt(np.clip(share, 0.0, 1.0)) * moved)
+        # error of a length whose traction leaves a share of the misfit: this many times the share's
+        # root of what the traction has moved it; the error is proportional to it
+        return np.asarray(2.0 * np.sqrt(np.clip(share, 0.0, 1.0)) * moved)
 
 
 def _hidden(work: Records, passages: Passages, slipping: BoolArray) -> FloatArray:

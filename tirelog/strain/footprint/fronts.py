@@ -29,9 +29,6 @@ _FAR = np.radians([25.0, 130.0])
 #: share of the patch, about its middle, in which the level inside is read: beyond it a short patch
 #: bends already; doubled, lengths of 70 mm come out 1 % longer
 _INSIDE = 0.35
-#: half width of the flank that a cubic is laid through: share of the step over its slope.  The
-#: cubic follows a flank of this width to a hundredth of the step; twice as wide it meets the lobe
-_FLANK = 0.6
 #: samples that a cubic needs beside its four numbers; fewer get a line, of which two are enough
 _CUBIC, _LINE = 8, 3
 #: passages that the mean form is learnt from, over the log, and its grid [rad]
@@ -95,7 +92,9 @@ def lengths(channel: Channel, passages: Passages) -> tuple[FloatArray, QualityFl
     n = len(passages)
     result, (short, lost) = np.full((5, n), np.nan), np.zeros((2, n), bool)
     form = None if passages.doubt else _mean_form(channel, passages)
-    for row in np.flatnonzero(np.isfinite(passages.omega_rad_s)) if form is not None else ():
+    rows = np.flatnonzero(np.isfinite(passages.omega_rad_s)).tolist()
+    for row in rows if form is not None else ():
+        assert form is not None
         turned, values = _samples(channel, passages, row)
         lost[row] = not (values.size and np.isfinite(values).all())
         if not values.size:
@@ -162,7 +161,7 @@ def _mean_form(channel: Channel, passages: Passages) -> tuple[FloatArray, FloatA
     rows = np.flatnonzero(clean if clean.any() else known)
     places = np.linspace(0, rows.size - 1, min(_LEARNT, rows.size))
     forms = []
-    for row in rows[places.round().astype(int)]:
+    for row in rows[places.round().astype(int)].tolist():
         turned, values = _samples(channel, passages, row)
         inside, outside = _levels(turned, values, np.radians([-4.0, 4.0]))
         if inside > outside:
@@ -197,7 +196,10 @@ def _fronts(
         return found, bool(np.isnan(inside))
     scaled = (values - outside) / (inside - outside) - 0.5
     for side, (front, slope) in enumerate(zip(*form, strict=True)):
-        half, place = _FLANK / abs(slope), _first_below(turned, scaled, fronts.mean(), front)
+        # half width of the flank that a cubic is laid through: share of the step over its slope.
+        # The cubic follows a flank of this width to a hundredth of the step; twice as wide it meets
+        # the lobe
+        half, place = 0.6 / abs(slope), _first_below(turned, scaled, fronts.mean(), front)
         if np.isnan(place):
             break
         near = np.flatnonzero((np.abs(turned - place) < half) & np.isfinite(scaled))

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tirelog.kernels import compiled
-from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records, records
 
 #: how a row moves: column of the patch centre, columns per second, speed and acceleration of the
 #: tread there
@@ -65,10 +65,13 @@ def motion_of(
     centre: FloatArray, rate_Hz: float, speed_m_s: FloatArray, acceleration_m_s2: FloatArray
 ) -> Records:
     """How rows move, (n,) of MOTION."""
-    motion = np.empty(centre.size, MOTION)
-    motion["centre"], motion["rate_Hz"] = centre, rate_Hz
-    motion["speed_m_s"], motion["acceleration_m_s2"] = speed_m_s, acceleration_m_s2
-    return motion
+    return records(
+        MOTION,
+        centre=centre,
+        rate_Hz=rate_Hz,
+        speed_m_s=speed_m_s,
+        acceleration_m_s2=acceleration_m_s2,
+    )
 
 
 def distance_along(

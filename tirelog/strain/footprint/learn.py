@@ -42,12 +42,6 @@ FREE_ROLLING_M_S2, ENOUGH_STEADY = 0.6, 12
 #: a slower wheel's windows are not cut out (its passage takes seconds); twice as much leaves out
 #: wheels that creep up to 0.6 m/s
 LEAST_SPEED_M_S = 0.3
-#: slower passages are learnt from only if there are no others: they are those of a start or a stop.
-#: Twice as much leaves out twice as much of a start, which no other passage of the log is like
-CREEPING_M_S = 0.5
-#: largest relative error of the speed of a passage that is learnt from, if there are such; twice
-#: as much learns from passages whose length on the tread is off by twice as much
-SURE_SPEED = 0.001
 #: chi-square per degree of freedom below this is not believed: errors shrink by its root at most,
 #: as the noise of a sample may be overestimated; errors shrink to 0.77 at most; half as much would
 #: let them shrink to 0.55
@@ -60,9 +54,6 @@ LEAST_SCATTER = 0.6
 MOST_LEFT = 0.045
 #: their places among a form's parameters
 TREAD, TILT = 3, 5
-#: largest tilt of the pressure, as p (1 - tilt xi / L): beyond it the road would pull at one edge;
-#: twice as much would let it pull there as far as it presses in the middle
-MOST_TILT = 1.0
 
 
 @dataclass(frozen=True)
@@ -103,7 +94,9 @@ class EdgeForm:
         left = self.reference.residuals
         own = self.reference.family.own.any()  # which is learnt only if it leaves next to nothing
         missed = np.zeros(len(values)) if left is None or own else np.abs(left).max(axis=1)
-        doubted = at_bound | (np.abs(values[:, TILT]) > MOST_TILT) | (missed > MOST_LEFT)
+        # largest tilt of the pressure, as p (1 - tilt xi / L): beyond it the road would pull at one
+        # edge; twice as much would let it pull there as far as it presses in the middle
+        doubted = at_bound | (np.abs(values[:, TILT]) > 1.0) | (missed > MOST_LEFT)
         speed = np.nan_to_num(speed_m_s)
         nearest = np.argmin(np.abs(speed[:, None] - self.reference.speed_m_s), axis=1)
         return np.asarray(doubted[nearest], dtype=bool)
@@ -129,7 +122,9 @@ def _usable(passages: Passages, without: BoolArray | None) -> IntArray:
     clean = good(passages.quality) & wanted
     both = passages.turn_before & passages.turn_after & wanted
     with np.errstate(invalid="ignore"):
-        sure = passages.speed_se_m_s < SURE_SPEED * passages.speed_m_s
+        # largest relative error of the speed of a passage that is learnt from, if there are such;
+        # twice as much learns from passages whose length on the tread is off by twice as much
+        sure = passages.speed_se_m_s < 0.001 * passages.speed_m_s
     choices = (
         clean & both & sure,
         clean & both,
@@ -137,7 +132,10 @@ def _usable(passages: Passages, without: BoolArray | None) -> IntArray:
         clean,
         wanted,
     )
-    for least in (CREEPING_M_S, LEAST_SPEED_M_S):
+    # slower passages are learnt from only if there are no others: they are those of a start or a
+    # stop. Twice as much leaves out twice as much of a start, which no other passage of the log is
+    # like
+    for least in (0.5, LEAST_SPEED_M_S):
         for choice in choices:
             rows = np.flatnonzero(choice & (passages.speed_m_s > least))
             if rows.size:

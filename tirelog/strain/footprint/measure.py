@@ -15,7 +15,7 @@ import numpy as np
 from tirelog.data.recording import Channel
 from tirelog.dsp.filters import derivatives, window_spectra
 from tirelog.kernels import compiled
-from tirelog.strain.footprint.kernels import distance_along, motion_of
+from tirelog.strain.footprint.kernels import OWN, distance_along, motion_of
 from tirelog.strain.footprint.learn import (
     ENOUGH_STEADY,
     FREE_ROLLING_M_S2,
@@ -32,6 +32,7 @@ from tirelog.strain.footprint.refine import (
 from tirelog.strain.footprint.slip_onset import (
     ASKED,
     FINE,
+    LEAST_SHARE,
     NO_FORM,
     ONSETS,
     RATIO,
@@ -394,7 +395,9 @@ class WindowPlan:
         theirs, row by row; `usual`: what free ones leave.
         """
         known = ~self.vague[windows.row] & np.isfinite(fits["length_m"])
-        asked = np.flatnonzero(known & usual.worth_a_look(fits))
+        # no row with less misfit than that can hold an onset
+        misfit = (fits["chi2"] - usual.scatter**2) * np.maximum(fits["used"] - OWN, 1.0)
+        asked = np.flatnonzero(known & (misfit > LEAST_SHARE * usual.gain))
         if not asked.size:
             return
         for part, motion, sigma, knot in self.by_form(windows.take(asked)):
@@ -464,14 +467,19 @@ def measure_windows(
         for key, part in _alike(windows, 8 * for_plain + upsample):
             plain = part.reduced(key // 8)
             for low in range(0, len(plain.row), ROWS):
-                _edges_alike(
-                    plain.take(slice(low, low + ROWS)),
-                    look.passages.noise,
-                    look.motions,
-                    cutoff_Hz,
-                    half_length,
+                rows_alike = plain.take(slice(low, low + ROWS))
+                row, per_s = rows_alike.row, rows_alike.rate_Hz
+                shift_s = np.nan_to_num(work["fits"]["shift_m"][row]) / speed[row]
+                work["edges"][row] = find_edges(
+                    rows_alike.values,
+                    per_s,
+                    rows_alike.centre + shift_s * per_s,
+                    speed[row],
+                    look.motions[1][row],
+                    cutoff_Hz[row],
+                    half_length[row],
+                    look.passages.noise / np.sqrt(rows_alike.averaged),
                     key % 8,
-                    work,
                 )
     unsought = ~clear & (work["slip"]["reason"] == TOO_SMALL)
     work["slip"]["reason"][unsought] = NO_FORM
@@ -601,31 +609,3 @@ def _fit(look: WindowPlan, windows: PatchWindows, work: Records) -> Records:
         known, np.where(look.vague[row], SPEED_UNKNOWN, TOO_SMALL), NO_FORM
     )
     return fits
-
-
-def _edges_alike(
-    windows: PatchWindows,
-    noise: float,
-    motions: Motions,
-    cutoff_Hz: FloatArray,
-    half_length_m: FloatArray,
-    upsample: int,
-    work: Records,
-) -> None:
-    """Plain edges of rows that share averaging."""
-    row = windows.row
-    speed, acceleration = motions[0][row], motions[1][row]
-    middle = windows.centre + np.nan_to_num(work["fits"]["shift_m"][row]) / speed * windows.rate_Hz
-    sigma = noise / np.sqrt(windows.averaged)
-    found = find_edges(
-        windows.values,
-        windows.rate_Hz,
-        middle,
-        speed,
-        acceleration,
-        cutoff_Hz[row],
-        half_length_m[row],
-        sigma,
-        upsample,
-    )
-    work["edges"][row] = found

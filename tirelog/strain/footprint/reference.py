@@ -37,10 +37,6 @@ GOOD_ENOUGH = 0.3
 HIGHEST_WAVE = 42.0
 #: averages are fitted up to this share of it; they hold nothing above their noise beyond
 HIGHEST_SHARE = 0.6
-#: forms are tabled at speeds between which tension (over sqrt(EJ k)) and length (its logarithm)
-#: change by no more than this, at so many speeds at most; twice as coarse, half as many forms are
-#: tabled, and more lies between them
-TENSION_STEP, LENGTH_STEP, MOST_KNOTS = 0.08, 0.02, 16
 #: what is weakly known of what averages share: mean and standard deviation of normal priors of the
 #: bending length (logarithm, over a rough half length), tension at rest, inertia x squared top
 #: speed, tread; behind them comes the tire's own form, whose numbers have a mean of zero
@@ -164,13 +160,14 @@ class Reference:
                 for shape in self.at_speeds(np.array([slowest_m_s, fastest_m_s])).shapes
             ]
         )
+        # forms are tabled at speeds between which tension (over sqrt(EJ k)) and length (its
+        # logarithm) change by no more than this, at so many speeds at most; twice as coarse, half
+        # as many forms are tabled, and more lies between them
         count = int(
             np.clip(
-                np.ceil(
-                    max(fall / TENSION_STEP, np.abs(np.log(lengths[1] / lengths[0])) / LENGTH_STEP)
-                ),
+                np.ceil(max(fall / 0.08, np.abs(np.log(lengths[1] / lengths[0])) / 0.02)),
                 1,
-                MOST_KNOTS,
+                16,
             )
         )
         squares = slowest_m_s**2 + (np.arange(count) + 0.5) / count * (

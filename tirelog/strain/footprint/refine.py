@@ -43,7 +43,7 @@ from tirelog.strain.footprint.reference import (
     descend,
     judged,
 )
-from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Record, Records, records
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records, records
 
 # ---- Rectangular windows of a channel around its passages.
 #
@@ -257,10 +257,14 @@ def grid_of(
     The grid as the kernels take it, one GRID, of so many `points` per revolution.
     """
     xi, columns = reference.family.on_grid(spectra, points, 1.02 * half_window_m)
-    grid = np.empty(1, GRID)
-    grid["first_m"], grid["step_m"] = xi[0], xi[1] - xi[0]
-    grid["speed2_m2_s2"] = reference.speed_m_s[number] ** 2
-    grid["shift_m"], grid["half_window_m"] = reference.shifts_m[number], half_window_m
+    grid = records(
+        GRID,
+        first_m=xi[0],
+        step_m=xi[1] - xi[0],
+        speed2_m2_s2=reference.speed_m_s[number] ** 2,
+        shift_m=reference.shifts_m[number],
+        half_window_m=half_window_m,
+    )
     return columns, grid[0]
 
 
@@ -384,13 +388,8 @@ def fit_edges(
 #: changed it by less than this share; half of the latter goes on for some rounds with forms that
 #: are those of no tire, and nowhere else
 GOOD_ENOUGH, SMALL = 1.0, 0.01
-#: weak knowledge of a passage's own damping and tilt; twice as much lets the noise of a passage
-#: move them twice as far
-REFINED_ODD_SD = 0.5
 #: cells of what is left, and the misfit above which it is more than noise
 CELLS, REMARKABLE = 120, 1.3
-#: weight of a cell without samples, so that a class without any is known to nothing and not unknown
-LEAST_WEIGHT = 1e-6
 #: what an average misses by passages that are unlike each other, as a share of the height in each
 #: cell: a third of it halves the errors of trapezoids, which are then 3.5 of these off; squared, in
 #: such units, what a form that is believed may leave (blocks and soft sectors leave 4 to 40); sizes
@@ -419,10 +418,6 @@ class Sample:
         """Root mean square of the passages' speeds."""
         return float(np.sqrt(np.mean(self.motion["speed_m_s"] ** 2)))
 
-    def take(self, which: BoolArray) -> Sample:
-        """The rows `which` (mask)."""
-        return Sample(self.windows.take(which), self.motion[which])
-
 
 def _sums(
     reference: Reference, number: int, sample: Sample, noise: float, half_window_m: float
@@ -434,8 +429,10 @@ def _sums(
     windows = sample.windows
     table, grid = shape_table(reference, number, half_window_m)
     sigma = noise / np.sqrt(windows.averaged)
+    # weak knowledge of a passage's own damping and tilt; twice as much lets the noise of a passage
+    # move them twice as far
     return class_sums(
-        windows.values, sample.motion, table, grid, -reference.inertia, sigma, REFINED_ODD_SD, CELLS
+        windows.values, sample.motion, table, grid, -reference.inertia, sigma, 0.5, CELLS
     )
 
 
@@ -466,7 +463,9 @@ def _averages(
         height, size = float(np.median(own[:, HEIGHT])), float(np.ptp(plain))
         counts = np.maximum(one.counts, 1.0)
         sigma2 = noise**2 / (sample.windows.averaged * counts)
-        weight = (one.counts > 0.0) / (sigma2 / (height * size) ** 2 + unlike**2) + LEAST_WEIGHT
+        # weight of a cell without samples, so that a class without any is known to nothing and not
+        # unknown
+        weight = (one.counts > 0.0) / (sigma2 / (height * size) ** 2 + unlike**2) + 1e-6
         values = (plain + moved + one.left / counts) / size
         made.append(Average(sample.speed_m_s, xi, values, weight, np.zeros(CELLS)))
     return made
@@ -530,7 +529,8 @@ def _without_foreign(
         # size; twice as much keeps passages of 4.2 times
         good = (share < 9.0 * max(float(np.median(share)), 1.0)) & (one.own[:, HEIGHT] > 0)
         if good.any() and not good.all():
-            kept[number] = samples[number].take(good)
+            windows, motion = samples[number].windows.take(good), samples[number].motion[good]
+            kept[number] = Sample(windows, motion)
             again[number] = _sums(reference, number, kept[number], noise, half_window_m)
     return kept, again
 

@@ -25,7 +25,6 @@ from tirelog.errors import UsageError
 from tirelog.strain.footprint.kernels import (
     FITTED,
     ONSET,
-    OWN,
     TRUST,
     follow_rows,
     motion_of,
@@ -87,9 +86,6 @@ SEARCHED = 16
 #: where a passage's onset is looked for that is like another's: number of the onset, how far the
 #: traction moves the form (share of the half length)
 FOLLOWED = np.dtype([("onset", "f8"), ("moved", "f8")])
-#: an onset is not told better than this share of the half length, which adds to its error; twice as
-#: much covers errors of two millimetres that nothing shows
-LEAST_ERROR = 0.015
 #: nor better than this where a tread of more than that, or a form, makes the pressure another than
 #: the parabola of P2's brush: rings by differences have onsets one to two millimetres from where
 #: the brush puts them; twice as much of the first covers all of them
@@ -244,12 +240,6 @@ class FreeRollingReference:
         scatter = float(np.sqrt(max(LEAST_SCATTER, np.median(chi2))))
         return cls(scatter, max(LEAST_GAIN * scatter**2, TIMES_USUAL * float(np.median(gains))))
 
-    def worth_a_look(self, fits: Records) -> BoolArray:
-        """Rows with misfit enough for such a gain: no other can hold an onset."""
-        free = np.maximum(fits["used"] - OWN, 1.0)
-        with np.errstate(invalid="ignore"):
-            return np.asarray((fits["chi2"] - self.scatter**2) * free > LEAST_SHARE * self.gain)
-
 
 @dataclass(frozen=True)
 class Tractions:
@@ -401,7 +391,9 @@ def slip_onsets(
     own = STEEPER * step * np.sqrt(2.0 * scale / bend)
     # what is left beyond noise is a misfit of form or traction
     missed = np.sqrt(1.0 + ALIKE * np.maximum(1.0 - 1.0 / scale, 0.0))
-    shared = np.hypot(np.hypot(LEAST_ERROR, form_error), BY_RATIO * friction.se)
+    # an onset is not told better than this share of the half length, which adds to its error; twice
+    # as much covers errors of two millimetres that nothing shows
+    shared = np.hypot(np.hypot(0.015, form_error), BY_RATIO * friction.se)
     error = np.hypot(own * missed, shared * L)
     reason = np.full(best.size, "", object)
     reason[rival - left < ALONE * scale] = NOT_ALONE

@@ -47,20 +47,12 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 #: width at half level over the period; tires of cars, trucks, bicycles and karts: 0.03 to 0.12, a
 #: sine: 0.5.  Twice as much lets gravity on a rim pass, of which every second turn stands out
 WIDEST_TURNS = 0.2
-#: share of pairs that may fail to be one turn apart, as the wheel stopped or samples were lost: of
-#: pairs too fast for a stop, and of all.  Random pulses: 0.4 to 0.9; starts and stops: up to 0.1,
-#: every fourth turn lost: 0.25.  Twice as much lets random pulses pass
-MOST_BROKEN, MOST_UNLINKED = 0.3, 0.4
 #: pairs that it takes to say so.  Half as many would doubt a car that is parked; twice as many let
 #: the axles of a weighing bridge pass
 FEWEST_FAST, FEWEST_PAIRS = 3, 8
 #: noise over height of pulses that may be the noise's own largest (the search takes 0.125), and the
 #: share of pairs that may then fail.  Twice as much asks it of all logs
 FAINT, FAINT_UNLINKED = 0.09, 0.15
-#: departure of a turn's time from those beside it, relative, median; stop-and-go in town: 0.075,
-#: turns that are sometimes missed: 0.2 to 0.4; twice as much would take logs in which turns are
-#: missed
-MOST_UNEVEN, FEWEST_TRIPLES = 0.15, 6
 
 
 def doubt(
@@ -90,9 +82,12 @@ def doubt(
     broken = ~linked & (radius_m * np.maximum(omega[1:], omega[:-1]) > stopping)
     height = np.abs(matched.fit["height"])
     faint = noise > FAINT * float(np.median(matched.pulses["height"]))
+    # share of pairs that may fail to be one turn apart, as the wheel stopped or samples were lost:
+    # of pairs too fast for a stop, and of all.  Random pulses: 0.4 to 0.9; starts and stops: up to
+    # 0.1, every fourth turn lost: 0.25.  Twice as much lets random pulses pass
     if (
-        (pairs >= FEWEST_FAST and broken.sum() > MOST_BROKEN * pairs)
-        or (pairs >= FEWEST_PAIRS and unlinked > MOST_UNLINKED)
+        (pairs >= FEWEST_FAST and broken.sum() > 0.3 * pairs)
+        or (pairs >= FEWEST_PAIRS and unlinked > 0.4)
         or (pairs >= FEWEST_FAST and faint and unlinked > FAINT_UNLINKED)
     ):
         return (
@@ -109,7 +104,10 @@ def doubt(
     uneven = np.abs(np.log(period[1:-1] / np.sqrt(period[2:] * period[:-2])))[
         linked[1:-1] & linked[2:] & linked[:-2]
     ]
-    if uneven.size >= FEWEST_TRIPLES and np.median(uneven) > MOST_UNEVEN:
+    # departure of a turn's time from those beside it, relative, median; stop-and-go in town: 0.075,
+    # turns that are sometimes missed: 0.2 to 0.4; twice as much would take logs in which turns are
+    # missed
+    if uneven.size >= 6 and np.median(uneven) > 0.15:
         return (
             f"the time from one to the next jumps by {100 * np.median(uneven):.0f} % from turn "
             "to turn"
@@ -418,7 +416,9 @@ def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) ->
 
 def _none(channel: Channel, radius_m: float, sign: float, noise: float) -> Passages:
     """No passage at all."""
-    others = {"sides": np.int64} | dict.fromkeys(("turn_before", "turn_after", "measured"), bool)
+    others: dict[str, Any] = {"sides": np.int64} | dict.fromkeys(
+        ("turn_before", "turn_after", "measured"), bool
+    )
     others |= dict.fromkeys(("break_after", "quality"), np.uint32)
     columns: dict[str, Any] = {
         f.name: np.zeros(0, others.get(f.name, np.float64)) for f in fields(Passages)[6:-1]

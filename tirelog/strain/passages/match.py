@@ -15,7 +15,6 @@ import numpy as np
 
 from tirelog.data.recording import Channel
 from tirelog.dsp.filters import NORMAL_MEDIAN
-from tirelog.strain.passages import template as kernels
 from tirelog.strain.passages.passage_flags import (
     TURN_RAD,
     kinematics,
@@ -26,12 +25,14 @@ from tirelog.strain.passages.search import AT_ONCE, PULSE, usual
 from tirelog.strain.passages.template import (
     FOUND,
     INTERVALS,
+    MOST_SAMPLES,
     ROW,
     SEGMENT,
     SPAN,
     WIDEST_RAD,
     Source,
     Template,
+    fit_rows,
     learned_template,
     scratch,
     spline_sums,
@@ -97,9 +98,6 @@ class Windows:
             np.concatenate([part.outside for part in parts]),
         )
 
-    def take(self, which: BoolArray) -> Windows:
-        return replace(self, spans=self.spans[which], outside=self.outside[which])
-
     @property
     def source(self) -> Source:
         """The samples as the kernels take them."""
@@ -156,7 +154,7 @@ def residuals(
     """
     signal, angles, left = windows.signal, [], []
     for span, made, change in zip(windows.spans[which], found[which], alpha[which], strict=True):
-        stride = -(-(span["stop"] - span["first"]) // kernels.MOST_SAMPLES)
+        stride = -(-(span["stop"] - span["first"]) // MOST_SAMPLES)
         index = np.arange(span["first"], span["stop"], stride)
         value = signal.sign * windows.samples[index + span["shift"]]
         tau = signal.channel.axis.at(index.astype(np.float64)) - made["time_s"]
@@ -207,7 +205,7 @@ def _fit(
     """Fills all of `found` (n,) of FOUND but which rows leave the log."""
     rows = start.copy()
     rows["height"] = height
-    kernels.fit_rows(
+    fit_rows(
         windows.source, windows.signal.noise, template.table, template.window_rad, rows,
         windows.spans, found, scratch(),
     )  # fmt: skip
@@ -283,7 +281,13 @@ def learn_template(
     template: Template | None = None
     for _ in range(LEARNING_ROUNDS):
         template = learned_template(
-            curve_sums(windows.take(like), at[like], offset[like], height[like], window),
+            curve_sums(
+                replace(windows, spans=windows.spans[like], outside=windows.outside[like]),
+                at[like],
+                offset[like],
+                height[like],
+                window,
+            ),
             window,
         )
         if template is None:
@@ -347,9 +351,6 @@ USUAL_WIDTH_TURNS = 0.06
 #: two passages are one turn apart if the turn that the speeds beside them give lies in this range:
 #: nearer to one turn than to a half or to two, as ratios.  Wider, a missed passage goes unseen
 ONE_TURN = (0.7, 1.4)
-#: pulses closer than this share of a turn cannot both be passages; two passages are taken for one
-#: if their widths say four times the period; with twice as much, if they say two times
-TOO_CLOSE_TURNS = 0.25
 #: width of the joined halves against the widths around
 JOINED_WIDTH = (0.6, 1.5)
 
@@ -404,9 +405,9 @@ def _joined(pulses: Records) -> Records:
         return pulses
     width_around = usual(pulses["width"])
     period = width_around / width_turns(pulses["middle"], pulses["width"])
-    close = np.flatnonzero(
-        np.diff(pulses["middle"]) < TOO_CLOSE_TURNS * np.minimum(period[1:], period[:-1])
-    )
+    # pulses closer than this share of a turn cannot both be passages; two passages are taken for
+    # one if their widths say four times the period; with twice as much, if they say two times
+    close = np.flatnonzero(np.diff(pulses["middle"]) < 0.25 * np.minimum(period[1:], period[:-1]))
     middle, width, kept = (
         pulses["middle"].copy(),
         pulses["width"].copy(),

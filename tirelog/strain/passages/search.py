@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -410,7 +411,7 @@ def _without_plateaus(
 
 
 #: radial acceleration outside the patch by sample: sizes (n,) at fractional samples (n,)
-Level = Callable[[FloatArray], FloatArray]
+Level = Callable[..., Any]
 
 
 def pulses_in(

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tirelog.kernels import compiled
-from tirelog.vocabulary.arrays import FloatArray, Record, Records
+from tirelog.vocabulary.arrays import FloatArray, Record, Records, records
 
 # ---- Compiled loops over the windows of passages: the matched fit, and the curve of a template.
 #
@@ -483,10 +483,8 @@ class Template:
     @property
     def table(self) -> Records:
         """The template as the kernels take it, (g,) of POINT."""
-        table = np.empty(self.values.size, POINT)
-        table["value"], table["slope"] = self.values, self.slope
-        table["scatter"] = 0.0 if self.scatter is None else self.scatter
-        return table
+        scatter = 0.0 if self.scatter is None else self.scatter
+        return records(POINT, value=self.values, slope=self.slope, scatter=scatter)
 
     def mirrored(self) -> Template:
         """The waveform of a wheel that rolls backwards."""
