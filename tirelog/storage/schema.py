@@ -3,9 +3,9 @@
     TOML text --Document--> tables, and the line of every key
     tables --kinds of their keys--> values, or an error with file, line and what is allowed
 
-A kind says what one key may hold. A `Record` is the schema of a table and holds its values: it lists
-the keys, each with its kind and its value if it is absent. So is a dataclass whose fields have their
-kinds by `key`, or by their type if that is text or true and false.
+A kind says what one key may hold. A `Record` is the schema of a table and holds its values: it
+lists the keys, each with its kind and its value if it is absent. So is a dataclass whose fields
+have their kinds by `key`, or by their type if that is text or true and false.
 """
 
 from __future__ import annotations
