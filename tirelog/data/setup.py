@@ -295,10 +295,10 @@ class Tire(Record):
     def area_m2(self) -> float | None:
         """The section's area: as given, or section height x width, or None."""
         if self.section_area_m2 is not None:
-            return self.section_area_m2
+            return float(self.section_area_m2)
         if self.section_height_m is None or self.width_m is None:
             return None
-        return self.section_height_m * self.width_m
+        return float(self.section_height_m * self.width_m)
 
 
 class LogConditions(Record):
