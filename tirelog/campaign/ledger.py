@@ -15,7 +15,6 @@ In output/.tirelog:
 The output folder itself is one of this machine or at an address, its files known by their name
 relative to it, '/' between the parts:
 
-
     name -> `read`, `write` (whole or not at all), `remove`, `names` (what is there), `held` (this
             run's alone)
 

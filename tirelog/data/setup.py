@@ -1,8 +1,8 @@
 """The setup file: what a log's channels are, and the tire, the conditions and the log around them.
 
-    TOML text --parse--> tables --fields of the dataclasses below--> Setup (frozen, validated)
+    TOML text --parse--> tables --keys of the records below--> Setup (frozen, validated)
 
-The dataclasses are the schema, as `storage.schema` reads it. Units are only checked here; `ingest`
+The records are the schema, as `storage.schema` reads it. Units are only checked here; `ingest`
 converts.
 """
 
@@ -226,11 +226,6 @@ SURFACES = ("outer", "inner")
 ROADS = ("flat", "step", "cleat", "sine", "profile")
 
 
-def _above(low: float, high: float) -> Any:
-    """A number in (low, high] that may be absent."""
-    return key(number(low, high, above=True))
-
-
 _PAIR = ValueKind(
     "a pair [low, high] in nm, such as [1549.0, 1551.5]",
     lambda value: (
@@ -248,8 +243,7 @@ _NAMES = ValueKind(
 )
 
 
-@dataclass(frozen=True)
-class Tire:
+class Tire(Record):
     """[tire]: the tire; lengths in m.
 
     name                       what reports call it
@@ -263,17 +257,19 @@ class Tire:
     friction_ratio             sliding over sticking friction; else 0.75 +- 0.13
     """
 
-    name: str = ""
-    unloaded_radius_m: float | None = _above(0.0, 5.0)
-    rolling_radius_m: float | None = _above(0.0, 5.0)
-    section_height_m: float | None = _above(0.0, 1.0)
-    width_m: float | None = _above(0.0, 2.0)
-    section_area_m2: float | None = _above(0.0, 1.0)
-    viscosity_Pa_s: float | None = _above(0.0, 1e9)
-    static_footprint_length_m: float | None = _above(0.0, 2.0)
-    friction_ratio: float | None = _above(0.2, 1.2)
-    #: the setup's path, for messages; no key of the table
-    file: str | None = field(default=None, compare=False, metadata={"kind": None})
+    keys: ClassVar = {
+        "name": (TEXT, ""),
+        "unloaded_radius_m": (number(0.0, 5.0, above=True), None),
+        "rolling_radius_m": (number(0.0, 5.0, above=True), None),
+        "section_height_m": (number(0.0, 1.0, above=True), None),
+        "width_m": (number(0.0, 2.0, above=True), None),
+        "section_area_m2": (number(0.0, 1.0, above=True), None),
+        "viscosity_Pa_s": (number(0.0, 1e9, above=True), None),
+        "static_footprint_length_m": (number(0.0, 2.0, above=True), None),
+        "friction_ratio": (number(0.2, 1.2, above=True), None),
+        # the setup's path, for messages; no key of the table
+        "file": (None, None),
+    }
 
     def known(self) -> dict[str, Any]:
         """What the setup gives of the tire, by its keys."""
@@ -293,16 +289,16 @@ class Tire:
                 do="add one of them",
                 file=self.file,
             )
-        return radius
+        return float(radius)
 
     @property
     def area_m2(self) -> float | None:
         """The section's area: as given, or section height x width, or None."""
         if self.section_area_m2 is not None:
-            return self.section_area_m2
+            return float(self.section_area_m2)
         if self.section_height_m is None or self.width_m is None:
             return None
-        return self.section_height_m * self.width_m
+        return float(self.section_height_m * self.width_m)
 
 
 class LogConditions(Record):

@@ -428,38 +428,33 @@ class ClockFit:
     def _settled(self, period: float, tolerance: float) -> float:
         """The period in which rate and stamps agree, else that of the stamps.
 
-        Of a declared or a round rate if the stamps agree within `tolerance` [s].
+        Of a declared or a round rate if the stamps agree within `tolerance` [s]. How they differ
+        from a declared one is said. SetupError beyond a fifth, if the setup declared it.
         """
         rate = 1.0 / period
         for said, declared in (("the setup", self.setup_rate_Hz), ("the file", self.file_rate_Hz)):
             if declared and abs(1.0 / declared - period) <= tolerance:
                 return 1.0 / declared
-            if declared:
-                self._compare(said, declared, rate)
+            if not declared:
+                continue
+            factor = max(declared / rate, rate / declared)
+            if factor > _ABSURD and said == "the setup":
+                raise SetupError(
+                    f"sampling_rate_Hz = {declared:g}, but the stamps say {rate:.6g} Hz",
+                    allowed="allowed is a rate that the stamps bear out",
+                    do="mend sampling_rate_Hz, or time and time_unit, under [log]",
+                )
+            if factor - 1.0 > _CONTRADICTS:
+                followed = "the stamps were followed"
+                self.remarks.append(
+                    f"{said} says {declared:g} Hz, the stamps say {rate:.6g} Hz; {followed}"
+                )
+            self._count("clock_drift_ppm", round(abs(rate / declared - 1.0) * 1e6))
         rounds = [float(f"{rate:.{digits}g}") for digits in (1, 2, 3, 4, 5)]
         return next(
             (1.0 / candidate for candidate in rounds if abs(1.0 / candidate - period) <= tolerance),
             period,
         )
-
-    def _compare(self, said: str, declared: float, rate: float) -> None:
-        """Says how the stamps' rate differs from a declared one.
-
-        SetupError beyond a fifth, if the setup declared it.
-        """
-        factor = max(declared / rate, rate / declared)
-        if factor > _ABSURD and said == "the setup":
-            raise SetupError(
-                f"sampling_rate_Hz = {declared:g}, but the stamps say {rate:.6g} Hz",
-                allowed="allowed is a rate that the stamps bear out",
-                do="mend sampling_rate_Hz, or time and time_unit, under [log]",
-            )
-        if factor - 1.0 > _CONTRADICTS:
-            self.remarks.append(
-                f"{said} says {declared:g} Hz, the stamps say {rate:.6g} Hz; the stamps were "
-                "followed"
-            )
-        self._count("clock_drift_ppm", round(abs(rate / declared - 1.0) * 1e6))
 
     # ---- building --------------------------------------------------------------------------------
 

@@ -204,22 +204,18 @@ class Stamps:
                 break
         for index, stamps in self.known():
             steps += max(index.size - 1, 0)
-            pace = np.diff(stamps) / np.diff(self.clock_index(index))
-            small += int(np.count_nonzero(np.abs(pace) < _SAME * period))
+            paces = np.diff(stamps) / np.diff(self.clock_index(index))
+            small += int(np.count_nonzero(np.abs(paces) < _SAME * period))
         self.bunched = small > _BUNCHED * max(steps, 1)
-        return self._between_bunches(period) if self.bunched and period > 0.0 else period
-
-    def _between_bunches(self, period: float) -> float:
-        """T from the first stamps of bunches far apart.
-
-        These lie on the clock more closely than stamps in general.
-        """
-        slopes = []
+        if not self.bunched or period <= 0.0:
+            return period
+        # first stamps of bunches lie on the clock more closely than stamps in general
+        pace = []
         for _, k, stamps in self.points(period):
             lag = min(k.size // 4, 1024)
             if lag:
-                slopes.append((stamps[lag:] - stamps[:-lag]) / (k[lag:] - k[:-lag]))
-        return float(np.median(np.concatenate(slopes))) if slopes else period
+                pace.append((stamps[lag:] - stamps[:-lag]) / (k[lag:] - k[:-lag]))
+        return float(np.median(np.concatenate(pace))) if pace else period
 
     def _at(self, index: IntArray) -> FloatArray:
         """Stamps at ascending indices."""

@@ -110,7 +110,13 @@ class SamplesWriter:
         if self._file is None:
             self._file = FlatFile(self.path, stored.dtype)
         elif stored.dtype != self._file.dtype:
-            self._file = self._promoted(self._file)
+            # what is there becomes float64
+            wide = FlatFile(self.path.with_suffix(".wide"), np.dtype(np.float64))
+            for start in range(0, max(self.size, 1), CHUNK):
+                part = self._file(start, min(start + CHUNK, self.size))
+                wide.append(counted_floats(part, self._places))
+            wide.path.replace(self.path)
+            self._file = FlatFile(self.path, wide.dtype)
         self._file.append(stored)
         self.size += stored.size
 
@@ -139,15 +145,6 @@ class SamplesWriter:
             if np.array_equal(single, values, equal_nan=True):
                 return single
         return values
-
-    def _promoted(self, old: FlatFile) -> FlatFile:
-        """What is there as float64."""
-        wide = FlatFile(self.path.with_suffix(".wide"), np.dtype(np.float64))
-        for start in range(0, max(self.size, 1), CHUNK):
-            part = old(start, min(start + CHUNK, self.size))
-            wide.append(counted_floats(part, self._places))
-        wide.path.replace(self.path)
-        return FlatFile(self.path, wide.dtype)
 
     def finish(self) -> FlatFile:
         """All samples; nothing may follow."""

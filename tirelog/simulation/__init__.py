@@ -9,7 +9,7 @@ Nothing here is shared with `tirelog.physics`, and neither imports the other.  T
     beam, ring      steady at every instant (`World`): a fine closed grid with difference operators
                     (order eight), contact by an active set
     coupled_ring    a tire that moves (`RolledWorld`): finite elements that turn with the belt
-                    (`rolling.belt`), on a hub, over a road (`rolling.profile`), stepped in time
+                    (`rolling.belt`), on a hub, over a road (`rolling.world`), stepped in time
                     (`rolling.step_kernel`) through the whole log
 
 Sensors and drive are sampled from that.  P1 to P4 are the papers of the README.

@@ -3,8 +3,9 @@
     TOML text --Document--> tables, and the line of every key
     tables --kinds of their keys--> values, or an error with file, line and what is allowed
 
-A kind says what one key may hold. A dataclass is the schema of a table: its fields are the keys,
-and each has its kind by `key`, or by its type if that is text or true and false.
+A kind says what one key may hold. A `Record` is the schema of a table and holds its values: it
+lists the keys, each with its kind and its value if it is absent. So is a dataclass whose fields
+have their kinds by `key`, or by their type if that is text or true and false.
 """
 
 from __future__ import annotations
@@ -323,7 +324,7 @@ class Record:
     Each subclass is a frozen dataclass whose fields are these keys, in their order.
     """
 
-    keys: ClassVar[Mapping[str, tuple[KeyKind, Any]]]
+    keys: ClassVar[Mapping[str, tuple[KeyKind | None, Any]]]
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
     def __init_subclass__(cls) -> None:

@@ -353,14 +353,6 @@ class Belt:
         return 2.0 * self.tire.line_mass_kg_m * self.radius_m * self.splines.first_harmonic
 
     @property
-    def translation(self) -> float:
-        """Coefficients of a rigid translation of 1 m.
-
-        They are this times sin(middle_j + psi) (upwards) or cos (backwards).
-        """
-        return self.splines.step_rad / self.splines.first_harmonic
-
-    @property
     def held(self) -> tuple[float, float]:
         """Sidewall's force on the hub over the sums of `carried`: spring [N/m], damper [N s/m]."""
         tire, share = self.tire, self.radius_m * self.splines.first_harmonic

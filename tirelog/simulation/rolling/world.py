@@ -314,7 +314,8 @@ class RollingTire:
             "hub_inertia_kg_m2": tire.hub_inertia_kg_m2,
             "spin_inertia_kg_m2": tire.hub_inertia_kg_m2 + belt.mass_kg * belt.radius_m**2,
             "carried_kg": belt.carried,
-            "translation": belt.translation,
+            # coefficients of a rigid translation of 1 m, over sin(middle_j + psi) or cos
+            "translation": splines.step_rad / splines.first_harmonic,
             "spring_N_m": spring,
             "damper_N_s_m": damper,
             "mean_inertia_kg": tire.line_mass_kg_m * belt.radius_m * splines.step_rad,

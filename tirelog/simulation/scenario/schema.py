@@ -2,8 +2,8 @@
 
 What is driven, by which tire, seen by which sensors, with which effects planted.
 
-These dataclasses are the scenario file's schema (`load_scenario` reads it): a key is allowed if it
-is a field of its table, and a number must lie in the field's range. Strengths of effects are in the
+These records are the scenario file's schema (`load_scenario` reads it): a key is allowed if its
+table lists it, and a number must lie in the key's range. Strengths of effects are in the
 units of the catalogue's own parameters.
 """
 

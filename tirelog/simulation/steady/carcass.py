@@ -122,6 +122,9 @@ def _added(scenario: Scenario, ring: Ring, at: Instants, stiffness: FloatArray) 
     rate = 2.0 * mass * at.speed[:, None]
     if scenario.truth == "beam":
         total += rate * scenario.tire.damping_rate_1_s * d1
+    # the discrete Hilbert operator: every wave e^(i kappa xi), kappa > 0, times i, but the shortest
+    quarter_turn = 1j * np.ones(one.shape[-1])
+    quarter_turn[[0, -1]] = 0.0
     for effect in scenario.effects:
         if effect.name == "viscous_damping":
             # other: part of the loss in bending, where short waves weigh more
@@ -129,7 +132,7 @@ def _added(scenario: Scenario, ring: Ring, at: Instants, stiffness: FloatArray) 
             total += rate * effect["damping_rate_1_s"] * loss
         elif effect.name == "hysteresis":
             weight = 0.75 * one - 2.0 * DAMPED_LENGTH_M**2 * d2 if effect.other else one
-            total += stiffness * effect["loss_factor"] * ring.quarter_turn * weight
+            total += stiffness * effect["loss_factor"] * quarter_turn * weight
         elif effect.name == "belt_tension":
             tension = effect["tension_N"] + effect["tension_mass_kg_m"] * at.speed[:, None] ** 2
             shear = 1.0 - SHEAR_LENGTH_M**2 * d2 if effect.other else one
@@ -291,7 +294,15 @@ class FlatRoadContact:
             if found is None:
                 return None
             pressure[i, self.sector], depth = found
-            entry[i], exit_[i] = self._edges(depth)
+            # where the pressed depth crosses zero, linear between grid points
+            inside, xi, step = (
+                np.flatnonzero(depth > 0),
+                self.ring.xi_m[self.sector],
+                self.ring.step_m,
+            )
+            first, last = inside[0], inside[-1]
+            entry[i] = xi[first] - step * depth[first] / (depth[first] - depth[first - 1])
+            exit_[i] = xi[last] + step * depth[last] / (depth[last] - depth[last + 1])
         return pressure, entry, exit_
 
     def _response(self, at: Instants) -> FloatArray:
@@ -309,27 +320,23 @@ class FlatRoadContact:
                 self._kept.clear()
             warming = 1.0 + self.scenario.nuisances.warming.stiffness_per_K * at.temperature_K[0]
             tangential = self.scenario.tire.tangential_stiffness_N_m2 * warming
-            self._kept[key] = self._assembled(
-                carcass(self.scenario, self.ring, at), float(tangential)
+            body = carcass(self.scenario, self.ring, at)
+            d1 = self.ring.derivatives[1] * self.radius
+            # inward w is R dv/dxi: from the transforms of w back to v; the mean of v comes from
+            # tangential loads alone
+            along = np.zeros_like(d1)
+            along[1:-1] = 1.0 / d1[1:-1]
+            v_q = body.tangential[0] * along
+            v_q[0] = 1.0 / float(tangential)
+            w_p, w_q, v_p, v_q = (
+                self.ring.inverse(kernel)[self._lag]
+                for kernel in (body.radial[0], body.tangential[0], body.radial[0] * along, v_q)
             )
+            # a road force f pushes inwards with f cos phi and along with f sin phi
+            rise: FloatArray = self.cos[:, None] * (w_p * self.cos + w_q * self.sin)
+            rise += self.sin[:, None] * (v_p * self.cos + v_q * self.sin)
+            self._kept[key] = rise
         return self._kept[key]
-
-    def _assembled(self, body: Carcass, tangential_N_m2: float) -> FloatArray:
-        d1 = self.ring.derivatives[1] * self.radius
-        # inward w is R dv/dxi: from the transforms of w back to v; the mean of v comes from
-        # tangential loads alone
-        along = np.zeros_like(d1)
-        along[1:-1] = 1.0 / d1[1:-1]
-        v_q = body.tangential[0] * along
-        v_q[0] = 1.0 / tangential_N_m2
-        w_p, w_q, v_p, v_q = (
-            self.ring.inverse(kernel)[self._lag]
-            for kernel in (body.radial[0], body.tangential[0], body.radial[0] * along, v_q)
-        )
-        # a road force f pushes inwards with f cos phi and along with f sin phi
-        rise: FloatArray = self.cos[:, None] * (w_p * self.cos + w_q * self.sin)
-        rise += self.sin[:, None] * (v_p * self.cos + v_q * self.sin)
-        return rise
 
     def _solve(
         self, compliance: FloatArray, load: float, stretch: float
@@ -370,16 +377,4 @@ class FlatRoadContact:
             f"the contact at {load:.0f} N did not settle",
             allowed="allowed is a load that the ring can carry",
             do="lower it",
-        )
-
-    def _edges(self, pressed: FloatArray) -> tuple[float, float]:
-        """Entry and exit [m], where the pressed depth crosses zero, linear between grid points."""
-        xi = self.ring.xi_m[self.sector]
-        inside = np.flatnonzero(pressed > 0)
-        first, last = inside[0], inside[-1]
-        entry = xi[first] - self.ring.step_m * pressed[first] / (
-            pressed[first] - pressed[first - 1]
-        )
-        return float(entry), float(
-            xi[last] + self.ring.step_m * pressed[last] / (pressed[last] - pressed[last + 1])
         )

@@ -387,16 +387,6 @@ class Ring:
         """Transform of a smoothing: even `values` at xi_m, scaled to sum to one."""
         return np.asarray(fft.rfft(np.fft.ifftshift(values / values.sum())))
 
-    @cached_property
-    def quarter_turn(self) -> ComplexArray:
-        """The discrete Hilbert operator: every wave e^(i kappa xi), kappa > 0, times i.
-
-        The mean and the shortest wave vanish.
-        """
-        symbol = np.full(self.points // 2 + 1, 1j)
-        symbol[[0, -1]] = 0.0
-        return symbol
-
     def transform(self, values: FloatArray) -> ComplexArray:
         """Discrete Fourier transform along the last axis."""
         return np.asarray(fft.rfft(values, axis=-1))

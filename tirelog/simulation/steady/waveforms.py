@@ -138,13 +138,6 @@ class World:
             load = load + heavy["force_N"] * _of_imbalance(heavy, drive.speed_at(time_s))
         return load
 
-    @property
-    def fluctuates(self) -> bool:
-        """Does the load vary within the turn?"""
-        return bool(
-            self.scenario.road.roughness or any(self.scenario.nuisances.force_variation.shares)
-        )
-
     def fluctuation(self, time_s: FloatArray) -> FloatArray:
         """What varies within the turn, relative to the load: the road, and the wheel's own."""
         total = np.zeros_like(time_s)
@@ -546,7 +539,8 @@ def chunks(world: World, start_s: float, end_s: float) -> Iterator[tuple[Span, l
     quick = (
         scenario.planted("traction") is not None or scenario.planted("load_transfer") is not None
     )
-    factors = (1.0, 1.0 + LOAD_STEP, 1.0 - LOAD_STEP) if world.fluctuates else (1.0,)
+    varies = scenario.road.roughness or any(scenario.nuisances.force_variation.shares)
+    factors = (1.0, 1.0 + LOAD_STEP, 1.0 - LOAD_STEP) if varies else (1.0,)  # within the turn
     for span in plan_knots(world.drive, scenario.knot_s, quick, start_s, end_s):
         begin, end, steps = span
         times = np.asarray(begin + np.arange(-1, steps + 2) * ((end - begin) / steps), float)
