@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 import typer
 
-from tirelog.cli import app as options
+from tirelog.cli import options
 from tirelog.cli.app import EXAMPLES, GROUPS, command
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"

@@ -17,8 +17,7 @@ from typing import Annotated, Any, TypeVar
 import typer
 
 import tirelog.api as api
-from tirelog.cli import app as options
-from tirelog.cli import pages
+from tirelog.cli import options, pages
 from tirelog.cli.session import CampaignProgress, Session, say, write_json
 from tirelog.errors import ExitStatus, UsageError, printable, refuse_unknown
 from tirelog.vocabulary.tables import COMPARE, ERRORS_BY

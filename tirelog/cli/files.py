@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import tirelog.api as api
-from tirelog.cli import app as options
-from tirelog.cli import pages
+from tirelog.cli import options, pages
 from tirelog.cli.session import Session
 from tirelog.errors import ExitStatus, UsageError, printable
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable, TableOption

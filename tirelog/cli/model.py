@@ -11,8 +11,7 @@ from typing import Annotated, Any
 import typer
 
 import tirelog.api as api
-from tirelog.cli import app as options
-from tirelog.cli import pages
+from tirelog.cli import options, pages
 from tirelog.cli.session import Session
 from tirelog.errors import UsageError, refuse_unknown
 

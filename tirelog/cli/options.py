@@ -1,0 +1,384 @@
+"""The options and arguments that commands share, each with one flag and one help."""
+
+from __future__ import annotations
+
+import errno
+import math
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from functools import wraps
+from importlib import util
+from inspect import Parameter, Signature
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import tirelog.api as api
+from tirelog.errors import OutputError, TirelogError, UsageError, refuse_unknown
+from tirelog.storage.remote import address
+from tirelog.storage.whole import (
+    output_error,
+    refuse_inputs,
+    refuse_one_for_two,
+    taken_as_input,
+)
+from tirelog.vocabulary.tables import TABLE_FORMATS, no_matplotlib, refuse_no_picture
+
+if TYPE_CHECKING:
+    from tirelog.data.recording import Conditions
+    from tirelog.data.setup import RoadSetup, Setup
+
+
+# ---- What a shell may complete: values that are known by name.
+#
+# Nothing here reads a log: an answer has to come while one types.
+
+
+def completing(words: Iterable[str] | Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
+    """What completes one of these words, which are asked for when one types."""
+
+    def beginning(incomplete: str) -> list[str]:
+        known = words() if callable(words) else words
+        return [word for word in known if word.startswith(incomplete)]
+
+    return beginning
+
+
+effects = completing(lambda: api.models.catalogue_with())
+
+
+def channels(ctx: Any, incomplete: str) -> list[str]:
+    """Channels of the setup that is given, or stands beside the first log."""
+    from tirelog.data.setup import load_setup, setup_beside
+
+    found: tuple[str, ...] = ()
+    with suppress(TirelogError, OSError):
+        logs = ctx.params.get("logs") or []
+        place = ctx.params.get("setup") or (setup_beside(logs[0]) if logs else None)
+        if place is not None:
+            found = tuple(load_setup(place).channels)
+    return [name for name in found if name.startswith(incomplete)]
+
+
+# ---- Refusals before the work: what could not be written, drawn or saved in the end.
+#
+# Callbacks of options that name outputs: each gives its path back, or raises.
+
+
+def in_a_folder(path: Path | None) -> Path | None:
+    """The path of a file to write.  OutputError: its folder is not there, or it is one itself."""
+    if path is None or address(path) is not None:
+        return path
+    if path.is_dir():
+        raise _no_place(path, errno.EISDIR)
+    if not path.parent.is_dir():
+        raise _no_place(path, errno.ENOTDIR if path.parent.exists() else errno.ENOENT)
+    return path
+
+
+def _no_place(path: Path, number: int) -> OutputError:
+    return output_error(path, OSError(number, os.strerror(number)))
+
+
+def folder(path: Path | None) -> Path | None:
+    """The path of a folder to write into, made if missing.  OutputError: a file is in its way."""
+    if path is not None and address(path) is None:
+        there = next(place for place in (path, *path.absolute().parents) if place.exists())
+        if not there.is_dir():
+            raise _no_place(path, errno.EEXIST if there == path else errno.ENOTDIR)
+    return path
+
+
+def drawable(path: Path | None) -> Path | None:
+    """The path of a picture to draw.
+
+    UsageError: it has no picture's suffix, or matplotlib is missing; OutputError as `in_a_folder`.
+    """
+    if path is None:
+        return None
+    refuse_no_picture(path)
+    if util.find_spec("matplotlib") is None:
+        raise no_matplotlib()
+    return in_a_folder(path)
+
+
+# ---- Conditions and drives as options of `tirelog model predict` give them, as numbers.
+
+
+#: revolutions that one command computes, and rows that it writes of them; twice as many rows take
+#: twice the memory, some 500 MB
+MOST, MOST_ROWS = 2000, 2_100_000
+_FIELDS = {
+    "speed": "speed_m_s",
+    "load": "load_N",
+    "pressure": "inflation_pressure_Pa",
+    "acceleration": "acceleration_m_s2",
+    "slip": "slip",
+}
+
+
+def values_of(text: str, option: str) -> list[float]:
+    """The values that an option gives.  UsageError: words that are none."""
+    try:
+        numbers = [float(part) for part in text.split(":" if ":" in text else ",")]
+        if all(map(math.isfinite, numbers)) and len(numbers) <= MOST:
+            if ":" not in text:
+                return numbers
+            low, high, step = numbers
+            count = math.floor((high - low) / step + 1e-9) + 1
+            if 1 <= count <= MOST:
+                return [low + i * step for i in range(count)]
+    except (ValueError, ZeroDivisionError, OverflowError):
+        pass
+    raise UsageError(
+        f"{option} {text}",
+        allowed=f"allowed are a number, several with commas, or FROM:TO:STEP, {MOST} at most",
+        do=f"write {option} 20, {option} 10,20 or {option} 5:25:5",
+    )
+
+
+def refuse_many(conditions: int, points: int) -> None:
+    """UsageError for more rows than memory is meant for: so many `points` of each condition."""
+    rows = conditions * points
+    if rows > MOST_ROWS:
+        raise UsageError(
+            f"{rows} rows",
+            allowed=f"{MOST_ROWS} are allowed in one command",
+            do="ask for fewer --points or conditions at once",
+        )
+
+
+def conditions_given(
+    setup: Setup | None, more: Mapping[str, float | None], **options: str | None
+) -> Conditions:
+    """Each value of each option with each of the others, and what the setup knows besides.
+
+    UsageError: no number, one that no tire is driven under, or more than MOST of them together.
+    """
+    given = {
+        _FIELDS[name]: values_of(text, f"--{name}")
+        for name, text in options.items()
+        if text is not None
+    }
+    count = math.prod(len(values) for values in given.values())
+    if count > MOST:
+        raise UsageError(
+            f"{count} conditions",
+            allowed=f"{MOST} are allowed in one command",
+            do="ask for fewer values at once",
+        )
+    other = {name: value for name, value in more.items() if value is not None}
+    called = {_FIELDS[name]: f"--{name}" for name in options} | {
+        "time_s": "--time",
+        "temperature_K": "--temperature",
+    }
+    return api.models.conditions_of(given, setup, called=called, **other)
+
+
+def road_words(words: str, setup: Setup | None) -> RoadSetup:
+    """The road of --road: in words, or `setup` for the setup's [road]."""
+    from tirelog.data.setup import parse_road
+
+    if words != "setup":
+        return parse_road(words)
+    if setup is None or setup.road.kind == "flat":
+        raise UsageError(
+            "--road setup, and the setup has no [road]",
+            allowed="a road in words is allowed, such as cleat,height_m=0.01,length_m=0.04",
+        )
+    return setup.road
+
+
+def events(words: list[str], option: str, form: str) -> list[Any]:
+    """The numbers of each event that an option gives: times [s] one after the other, and a value.
+
+    UsageError: words that are not of the `form`, such as TIME:LOAD, or go back in time.
+    """
+    made: list[Any] = []
+    before = 0.0
+    for text in words:
+        try:
+            numbers = [float(part) for part in text.split(":")]
+        except ValueError:
+            numbers = []
+        if len(numbers) != form.count(":") + 1 or not all(map(math.isfinite, numbers)):
+            raise UsageError(
+                f"{option} {text}", allowed=f"{form} in s and SI units is allowed", do="correct it"
+            )
+        times = [before, *numbers[:-1]]
+        if times != sorted(times):
+            raise UsageError(
+                f"{option} {text} goes back in time",
+                allowed="times that grow, from 0 s on, are allowed",
+                do="correct it",
+            )
+        before = times[-1] + (1e-6 if len(numbers) == 2 else 0.0)  # a step takes a moment
+        made.append(tuple(numbers))
+    return made
+
+
+def with_options(command: Callable[..., None], parameters: Iterable[Parameter]) -> None:
+    """Give the command the parameters that typer reads, in the place of its own."""
+    typed = [one.replace(kind=Parameter.KEYWORD_ONLY) for one in parameters]
+    vars(command)["__signature__"] = Signature(typed)
+    command.__annotations__ = {one.name: one.annotation for one in typed}
+
+
+def plot_kind(kinds: Mapping[str, str]) -> Any:
+    """The option --plot-kind of a command that draws these; one it cannot is refused at once."""
+
+    def known(kind: str) -> str:
+        refuse_unknown(kind, kinds, f"--plot-kind {kind}", do="choose one")
+        return kind
+
+    return typer.Option(
+        "--plot-kind",
+        help=f"What --plot draws: {', '.join(kinds)}.",
+        callback=known,
+        autocompletion=completing(kinds),
+    )
+
+
+def refuse_kind_alone(kind: str, plot: Path | None) -> None:
+    """UsageError: --plot-kind names a picture, and no --plot says where to draw it."""
+    if plot is None and kind != "page":
+        raise UsageError(
+            f"--plot-kind {kind} without --plot",
+            allowed="it says what --plot draws",
+            do="add --plot FILE",
+        )
+
+
+Logs = Annotated[list[str], typer.Argument(help="Logs or runs; '-' is standard input.")]
+SetupFile = Annotated[
+    Path | None, typer.Option("--setup", help="Setup file; without it FILE.toml beside the log.")
+]
+Output = Annotated[
+    Path | None,
+    typer.Option(
+        "-o", "--output", help="File to write; its suffix decides the format.", callback=in_a_folder
+    ),
+]
+Format = Annotated[
+    str | None,
+    typer.Option(
+        "--format", help="csv, ndjson, parquet or json.", autocompletion=completing(TABLE_FORMATS)
+    ),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", help="No remarks on standard error.")]
+Plot = Annotated[
+    Path | None,
+    typer.Option("--plot", help="Picture to write, .png, .svg or .pdf.", callback=drawable),
+]
+EffectsFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--effects",
+        help="Python file with effects of your own; it is run. A model with one of them "
+        "remembers it.",
+    ),
+]
+ChannelName = Annotated[
+    str | None,
+    typer.Option(
+        "--channel",
+        help="Channel to compare; the first that fits by default. Of strain several gratings in "
+        "one fit: their names with commas between, or all.",
+        autocompletion=channels,
+    ),
+]
+Channels = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--channel",
+        help="Only this channel; several times for several (default: all that fit).",
+        autocompletion=channels,
+    ),
+]
+ModelFile = Annotated[Path, typer.Option("--model", help="Model file.")]
+#: a model that a command reads or changes, as its argument
+Model = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file.")]
+NewModel = Annotated[
+    Path, typer.Option("-o", "--output", help="Model file to write.", callback=in_a_folder)
+]
+#: of a command that edits a model, as `new_model`: it may take the place of the one that is read
+EditedModel = Annotated[
+    Path,
+    typer.Option(
+        "-o",
+        "--output",
+        help="Model file to write; the one that is read may be named.",
+        callback=in_a_folder,
+    ),
+]
+Sets = Annotated[
+    list[str],
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="A parameter's value, or the word of an effect's choice; several times.",
+    ),
+]
+
+
+# ---- Commands that write on none of their inputs.
+
+
+#: options that name what a command writes; every other path, and every log, is an input
+OUTPUTS = ("output", "new_model", "plot", "save", "calibrate")
+
+
+def _keep_inputs(given: dict[str, Any]) -> None:
+    """Tell which files a command reads, before it does.
+
+    A command that writes a `new_model` edits its `model`, which the new one may replace.
+
+    UsageError: it would write on another of them, or two outputs on one file.
+    """
+    outputs = (*OUTPUTS, "against") if given.get("bless") else OUTPUTS
+    edited = given.get("model") if "new_model" in given else None
+    for place in _inputs(given, outputs if edited is None else (*outputs, "model")):
+        if str(place) == "-":
+            taken_as_input(0, "standard input")
+        else:
+            taken_as_input(place)
+    if edited is not None:
+        taken_as_input(edited, edited=True)
+    written = [given[name] for name in outputs if given.get(name) is not None]
+    refuse_inputs(*written)
+    refuse_one_for_two(*written)
+    refuse_inputs(1, name="standard output")
+
+
+def _inputs(given: dict[str, Any], outputs: tuple[str, ...]) -> Iterator[Path | str]:
+    """The paths among a command's arguments that it reads, and the setups beside its logs."""
+    for name, value in given.items():
+        several = value if isinstance(value, list | tuple) else [value]
+        logs = name in ("log", "logs")
+        for path in several:
+            if name not in outputs and (isinstance(path, Path) or (logs and isinstance(path, str))):
+                yield path
+        if logs and given.get("setup") is None:
+            from tirelog.data.setup import setup_beside
+
+            yield from filter(None, map(setup_beside, filter(None, several)))
+
+
+class Commands(typer.Typer):
+    """Commands that know which files they read before they start, so that none writes on them."""
+
+    def command(self, *given: Any, **options: Any) -> Callable[[Any], Any]:
+        """Typer's, whose callback gets what typer has made of the command line: paths are paths."""
+        register = super().command(*given, **options)
+
+        def keeping(callback: Callable[..., Any]) -> Any:
+            @wraps(callback)
+            def kept(**values: Any) -> Any:
+                _keep_inputs(values)
+                return callback(**values)
+
+            return register(kept)
+
+        return keeping
