@@ -83,7 +83,7 @@ def few_speeds(
     }
     there = np.asarray(0.5 * (low + high) + 0.5 * (high - low) * at[:, None], dtype=np.float64)
     there[0], there[-1] = high, low  # to the last bit: the highest speed may be refused
-    weights = (-1.0) ** np.arange(count)
+    weights = np.where(np.arange(count) % 2 == 0, 1.0, -1.0)
     weights[[0, -1]] *= 0.5
     shares = interpolation_shares(there[:, 0], weights, speed[:, 0])
     return Drive(**others | {"speed_m_s": there}), shares
