@@ -58,8 +58,8 @@ LONGER = {
 WIDER = {
     "api/models.py:passage",
     "api/answers.py:write_report",
-    "physics/model/prediction.py:linearised",
-    "physics/model/prediction.py:predict",
+    "physics/model/model.py:linearised",
+    "physics/model/model.py:predict",
     "strain/footprint/measure.py:find_edges",
     "wheel/fronts.py:_solve",
 }

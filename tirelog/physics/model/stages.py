@@ -321,16 +321,13 @@ def _pressure(task: Task) -> ContactLoads:
             p = p - tilt() * tilted
     for added in task.hooks(lambda effect: effect.pressure).values():
         p = p + added(site)
+    pulled = [pull(site) for pull in task.hooks(lambda effect: effect.traction).values()]
+    shears = [shear for shear in pulled if shear is not None]
     tau: ComplexArray | None = None
     couple: ComplexArray | None = None
-    for traction in task.hooks(lambda effect: effect.traction).values():
-        pulled = traction(site)
-        if pulled is not None:
-            own, lever = pulled
-            across = (1j * lever * site.q) * own
-            tau, couple = (
-                (own, across) if tau is None or couple is None else (tau + own, couple + across)
-            )
+    if shears:
+        tau = np.asarray(sum(own for own, _ in shears), np.complex128)
+        couple = np.asarray(sum((1j * x * site.q) * own for own, x in shears), np.complex128)
     for kernel in task.hooks(lambda effect: effect.kernel).values():
         smeared = kernel(site)
         p, couple = p * smeared, None if couple is None else couple * smeared
