@@ -76,7 +76,7 @@ def test_the_belt_on_its_sidewall_rings_as_published(passenger_tire):
 
 def test_the_patch_grows_with_the_load_as_published(passenger_tire):
     """Between 1 and 6 kN the published contact length grows as load^0.588."""
-    lengths = [solve_contact(passenger_tire.carcass, F).half_length_m for F in (1000.0, 6000.0)]
+    lengths = [solve_contact(passenger_tire, F).half_length_m for F in (1000.0, 6000.0)]
     published = [published_half_length_m(F) for F in (1000.0, 6000.0)]
     exponents = [np.log(b / a) / np.log(6.0) for a, b in (lengths, published)]
     assert exponents[1] == pytest.approx(0.588, abs=0.001)
@@ -86,7 +86,7 @@ def test_the_patch_grows_with_the_load_as_published(passenger_tire):
 def test_a_linear_ring_of_these_frequencies_is_stiffer_than_the_tire(passenger_tire):
     """Not in the model: 132 mm of contact and 20.3 mm of deflection at 4 kN. The ring yields by
     0.6 of that and its patch is a third shorter; so a patch is fitted, and not told from modes."""
-    touching = solve_contact(passenger_tire.carcass, LOAD_N)
+    touching = solve_contact(passenger_tire, LOAD_N)
     assert published_half_length_m(LOAD_N) == pytest.approx(0.0659, abs=1e-4)
     assert published_drop_m(LOAD_N) == pytest.approx(0.0203, abs=1e-4)
     assert touching.drop_m / published_drop_m(LOAD_N) == pytest.approx(0.58, abs=0.05)

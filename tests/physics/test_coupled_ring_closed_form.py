@@ -50,7 +50,7 @@ def steady_ring(tire: CoupledRing, omega: float) -> tuple[np.ndarray, np.ndarray
     """
     phi = np.arange(-300, 301) * contact.STEP
     n = np.arange(1025)
-    inverse = 1.0 / modal_impedance(n.astype(float), tire.carcass, omega)
+    inverse = 1.0 / modal_impedance(n.astype(float), tire, omega)
     n_s, cos, sin = n[:, None], np.cos(phi), np.sin(phi)
     unit = (
         np.exp(-1j * n_s * phi)
@@ -104,7 +104,7 @@ def test_rest_on_the_road_is_the_contact_with_the_flat_road():
         tire, State.rolling(tire, LOAD, 0.0), HubMotion(lambda time: LOAD), step_s=5e-5, nodes=3072
     )
     motion = stepped_motion(rest, 0.5)
-    touching = contact.solve_contact(tire.carcass, LOAD)
+    touching = contact.solve_contact(tire, LOAD)
     pressure = np.interp(touching.phi_rad, rest.road_forces.phi, rest.road_forces.pressure)
     assert motion.force_z_N[-1] == pytest.approx(LOAD, rel=1e-6)
     assert pressure == pytest.approx(
@@ -140,7 +140,7 @@ def test_the_ring_under_its_own_load_is_the_steady_ring():
     for _ in range(300):
         stepper.step()
         modes, motion = modes + stepper.road_forces.modes / 300, motion + stepper.state.V / 300
-    steady = modes / modal_impedance(TIRE.n, TIRE.carcass, stepper.state.omega)
+    steady = modes / modal_impedance(TIRE.n, TIRE, stepper.state.omega)
     assert np.abs(motion - steady).max() < 1e-4 * np.abs(steady).max()
 
 

@@ -529,5 +529,5 @@ def _nodes(
     low, high = step * np.floor(distinct[0] / step), step * np.ceil(distinct[-1] / step)
     angle = (np.arange(table) + 0.5) * np.pi / table
     nodes = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(angle)
-    weights = (-1.0) ** np.arange(table) * np.sin(angle)
+    weights = np.where(np.arange(table) % 2 == 0, 1.0, -1.0) * np.sin(angle)
     return nodes, interpolation_shares(nodes, weights, there)

@@ -68,14 +68,6 @@ def acting_on(observable: str) -> list[str]:
     return list(dict.fromkeys(stage for stage, reached in REACH.values() if observable in reached))
 
 
-def stages_read(observable: str, effects: Iterable[Effect]) -> frozenset[str]:
-    """The stages that an observable is computed from in a model with these effects.
-
-    Its own, and those that what the effects add to it reads.
-    """
-    return frozenset(OBSERVABLES[observable].reads).union(*(effect.reads for effect in effects))
-
-
 @dataclass(frozen=True)
 class Drive(ConditionValues):
     """The conditions as columns: each (n, 1), or (1, 1) if all revolutions share the value.
@@ -287,9 +279,9 @@ class Effect:
 
     def acts_in(self, observable: str, beside: Iterable[Effect]) -> bool:
         """Does it act on an observable in a model with the effects `beside` it?"""
-        return observable in self.observables and bool(
-            self.enters & stages_read(observable, beside)
-        )
+        # the observable is computed from its own stages, and from those that what is added reads
+        read = frozenset(OBSERVABLES[observable].reads).union(*(e.reads for e in beside))
+        return observable in self.observables and bool(self.enters & read)
 
     def is_on(self, values: Values, carcass: str = "beam") -> bool:
         """False if its strength is zero.
@@ -455,23 +447,14 @@ class KeywordHook:
     home: str
 
     def __call__(self, v: Values, drive: Drive, *more: Any) -> Any:
-        own = {
-            name: self._word(v, name) if name in self.options else v[name] for name in self.names
-        }
+        own: dict[str, Any] = {name: v[name] for name in self.names if name not in self.options}
+        for option in self.options.keys() & self.names:
+            own[option] = next(word for word in self.options[option] if v[f"{option}:{word}"])
         return self.function(drive, *more, **own)
-
-    def _word(self, v: Values, option: str) -> str:
-        return next(word for word in self.options[option] if v[f"{option}:{word}"])
 
     def __reduce__(self) -> tuple[Callable[[str], Any], tuple[str]]:
         """How it goes to another process: there the function's name is the effect's."""
         return resolve_name, (self.home,)
-
-
-def names_read(function: Callable[..., Any], known: Sequence[str]) -> Sequence[str]:
-    """The numbers and options that a function takes by keyword; all that are known if it may."""
-    spec = getfullargspec(function)
-    return known if spec.varkw else spec.kwonlyargs
 
 
 def texts_of(function: Callable[..., Any]) -> dict[str, str]:
@@ -508,10 +491,11 @@ def effect(
     def made(function: Callable[..., Any]) -> Effect:
         home = f"{function.__module__}:{function.__qualname__}"
         functions = {hook: function} | {name: fields[name] for name in ENTERS if name in fields}
-        hooks = {
-            name: KeywordHook(each, names_read(each, known), options, f"{home}.{name}")
-            for name, each in functions.items()
-        }
+        hooks = {}
+        for name, each in functions.items():
+            spec = getfullargspec(each)
+            names = known if spec.varkw else spec.kwonlyargs
+            hooks[name] = KeywordHook(each, names, options, f"{home}.{name}")
         read = {name for each in hooks.values() for name in each.names}
         if read != set(known):
             raise ModelError(

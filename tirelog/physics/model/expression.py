@@ -332,7 +332,7 @@ def _of_operation(node: ast.BinOp, units: _Units) -> FloatArray | None:
     if not isinstance(node.op, ast.Mult | ast.Div):
         return _NUMBER
     divided = isinstance(node.op, ast.Div)
-    if left is None or right is None or (divided and _literal(node.right)):
+    if left is None or right is None or (divided and _value(node.right) is not None):
         return None
     return left - right if divided else left + right
 
@@ -364,7 +364,7 @@ def _alike(nodes: list[ast.expr], whole: ast.expr, units: _Units) -> FloatArray 
     """The one dimension of some parts; plain numbers take it."""
     first: FloatArray | None = None
     for node in nodes:
-        found = None if _literal(node) else _dimension(node, units)
+        found = _dimension(node, units) if _value(node) is None else None
         if first is not None and found is not None and np.abs(first - found).max() > _SAME:
             raise _Disagreement(f"{ast.unparse(whole)} mixes {said(first)} and {said(found)}")
         first = found if first is None else first
@@ -376,10 +376,6 @@ def _refuse_dimension(node: ast.expr, what: str, units: _Units) -> None:
     found = _dimension(node, units)
     if found is not None and np.abs(found).max() > _SAME:
         raise _Disagreement(f"{what} {ast.unparse(node)}, which is {said(found)} and no number")
-
-
-def _literal(node: ast.expr) -> bool:
-    return _value(node) is not None
 
 
 def _value(node: ast.expr) -> float | None:
@@ -402,7 +398,7 @@ def disagreement(text: str, units: Mapping[str, str], result: str) -> str:
     tree = ast.parse(text.strip(), mode="eval").body
     try:
         known = {name: dimension_of(unit) if unit else None for name, unit in names.items()}
-        whole = None if _literal(tree) else _dimension(tree, known)
+        whole = _dimension(tree, known) if _value(tree) is None else None
     except _Disagreement as problem:
         return str(problem)
     wanted = dimension_of(result)

@@ -9,7 +9,7 @@ fit (and `fixed = true` if it is held although it has bounds).
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PureWindowsPath
@@ -35,9 +35,11 @@ from tirelog.physics.model.model import (
     observables_known,
 )
 from tirelog.physics.model.user_effects import (
+    AMPLITUDE,
     EXPRESSION_ACTS_ON,
     catalogue_with,
     effect_by_expression,
+    effect_by_shape,
     installed_effects,
 )
 from tirelog.physics.spectral import Parameter
@@ -198,7 +200,7 @@ _BY_SHAPE = Table(
         "law": TEXT,
         "nodes": ANYTHING,
         "values": ANYTHING,
-        "parameters": Named(ANYTHING),
+        "parameters": Table({AMPLITUDE.name: _Number(AMPLITUDE, own=True)}),
     },
     needed=("frame",),
 )
@@ -267,7 +269,11 @@ def parse_model(
         own = own or (folder / head[EFFECTS_FILE] if EFFECTS_FILE in head else None)
         catalogue = _catalogue(own, place / "model" / EFFECTS_FILE, asked=asked)
         model = replace(model, effects_file=own if own is not None and own.is_file() else None)
-    entries = [(_effect(table, catalogue, at), at) for table, at in _effect_tables(data, place)]
+    own_numbers = {p.name for p in BY_ID[FORM].parameters}
+    form = {name: x for name, x in data.get(FORM, {}).items() if name in own_numbers}
+    tables = [(table, place / "effects" / i) for i, table in enumerate(data.get("effects", ()))]
+    tables += [({"name": FORM, **form}, place / FORM)] * bool(form)
+    entries = [(_effect(table, catalogue, at), at) for table, at in tables]
     for effect, at in entries:
         try:
             model = model.with_entry(effect, [entry for entry, _ in entries])
@@ -303,20 +309,6 @@ def _nuisances(data: Mapping[str, Any], place: FilePlace) -> tuple[Nuisance, ...
     given = Table(uses).read(said, place / "nuisances")
     given[FORM] = uses[FORM].read(data.get(FORM, {}), place / FORM)
     return tuple(given.get(known.name, known) for known in NUISANCES)
-
-
-def _form_numbers(data: Mapping[str, Any]) -> dict[str, Any]:
-    """The numbers in [form], which are the parameters of an effect."""
-    own = [p.name for p in BY_ID[FORM].parameters]
-    return {name: value for name, value in data.get(FORM, {}).items() if name in own}
-
-
-def _effect_tables(data: Mapping[str, Any], place: FilePlace) -> Iterator[tuple[Any, FilePlace]]:
-    """The table of each effect, with its place; the form's is made of its numbers."""
-    for number, table in enumerate(data.get("effects", ())):
-        yield table, place / "effects" / number
-    if numbers := _form_numbers(data):
-        yield {"name": FORM, **numbers}, place / FORM
 
 
 def _contact(head: Mapping[str, Any], numbers: Mapping[str, Any], place: FilePlace) -> str:
@@ -362,10 +354,8 @@ def _effect(table: Any, catalogue: Mapping[str, Effect], place: FilePlace) -> Mo
         allowed = '[[effects]] with name = "..." is allowed'
         raise place.error("an effect has no name", allowed, "name it")
     name = table["name"]
-    if "expression" in table:
-        return _by_expression(table, place)
-    if "shape" in table:
-        return _by_shape(table, place)
+    if "expression" in table or "shape" in table:
+        return _own_effect(table, place)
     if name not in catalogue:
         raise (place / "name").error(
             f"unknown effect {name!r}{nearest(name, catalogue)}",
@@ -383,43 +373,25 @@ def _effect(table: Any, catalogue: Mapping[str, Effect], place: FilePlace) -> Mo
     )
 
 
-def _by_expression(table: Mapping[str, Any], place: FilePlace) -> ModelEffect:
-    """The effect of a formula of the user's own."""
-    given = _BY_EXPRESSION.read(table, place)
-    source = {
-        "acts_on": given.get("acts_on", "contact_pressure"),
-        "expression": given["expression"],
-    }
-    parameters = tuple(given.get("parameters", {}).values())
+def _own_effect(table: Mapping[str, Any], place: FilePlace) -> ModelEffect:
+    """The user's own effect: by a formula, or by a measured shape along a frame's coordinate."""
+    by_formula = "expression" in table
+    given = (_BY_EXPRESSION if by_formula else _BY_SHAPE).read(table, place)
+    given = {"acts_on": "contact_pressure" if by_formula else "strain", "law": "1", **given}
+    name, acts_on, parameters = given["name"], given["acts_on"], given.get("parameters", {})
     try:
-        effect = effect_by_expression(
-            given["name"], source["acts_on"], source["expression"], parameters
-        )
+        if by_formula:
+            formula, numbers = given["expression"], tuple(parameters.values())
+            effect = effect_by_expression(name, acts_on, formula, numbers)
+        else:
+            law = (given["frame"], given["law"], given.get("nodes"), given.get("values"))
+            amplitude = parameters.get(AMPLITUDE.name, AMPLITUDE)
+            effect = effect_by_shape(name, acts_on, *law, amplitude)
     except ModelError as problem:
         raise (place / "name").moved(problem) from None
-    return ModelEffect(effect, parameters, source=source)
-
-
-def _by_shape(table: Mapping[str, Any], place: FilePlace) -> ModelEffect:
-    """The effect of a measured shape: numbers along a frame's coordinate, times a law."""
-    given = _BY_SHAPE.read(table, place)
-    try:
-        effect = user_effects.effect_by_shape(
-            given["name"],
-            given.get("acts_on", "strain"),
-            given["frame"],
-            given.get("law", "1"),
-            given.get("nodes"),
-            given.get("values"),
-        )
-    except ModelError as problem:
-        raise (place / "name").moved(problem) from None
-    kinds = {p.name: _Number(p, own=True) for p in effect.parameters}
-    numbers = Table(kinds).read(given.get("parameters", {}), place / "parameters")
+    keys = ("acts_on", "expression") if by_formula else user_effects.KEYS
     return ModelEffect(
-        effect,
-        tuple(numbers.get(p.name, p) for p in effect.parameters),
-        source={key: given[key] for key in user_effects.KEYS if key in given},
+        effect, effect.parameters, source={key: given[key] for key in keys if key in given}
     )
 
 
@@ -475,149 +447,125 @@ def as_toml(model: Model, folder: Path | None = None) -> str:
     A Python file with the user's own effects is named from `folder`, by default that of the model.
     """
     document = tomlkit.parse(model.document) if model.document else tomlkit.document()
-    observable = list(model.observables) if model.beside else model.observable
-    _update(document, "model", {"observable": observable, "carcass": model.carcass})
-    _put_effects_file(document, model, folder)
+    head = document.setdefault("model", tomlkit.table())
+    _set(head, "observable", list(model.observables) if model.beside else model.observable)
+    _set(head, "carcass", model.carcass)
+    if model.effects_file is not None:
+        _put_effects_file(head, model, folder or (model.path or Path("model")).parent)
     numbers = document.setdefault("parameters", tomlkit.table())
-    if (
-        model.contact != "prescribed"
-        and "contact" not in numbers
-        and "contact" not in document["model"]
-    ):
+    if model.contact != "prescribed" and "contact" not in numbers and "contact" not in head:
         numbers["contact"] = model.contact
     for parameter in model.base:
         if parameter.name in numbers or not model.document or parameter.free:
             _put(numbers, parameter)
     _put_effects(document, model)
     _put_nuisances(document, model)
-    _put_form(document, model)
     return tomlkit.dumps(document)
 
 
-def _update(document: Any, table: str, values: Mapping[str, Any]) -> None:
-    held = document.setdefault(table, tomlkit.table())
-    for key, value in values.items():
-        if held.get(key) != value:
-            held[key] = value
-
-
-def _put_effects_file(document: Any, model: Model, folder: Path | None) -> None:
-    """Names the Python file with the user's own effects, if the model has one of them."""
-    if model.effects_file is None:
+def _set(table: Any, key: str, value: Any, remark: str = "") -> None:
+    """Writes a value where another stands, or none does: then with a remark."""
+    old = table.get(key)
+    if old == value:
         return
-    if folder is None:
-        folder = model.path.parent if model.path is not None else Path()
+    item = tomlkit.item(value)
+    if remark and old is None:
+        item.comment(remark)
+    table[key] = item
+
+
+def _put_effects_file(head: Any, model: Model, folder: Path) -> None:
+    """Names the Python file with the user's own effects, if the model has one of them."""
     known = {**BY_ID, **installed_effects()}
     own = any(not e.source and e.id not in known for e in model.effects)
-    if not own and EFFECTS_FILE not in document["model"]:
-        return
-    with suppress(ValueError):  # on another drive
-        name = os.path.relpath(model.effects_file.resolve(), folder.resolve())
-        _update(document, "model", {EFFECTS_FILE: Path(name).as_posix()})
+    if model.effects_file is not None and (own or EFFECTS_FILE in head):
+        with suppress(ValueError):  # on another drive
+            name = os.path.relpath(model.effects_file.resolve(), folder.resolve())
+            _set(head, EFFECTS_FILE, Path(name).as_posix())
 
 
 def _put_effects(document: Any, model: Model) -> None:
     """Removes, changes and adds [[effects]], leaving what stays in place with its comments."""
-    tables = document.get("effects")
-    held = {table["name"]: table for table in tables} if tables is not None else {}
     wanted = {e.id: e for e in model.effects if e.id != FORM}
-    if tables is not None:
-        for index in reversed(range(len(tables))):
-            if tables[index]["name"] not in wanted:
-                del tables[index]
-        if not len(tables):
-            del document["effects"]
-            tables = None
+    tables = document.setdefault("effects", tomlkit.aot())
+    for index in reversed(range(len(tables))):
+        if tables[index]["name"] not in wanted:
+            del tables[index]
+    held = {table["name"]: table for table in tables}
     for name, effect in wanted.items():
-        if name in held:
-            numbers = held[name].get("parameters", held[name]) if effect.source else held[name]
-            for parameter in effect.parameters:
-                _put(numbers, parameter, remark=not effect.source)
-            continue
-        table = tomlkit.table()
-        table["name"] = name
-        for key, value in {**effect.source, **effect.options}.items():
-            table[key] = value
-        numbers = table if not effect.source else tomlkit.inline_table()
+        table = held.get(name, tomlkit.table())
+        if name not in held:
+            table.update({"name": name, **effect.source, **effect.options})
+        numbers = table
+        if effect.source and effect.parameters:
+            numbers = table.setdefault("parameters", tomlkit.inline_table())
         for parameter in effect.parameters:
             _put(numbers, parameter, remark=not effect.source)
-        if effect.source:
-            table["parameters"] = numbers
-        if tables is None:
-            tables = tomlkit.aot()
-            document["effects"] = tables
-            tables = document["effects"]
-        tables.append(table)
+        if name not in held:
+            tables.append(table)
+    if not tables:
+        del document["effects"]
 
 
 def _put_nuisances(document: Any, model: Model) -> None:
-    """Writes the nuisances that are used otherwise than they are by default, or stand there."""
+    """Writes the nuisances that are used otherwise than they are by default, or stand there.
+
+    [form] also has its numbers, if the model has them.
+    """
     for nuisance in model.nuisances:
-        if nuisance.name == FORM:
-            continue
-        held = document.get("nuisances", {}).get(nuisance.name)
-        if held is None and nuisance == BY_NAME[nuisance.name]:
-            continue
-        use = held.get("use", USES[0]) if isinstance(held, dict) else held
-        if use == nuisance.use:
-            continue
-        table = document.setdefault("nuisances", tomlkit.table())
-        if isinstance(held, dict):
-            held["use"] = nuisance.use
-        else:
-            item = tomlkit.item(nuisance.use)
-            if held is None:
-                item.comment(nuisance.description)
-            table[nuisance.name] = item
+        name, usual = nuisance.name, nuisance == BY_NAME[nuisance.name]
+        held = document.get("nuisances", {}).get(name)
+        if name == FORM:
+            _put_form(
+                document, nuisance.use, next((e for e in model.effects if e.id == FORM), None)
+            )
+        elif isinstance(held, dict):
+            if held.get("use", USES[0]) != nuisance.use:
+                held["use"] = nuisance.use
+        elif held is not None or not usual:
+            table = document.setdefault("nuisances", tomlkit.table())
+            _set(table, name, nuisance.use, nuisance.description)
 
 
-def _put_form(document: Any, model: Model) -> None:
+def _put_form(document: Any, use: str, form: ModelEffect | None) -> None:
     """Writes [form]: its use, and its numbers if the model has them."""
-    use = next(n.use for n in model.nuisances if n.name == FORM)
-    numbers = [p for e in model.effects if e.id == FORM for p in e.parameters]
-    if FORM not in document and use == USES[0] and not numbers:
+    if FORM not in document and use == USES[0] and form is None:
         return
     table = document.setdefault(FORM, tomlkit.table())
     if table.get("use", USES[0]) != use or not len(table):
         table["use"] = use
-    for parameter in BY_ID[FORM].parameters:
-        if not numbers:
+    for parameter in BY_ID[FORM].parameters if form is None else form.parameters:
+        if form is None:
             table.pop(parameter.name, None)
-    for parameter in numbers:
-        _put(table, parameter)
+        else:
+            _put(table, parameter)
 
 
 def _put(table: Any, parameter: Parameter, *, remark: bool = True) -> None:
     """Writes one parameter, leaving an unchanged one (and every comment) as it stands."""
-    old = table.get(parameter.name)
-    if parameter.free or parameter.se is not None or isinstance(old, dict):
-        wanted: dict[str, Any] = {
-            "value": parameter.value,
-            "min": parameter.min,
-            "max": parameter.max,
-        }
-        wanted |= {"se": parameter.se} if parameter.se is not None else {}
-        wanted |= {} if parameter.free else {"fixed": True}
-        if not remark and parameter.unit:  # a user's own, which has no other place for it
-            wanted |= {"unit": parameter.unit}
-        if not isinstance(old, dict):
-            new = tomlkit.inline_table()
-            new.update(wanted)
-            _assign(table, parameter, new, remark and old is None)
-            return
-        for key in list(old):
-            if key not in wanted:
-                del old[key]
-        for key, value in wanted.items():
-            if (key in old or key not in ("min", "max")) and old.get(key) != value:
-                old[key] = value
-    elif old is None or float(old) != parameter.value:
-        _assign(table, parameter, parameter.value, remark and old is None)
-
-
-def _assign(table: Any, parameter: Parameter, value: Any, remark: bool) -> None:
-    item = tomlkit.item(value)
-    if remark:
-        unit = "" if parameter.unit in ("", "1") else f" [{parameter.unit}]"
-        item.comment(f"{parameter.description}{unit}")
-    table[parameter.name] = item
+    name, old = parameter.name, table.get(parameter.name)
+    unit = "" if parameter.unit in ("", "1") else f" [{parameter.unit}]"
+    words = f"{parameter.description}{unit}" if remark else ""
+    if not (parameter.free or parameter.se is not None or isinstance(old, dict)):
+        _set(table, name, parameter.value, words)
+        return
+    wanted = {
+        "value": parameter.value,
+        "min": parameter.min,
+        "max": parameter.max,
+        "se": parameter.se,
+        "fixed": None if parameter.free else True,
+        # of a user's own, which has no other place for it
+        "unit": None if remark else parameter.unit or None,
+    }
+    wanted = {key: value for key, value in wanted.items() if value is not None}
+    if not isinstance(old, dict):
+        new = tomlkit.inline_table()
+        new.update(wanted)
+        _set(table, name, new, words)
+        return
+    for key in old.keys() - wanted.keys():
+        del old[key]
+    for key, value in wanted.items():
+        if key in old or key not in ("min", "max"):
+            _set(old, key, value)

@@ -36,7 +36,6 @@ the drive or the brake pays for, not the rolling.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -61,10 +60,6 @@ from tirelog.physics.model.stages import (
 )
 from tirelog.physics.spectral import MODES, STEP, grid_angles, to_grid
 from tirelog.vocabulary.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from tirelog.physics.model.model import Model
-
 
 #: slip angles and cambers [deg] of the brush: beyond them a tread does not lie on the road as the
 #: brush has it. Doubling it lets a wheel stand across the road.
@@ -125,8 +120,12 @@ def _of_task(
     carcass, moment = _balance(task)
     none = np.full((1, 1), np.nan)
     bending, strip = _section_power(task, section) if section is not None else (none, none)
-    x, y, aligning = _brush(task, slip, slip_angle_deg, camber_deg)
-    held = brush.transition(slip, site.half_length_m, _grip(task).stiffness_ratio)
+    v = _traction(task)
+    grip = brush.Grip(v["static_friction"], v["sliding_friction"], v["slip_stiffness_ratio"])
+    load, half, sigma = np.broadcast_arrays(site.load_N, site.half_length_m, slip)
+    slipping, camber = np.radians(slip_angle_deg), np.radians(camber_deg)
+    x, y, aligning = brush.forces(load, half, sigma, slipping, camber, R, grip)
+    held = brush.transition(slip, site.half_length_m, grip.stiffness_ratio)
     turning = np.where(speed > 0.0, moment, np.nan)  # a wheel that stands may lean either way
     belt, approach = _deflections(task)
     hub = hub_forces(task) if task.carcass == "ring" else np.full((2, 1), np.nan)
@@ -263,26 +262,11 @@ def _traction(task: Task) -> dict[str, float]:
     return {p.name: p.value for p in BY_ID["traction"].parameters}
 
 
-def _grip(task: Task) -> brush.Grip:
-    v = _traction(task)
-    return brush.Grip(v["static_friction"], v["sliding_friction"], v["slip_stiffness_ratio"])
-
-
 def _slip(task: Task) -> FloatArray:
     """The slip that the brush has: the measured one, else that of the effect `traction`, else 0."""
     if any(active.effect.id == "traction" for active in task.active):
         return brush_slip(task.drive, _traction(task)["slip_per_g"])
     return np.nan_to_num(task.drive.slip)
-
-
-def _brush(
-    task: Task, slip: FloatArray, slip_angle_deg: float, camber_deg: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(F_x, F_y, M_z) of `pressure.forces`, each a column (n or 1, 1)."""
-    site = loaded_site(task)[0]
-    angles = np.radians(slip_angle_deg), np.radians(camber_deg)
-    load, half, sigma = np.broadcast_arrays(site.load_N, site.half_length_m, slip)
-    return brush.forces(load, half, sigma, angles[0], angles[1], site.radius_m, _grip(task))
 
 
 def carcass_facts(model: Model) -> dict[str, tuple[float, str, str]]:

@@ -174,10 +174,8 @@ def _with_regressors(task: Task, observable: str, width_rad: FloatArray | float)
     value = task.base["offset_rad"] + task.base["per_acceleration_rad_s2_m"] * np.nan_to_num(
         task.drive.acceleration_m_s2
     )
-    value = value + width_rad
-    for added in task.hooks(lambda effect: effect.regressor).values():
-        value = value + added(loaded_site(task)[0], observable)
-    return value
+    regressors = task.hooks(lambda effect: effect.regressor).values()
+    return sum((own(loaded_site(task)[0], observable) for own in regressors), value + width_rad)
 
 
 def dissipation_factor(task: Task, lever_m: float) -> FloatArray:

@@ -5,7 +5,7 @@ A carcass with its numbers, effects with theirs, and nuisances, which stand besi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,21 +15,33 @@ import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.data.setup import FORM_PRESSURE, FORM_STIFFNESS
-from tirelog.errors import ModelError, nearest, refuse_unknown
+from tirelog.errors import ModelError, nearest, or_refusal, refuse_unknown
 from tirelog.physics.carcass.numbers import (
     CARCASSES,
     CONTACTS,
     carcass_parameters,
     steady_carcass,
 )
-from tirelog.physics.effects import BY_ID, Effect, readers, serves
+from tirelog.physics.effects import BY_ID, Drive, Effect, readers, serves
 from tirelog.physics.effects.base import acting_on
-from tirelog.physics.model.prediction import Predicting
-from tirelog.physics.spectral import Parameter
+from tirelog.physics.model import prediction
+from tirelog.physics.model.prediction import Computed
+from tirelog.physics.model.stages import (
+    Active,
+    Task,
+    hub_forces,
+    impedance,
+    loaded_site,
+    structure,
+    waveform,
+)
+from tirelog.physics.spectral import BLOCK, MODES, Angles, Parameter
 from tirelog.tables.writer import document, table
+from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import (
     ACCELERATION,
     OBSERVABLES,
+    SCALARS,
     WAVEFORMS,
     at_odds,
     together,
@@ -176,6 +188,9 @@ BY_NAME = {nuisance.name: nuisance for nuisance in NUISANCES}
 
 # ---- The model itself.
 
+#: Step of a central difference over a parameter's size; the stages are smooth, the error is its
+#: square. With twice as much it is four times as large, and rounding half as large.
+_STEP = 2e-5
 COUPLED_STANDS = (
     'a coupled ring stands on its tread; contact = "flat_road" is allowed; leave contact out, or '
     'take carcass = "ring"'
@@ -183,7 +198,7 @@ COUPLED_STANDS = (
 
 
 @dataclass(frozen=True)
-class Model(Predicting):
+class Model:
     """A forward model; immutable: every change gives another one.
 
     observable  what it predicts, `beside` what else if it is fitted to several
@@ -464,6 +479,253 @@ class Model(Predicting):
                     allowed=f"it has {', '.join([*self.parameters, *self._words])}",
                     do="use one of them",
                 )
+
+    # ---- predicting ------------------------------------------------------------------------------
+
+    def predict(
+        self,
+        conditions: Conditions,
+        phi_rad: FloatArray | Angles | None = None,
+        *,
+        surface: str = "outer",
+        phi_variance: FloatArray | None = None,
+        values: Mapping[str, float] | None = None,
+        observable: str | None = None,
+        modes: int | None = None,
+        each: bool = False,
+    ) -> FloatArray:
+        """What the sensor reads, shape (n, m): revolutions x angles.
+
+        An observable of one number per revolution gives (n, 1).
+
+        phi_rad (m,) or (n, m) [rad], NaN gives NaN; phi_variance, same shapes [rad^2], adds f''/2
+        times it; or `Angles` of both, made once for many predictions. `values` replaces values by
+        full name without a check of bounds. `observable` may also be displacement [m], inward,
+        tangential_displacement [m] (NaN of a beam), strain_slope [1/m], strain_curvature [1/m^2],
+        contact_pressure [N/m] (its modes carry the load exactly and ripple by some parts in a
+        thousand beside its kinks), shear_traction [N/m], positive in braking, or frame_acceleration
+        [m/s^2], gravity and the vehicle's acceleration in what a radial accelerometer reads.
+        `modes` leaves out the waves shorter than the circumference over that number (P3's n_mode).
+        `each`: every row by itself, to the bit what it is without those beside it. surface 'outer'
+        (groove, minimum in the patch) or 'inner' (liner, maximum). ModelError: speed at or above
+        the critical one, load not above zero, patch longer than the circumference, a condition that
+        an effect needs is not known.
+        """
+        observable = observable or self.observable
+        flat = {**self.values, **(values or {})}
+        angles = None if observable in SCALARS else self._angles(phi_rad, phi_variance)
+        result = np.empty((len(conditions), 1 if angles is None else angles.phi_rad.shape[1]))
+        for rows, task, shares in self._parts(conditions, flat, observable, surface, each=each):
+            part = None if angles is None else angles.take(rows)
+            waves, level = prediction.computed(task, observable, surface, part)
+            if modes is not None:
+                waves = np.where(np.arange(MODES) <= modes, waves, 0.0)
+            result[rows] = prediction.evaluated((waves, level), part, shares)
+        return result
+
+    def linearised(
+        self,
+        conditions: Conditions,
+        phi_rad: FloatArray | Angles | None,
+        names: Sequence[str],
+        *,
+        surface: str = "outer",
+        phi_variance: FloatArray | None = None,
+        values: Mapping[str, float] | None = None,
+        observable: str | None = None,
+        rough: bool = False,
+    ) -> tuple[FloatArray, FloatArray]:
+        """`predict`, and its derivatives by the parameters `names`, (len(names), n, m).
+
+        Central differences of the stages that each parameter touches; forward ones if `rough`, in
+        half the time and with an error of some 1e-5 instead of 1e-9: enough to descend by.
+        """
+        self.known(names)
+        observable = observable or self.observable
+        flat = {**self.values, **(values or {})}
+        angles = None if observable in SCALARS else self._angles(phi_rad, phi_variance)
+        model, n, m = (
+            self.resolved(conditions),
+            len(conditions),
+            1 if angles is None else angles.phi_rad.shape[1],
+        )
+        base, slopes = np.empty((n, m)), np.empty((len(names), n, m))
+        for rows, task, shares in self._parts(conditions, flat, observable, surface, also=names):
+            part = None if angles is None else angles.take(rows)
+            here = prediction.computed(task, observable, surface, part)
+            base[rows] = prediction.evaluated(here, part, shares)
+            for i, name in enumerate(names):
+                slopes[i, rows] = prediction.evaluated(
+                    model._slope(
+                        task, flat, name, observable, surface, part, here if rough else None
+                    ),
+                    part,
+                    shares,
+                )
+        return base, slopes
+
+    def _slope(
+        self,
+        task: Task,
+        flat: dict[str, float],
+        name: str,
+        observable: str,
+        surface: str,
+        angles: Angles | None,
+        beside: Computed | None,
+    ) -> Computed:
+        """The derivative by one parameter, forward of what is computed `beside` it if given."""
+        step = _STEP * max(abs(flat[name]), abs(self.parameters[name].probe) * 0.1)
+
+        @or_refusal
+        def at(moved: float) -> Computed:
+            """What is computed with the value moved by so many steps."""
+            base, active = self._split({**flat, name: flat[name] + moved * step})
+            end = replace(task, base=base, active=active, near=task)
+            return prediction.computed(end, observable, surface, angles)
+
+        width = 2.0 * step if beside is None else step
+        high, low = at(1.0), at(-1.0) if beside is None else beside
+        if isinstance(high, ModelError):  # at the edge of what is computed: the slope within
+            high, low, width = at(0.0), at(-1.0), step
+        elif isinstance(low, ModelError):
+            low, width = at(0.0), step
+        if isinstance(high, ModelError):
+            raise high
+        if isinstance(low, ModelError):
+            raise low
+        return (high[0] - low[0]) / width, (high[1] - low[1]) / width
+
+    def _angles(
+        self, phi_rad: FloatArray | Angles | None, phi_variance: FloatArray | None
+    ) -> Angles:
+        if isinstance(phi_rad, Angles):
+            return phi_rad
+        if phi_rad is None:
+            raise ModelError(
+                f"a waveform ({self.observable}) needs angles",
+                allowed="phi_rad of shape (m,) or (n, m) is allowed",
+                do="give it",
+            )
+        return Angles(phi_rad, phi_variance)
+
+    def _split(self, flat: Mapping[str, float]) -> tuple[dict[str, float], tuple[Active, ...]]:
+        """The carcass's values, and the effects that are on, in the order of their ids."""
+        active = (
+            Active(e.effect, e.values(flat)) for e in sorted(self.effects, key=lambda e: e.id)
+        )
+        return {p.name: flat[p.name] for p in self.base}, tuple(
+            a for a in active if a.effect.is_on(a.values, steady_carcass(self.carcass))
+        )
+
+    def _parts(
+        self,
+        conditions: Conditions,
+        flat: Mapping[str, float],
+        observable: str,
+        surface: str,
+        also: Sequence[str] = (),
+        each: bool = False,
+    ) -> Iterator[tuple[slice, Task, FloatArray | None]]:
+        """`_tasks`, or all rows in one task of few speeds, and the shares that rows have of them.
+
+        That is if they tell the rows' strain; None for a task of the rows themselves.
+        """
+        apart = each or observable != "strain" or len(conditions) < 2 * prediction.COUNTS[0]
+        for count in () if apart else prediction.COUNTS:
+            task = self._task(conditions, flat, also)
+            on = {a.effect.id for a in task.active} | {name.split(".")[0] for name in also}
+            acting = [e.effect for e in self.effects if e.id in on]
+            few = prediction.few_speeds(task.drive, acting, count)
+            if few is None:
+                break
+            task = replace(task, drive=few[0])
+            modes, _ = waveform(task, observable, prediction.lever_arm(task, surface))
+            if prediction.told_by(modes):
+                yield slice(0, len(conditions)), task, few[1]
+                return
+        for rows, task in self._tasks(conditions, flat, also):
+            yield rows, task, None
+
+    def _tasks(
+        self, conditions: Conditions, flat: Mapping[str, float], also: Sequence[str] = ()
+    ) -> Iterator[tuple[slice, Task]]:
+        """(rows, task) block by block.  ModelError as of `_task`."""
+        task = self._task(conditions, flat, also)
+        for start in range(0, len(conditions), BLOCK):
+            rows = slice(start, min(start + BLOCK, len(conditions)))
+            yield rows, replace(task, drive=task.drive.take(rows), memo={})
+
+    def _task(
+        self, conditions: Conditions, flat: Mapping[str, float], also: Sequence[str] = ()
+    ) -> Task:
+        """The task of all rows.
+
+        ModelError if an effect that is on, or has a parameter in `also`, lacks a condition.
+        """
+        model = self.resolved(conditions)
+        base, active = model._split(flat)
+        on = {a.effect.id for a in active} | {name.split(".")[0] for name in also if "." in name}
+        for effect, lacking in self.missing_conditions(conditions).items():
+            if effect in on:
+                raise ModelError(
+                    f"effect {effect!r} needs {', '.join(lacking)}",
+                    allowed="the log must know it",
+                    do="give it in the setup's [conditions] or as a channel",
+                )
+        if len(conditions) and not conditions.known("speed_m_s"):
+            raise ModelError(
+                "a revolution has no speed",
+                allowed="every revolution needs one",
+                do="leave it out of the stack",
+            )
+        return Task(
+            steady_carcass(self.carcass),
+            self.contact == "flat_road",
+            base,
+            active,
+            Drive.of(conditions),
+            point=self.contact == "point",
+        )
+
+    def half_length_m(self, conditions: Conditions) -> FloatArray:
+        """L of the patch, shape (n,), after the effects on the load."""
+        out = np.empty((len(conditions), 1))
+        for rows, task in self._tasks(conditions, self.values):
+            out[rows] = loaded_site(task)[0].half_length_m
+        return out[:, 0]
+
+    def site_loads_N(self, conditions: Conditions) -> FloatArray:
+        """F on the patch, shape (n,), after the effects on the load."""
+        out = np.empty((len(conditions), 1))
+        for rows, task in self._tasks(conditions, self.values):
+            out[rows] = loaded_site(task)[0].load_N
+        return out[:, 0]
+
+    def static_stiffness(self, conditions: Conditions) -> FloatArray:
+        """Load per length over deflection [N/m^2] of belt and foundation at rest, by mode (K,).
+
+        Under the conditions of the first row, its speed apart.
+        """
+        at_rest = replace(conditions.take(slice(0, 1)), speed_m_s=np.full(1, 1e-3))
+        _, task = next(self._tasks(at_rest, self.values))
+        return np.asarray(np.real(impedance(task, structure(task)))[0])
+
+    def hub_forces(self, conditions: Conditions) -> tuple[FloatArray, FloatArray]:
+        """(F_x, F_z) [N] on the hub, each (n,): F_x positive in braking, F_z up.
+
+        For rings (P3, errata).
+        """
+        if steady_carcass(self.carcass) != "ring":
+            raise ModelError(
+                "a beam has no hub",
+                allowed='hub forces are for carcass = "ring"',
+                do="make such a model",
+            )
+        out = np.empty((2, len(conditions)))
+        for rows, task in self._tasks(conditions, self.values):
+            out[:, rows] = hub_forces(task)
+        return out[0], out[1]
 
 
 def idle_effect(effect: Effect, observable: str) -> ModelError:

@@ -8,6 +8,7 @@ by the values it read, so that a derivative recomputes only the stages that its 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
@@ -320,16 +321,13 @@ def _pressure(task: Task) -> ContactLoads:
             p = p - tilt() * tilted
     for added in task.hooks(lambda effect: effect.pressure).values():
         p = p + added(site)
+    pulled = [pull(site) for pull in task.hooks(lambda effect: effect.traction).values()]
+    shears = [shear for shear in pulled if shear is not None]
     tau: ComplexArray | None = None
     couple: ComplexArray | None = None
-    for traction in task.hooks(lambda effect: effect.traction).values():
-        pulled = traction(site)
-        if pulled is not None:
-            own, lever = pulled
-            across = (1j * lever * site.q) * own
-            tau, couple = (
-                (own, across) if tau is None or couple is None else (tau + own, couple + across)
-            )
+    if shears:
+        tau = np.asarray(sum(own for own, _ in shears), np.complex128)
+        couple = np.asarray(sum((1j * x * site.q) * own for own, x in shears), np.complex128)
     for kernel in task.hooks(lambda effect: effect.kernel).values():
         smeared = kernel(site)
         p, couple = p * smeared, None if couple is None else couple * smeared
@@ -363,10 +361,7 @@ def load_on_carcass(task: Task) -> ComplexArray:
 
 def structure(task: Task) -> Structure:
     """The sum of what effects do to the carcass."""
-    total = Structure()
-    for added in task.hooks(lambda effect: effect.structure).values():
-        total = total + added()
-    return total
+    return sum((own() for own in task.hooks(lambda e: e.structure).values()), Structure())
 
 
 def _inflation_pb(task: Task) -> FloatArray:
@@ -638,10 +633,7 @@ def accelerometer(task: Task, modes: ComplexArray) -> ComplexArray:
 
 def gain(task: Task) -> FloatArray | float:
     """What effects on the sensor multiply its whole reading by, (n or 1, 1)."""
-    factor: FloatArray | float = 1.0
-    for own in task.hooks(lambda effect: effect.gain).values():
-        factor = factor * own()
-    return factor
+    return math.prod(own() for own in task.hooks(lambda effect: effect.gain).values())
 
 
 def sensed(task: Task, modes: ComplexArray) -> ComplexArray:
@@ -658,10 +650,7 @@ def sensed(task: Task, modes: ComplexArray) -> ComplexArray:
 
 def baseline(task: Task) -> FloatArray | float:
     """Strain (n or 1, 1) that is the same all around the revolution."""
-    total: FloatArray | float = 0.0
-    for added in task.hooks(lambda effect: effect.baseline).values():
-        total = total + added()
-    return total
+    return sum((own() for own in task.hooks(lambda effect: effect.baseline).values()), 0.0)
 
 
 def hub_forces(task: Task) -> FloatArray:

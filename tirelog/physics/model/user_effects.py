@@ -23,19 +23,20 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from errno import ENOENT
+from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tirelog.errors import ModelError, TirelogError, nearest, refuse_unknown
+from tirelog.errors import ModelError, OutputError, TirelogError, nearest, refuse_unknown
 from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure
 from tirelog.physics.effects.base import Values
 from tirelog.physics.model.expression import FUNCTIONS, Expression, parse_expression
-from tirelog.physics.spectral import Parameter, grid_angles, to_modes
+from tirelog.physics.spectral import GRID, Parameter, grid_angles, to_modes
 from tirelog.storage.remote import open_input
-from tirelog.storage.whole import LARGEST_BYTES, part_name, taken_as_input
+from tirelog.storage.whole import LARGEST_BYTES, taken_as_input, whole_file
 from tirelog.vocabulary import conditions
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES
@@ -49,7 +50,7 @@ from tirelog.vocabulary.observables import OBSERVABLES
 # newest last; of a list that has grown too large the older half is forgotten.
 
 
-#: bytes of the list that are read and kept: some 6,000 files
+#: bytes of the list that are kept: some 6,000 files
 _MOST_BYTES = 1 << 20
 #: of this process, if no list can be kept
 _now: set[str] = set()
@@ -57,36 +58,20 @@ _now: set[str] = set()
 
 def let_run(content: bytes, name: str) -> None:
     """Remember that the user has named a file of this content; `name` is for the reader."""
-    digest = hashlib.sha256(content).hexdigest()
-    if may_run(content):
-        _now.add(digest)
-        return
+    digest, known = hashlib.sha256(content).hexdigest(), may_run(content)
     _now.add(digest)
-    line = f"{digest}  {ascii(name)[1:-1]}\n".encode()
-    with suppress(OSError, RuntimeError):  # a list that cannot be kept: for this process only
+    if known:
+        return
+    # a list that cannot be kept: for this process only
+    with suppress(OSError, RuntimeError, OutputError):
         place = _list()
         place.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        number = os.open(place, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
-        try:
-            full = os.fstat(number).st_size + len(line) > _MOST_BYTES
-            if not full:
-                os.write(number, line)
-        finally:
-            os.close(number)
-        if full:
-            known = _known(place)
-            _rewrite(place, b"\n".join([*known[len(known) // 2 :], line]))
-
-
-def _rewrite(place: Path, content: bytes) -> None:
-    """Put a whole new list in the old one's place."""
-    part = part_name(place)
-    try:
-        with open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as stream:
-            stream.write(content)
-        part.replace(place)
-    finally:
-        part.unlink(missing_ok=True)
+        place.touch(0o600)
+        lines = [*place.read_bytes().splitlines(), f"{digest}  {ascii(name)[1:-1]}".encode()]
+        if sum(map(len, lines)) + len(lines) > _MOST_BYTES:
+            lines = lines[len(lines) // 2 :]
+        with whole_file(place) as part:
+            part.write_bytes(b"\n".join([*lines, b""]))
 
 
 def may_run(content: bytes) -> bool:
@@ -95,17 +80,9 @@ def may_run(content: bytes) -> bool:
     if digest in _now:
         return True
     with suppress(OSError, RuntimeError):
-        return any(line.split(b" ")[0] == digest.encode() for line in _known(_list()))
+        lines = _list().read_bytes().splitlines()
+        return any(line.split(b" ")[0] == digest.encode() for line in lines)
     return False
-
-
-def _known(place: Path) -> list[bytes]:
-    """The lines at the list's end that are whole and within its bounds."""
-    with open(place, "rb") as stream:
-        before = max(stream.seek(0, os.SEEK_END) - _MOST_BYTES, 0)
-        stream.seek(before)
-        lines = stream.read(_MOST_BYTES).splitlines()
-    return lines[1:] if before else lines  # the first one may have lost its begin
 
 
 def _list() -> Path:
@@ -186,11 +163,9 @@ def _hook(acts_on: str, formula: Expression | Shape) -> dict[str, Any]:
         return np.atleast_2d(formula(_names(v, drive)))
 
     def pressure(v: Values, drive: Drive, site: Site) -> Any:
-        return to_modes(
-            np.atleast_2d(
-                _spread(formula(_names(v, drive, site, grid_angles())), grid_angles().size)
-            )
-        )
+        values = np.atleast_2d(formula(_names(v, drive, site, grid_angles())))
+        # what does not depend on xi is the same all around
+        return to_modes(np.broadcast_to(values, np.broadcast_shapes(values.shape, (1, GRID))))
 
     def at_angles(v: Values, drive: Drive, site: Site, phi_rad: FloatArray) -> FloatArray:
         empty = np.isnan(
@@ -211,15 +186,6 @@ def _hook(acts_on: str, formula: Expression | Shape) -> dict[str, Any]:
         "sensor": {"gain": lambda v, drive: 1.0 + column(v, drive)},
     }
     return hooks[acts_on]
-
-
-def _spread(values: FloatArray, size: int) -> FloatArray:
-    """Values that do not depend on xi, all around."""
-    return (
-        np.broadcast_to(values, (*values.shape[:-1], size))
-        if values.ndim and values.shape[-1] == 1
-        else np.broadcast_to(values, np.broadcast_shapes(values.shape, (1, size)))
-    )
 
 
 def _names(
@@ -312,47 +278,37 @@ def _failed(problem: BaseException, path: object, what: str = "") -> ModelError:
         if isinstance(problem, SystemExit)
         else f"{type(problem).__name__}: {problem}"
     )
+    frames = traceback.walk_tb(problem.__traceback__)
+    lines = [line for frame, line in frames if frame.f_code.co_filename == str(path)]
     return ModelError(
         f"{what}{told}",
         allowed="Python that runs and returns is allowed",
         do="correct it",
         file=path,
-        line=_line(problem, path),
+        # the line that is no Python, or the last one of the file that was at work
+        line=getattr(problem, "lineno", None) or (lines[-1] if lines else None),
     )
-
-
-def _line(problem: BaseException, path: object) -> int | None:
-    """The last line of the file that was at work, or the one that is no Python."""
-    frames = traceback.walk_tb(problem.__traceback__)
-    lines = [line for frame, line in frames if frame.f_code.co_filename == str(path)]
-    return getattr(problem, "lineno", None) or (lines[-1] if lines else None)
-
-
-@dataclass(frozen=True)
-class _Hook:
-    """A user's function; what it raises is the user's to mend, and is told so."""
-
-    function: Callable[..., Any]
-    what: str
-    origin: object
-
-    def __call__(self, *arguments: Any) -> Any:
-        try:
-            return self.function(*arguments)
-        except (TirelogError, MemoryError):
-            raise
-        except (Exception, SystemExit) as problem:
-            raise _failed(problem, self.origin, self.what) from problem
 
 
 def _watched(effect: Effect, origin: object) -> Effect:
     """The effect, whose functions say whose they are when they fail."""
-    hooks = {f.name: value for f in fields(effect) if callable(value := getattr(effect, f.name))}
     what = f" of the effect {effect.id!r}: "
     watched: dict[str, Any] = {
-        name: _Hook(hook, name + what, origin) for name, hook in hooks.items()
+        f.name: partial(_called, hook, f.name + what, origin)
+        for f in fields(effect)
+        if callable(hook := getattr(effect, f.name))
     }
     return replace(effect, **watched)
+
+
+def _called(function: Callable[..., Any], what: str, origin: object, *arguments: Any) -> Any:
+    """What a user's function returns; what it raises is the user's to mend, and is told so."""
+    try:
+        return function(*arguments)
+    except (TirelogError, MemoryError):
+        raise
+    except (Exception, SystemExit) as problem:
+        raise _failed(problem, origin, what) from problem
 
 
 def installed_effects() -> dict[str, Effect]:

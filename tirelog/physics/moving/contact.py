@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -29,18 +28,6 @@ from tirelog.vocabulary.arrays import FloatArray, Records
 #: a node when it was seen last: its place along the road and its height, how deep it was below the
 #: road, and the number of that call; NaN: never
 SEEN = np.dtype([("s_m", "f8"), ("z_m", "f8"), ("depth_m", "f8"), ("call", "f8")])
-
-
-class NodeForces(NamedTuple):
-    """What the road does to nodes: forces (j,) [N/m] along it and upwards; per length [J/m] the
-    energies of springs and bristles, and what sliding took.
-    """
-
-    f_s: FloatArray
-    f_z: FloatArray
-    sprung: float
-    clung: float
-    lost: float
 
 
 # Where the tread's nodes are, and what the road does to them.
@@ -79,8 +66,10 @@ def places(
 def press(
     s: FloatArray, z: FloatArray, height: FloatArray, slope: FloatArray, was: Records,
     bristles: FloatArray, start: int, nodes: int, k_t: float, c_x: float, mu: float, now: float,
-) -> NodeForces:  # fmt: skip
-    """The road's forces on nodes (j,), and energies.
+) -> tuple[FloatArray, FloatArray, float, float, float]:  # fmt: skip
+    """Forces (j,) [N/m] of the road on nodes, along it and upwards, and energies per length [J/m].
+
+    The energies are those of springs and bristles, and what sliding took.
 
     was (M,) of SEEN, of the call before or earlier; bristles (M,) [m]; k_t, c_x [N/m^2]. A
     node that came down since the last call has slid for a part of the way; one that was not looked
@@ -120,7 +109,7 @@ def press(
             f_z[i] += c_x * held * steep / long
         node = was[j]
         node["s_m"], node["z_m"], node["depth_m"], node["call"] = s[i], z[i], gap, now
-    return NodeForces(f_s, f_z, sprung, clung, lost)
+    return f_s, f_z, sprung, clung, lost
 
 
 @compiled
@@ -299,16 +288,12 @@ class SteadyRolling:
 
     Modes V (N - 1,) [m]; height of the ring's centre above the road [m]; sidewall's displacement
     a = C - H [m]; spin [rad/s].
-
-    phi_rad, pressure_N_m  the nodes that press, and with what
     """
 
     V: ComplexArray
     centre_m: float
     displacement: complex
     omega: float
-    phi_rad: FloatArray
-    pressure_N_m: FloatArray
 
 
 def steady_rolling(tire: CoupledRing, load_N: float, speed_m_s: float) -> SteadyRolling:
@@ -338,7 +323,7 @@ def steady_rolling(tire: CoupledRing, load_N: float, speed_m_s: float) -> Steady
         a = 1j * load_N / complex(tire.k_s, -tire.c_s * omega)
         if speed_m_s:
             omega = _free_spin(tire, V, a, _PHI[on], p, speed_m_s)
-    return SteadyRolling(V, tire.R - drop, a, omega, _PHI[on], p)
+    return SteadyRolling(V, tire.R - drop, a, omega)
 
 
 def _compliance(tire: CoupledRing, omega: float) -> tuple[ComplexArray, FloatArray]:
@@ -349,7 +334,7 @@ def _compliance(tire: CoupledRing, omega: float) -> tuple[ComplexArray, FloatArr
     """
     n, cos, sin = tire.n[:, None], np.cos(_PHI), np.sin(_PHI)
     load = np.exp(-1j * n * _PHI) * (STEP / (2.0 * np.pi)) * (sin - 1j * n * cos)
-    unit = load / modal_impedance(tire.n, tire.carcass, omega)[:, None]
+    unit = load / modal_impedance(tire.n, tire, omega)[:, None]
     lift = 2.0 * np.exp(1j * n * _PHI) * (sin + 1j * n * cos)
     return unit, (lift.T @ unit).real
 

@@ -121,13 +121,6 @@ class CoupledRing(RingCarcass):
 
     # ---- constants -------------------------------------------------------------------------------
 
-    @property
-    def carcass(self) -> RingCarcass:
-        """The steady ring of the same constants."""
-        return RingCarcass(
-            self.EI, self.k_w, self.k_v, self.c_w, self.c_v, self.pb, self.R, self.k_t
-        )
-
     @cached_property
     def n(self) -> FloatArray:
         """2 ... N, shape (N - 1,)."""
@@ -148,7 +141,7 @@ class CoupledRing(RingCarcass):
     @cached_property
     def Z_n(self) -> FloatArray:
         """Undamped stiffness [N/m^2]."""
-        return modal_impedance(self.n, self.carcass).real
+        return modal_impedance(self.n, self).real
 
     @cached_property
     def m_r(self) -> float:
@@ -456,7 +449,7 @@ def matrices(
 
 def _road(tire: CoupledRing, load_N: float) -> FloatArray:
     """Stiffness of the tread's springs that press at this load, (k, k)."""
-    phi = contact.solve_contact(tire.carcass, load_N).phi_rad
+    phi = contact.solve_contact(tire, load_N).phi_rad
     turns = np.outer(tire.n, phi)
     cos, sin = 2.0 * np.cos(turns), 2.0 * np.sin(turns)
     n = tire.n[:, None]
@@ -475,7 +468,7 @@ def _with_bristles(
 
     They stand in upwind cells from entry to exit.
     """
-    pressed = contact.solve_contact(tire.carcass, load_N)
+    pressed = contact.solve_contact(tire, load_N)
     half = pressed.half_length_m / tire.R
     width = 2.0 * half / _CELLS
     phi = -half + width * (np.arange(_CELLS) + 0.5)
@@ -516,41 +509,18 @@ def _mode(value: complex, q: ComplexArray, M: FloatArray, *, turning: bool) -> M
         round(-float(value.real) / abs(value), 12) + 0.0,
     )
     share = float(groups[main])
+    word, (x, y) = f"{main}-lobe", q[_RINGS + 2 * (main - 2) :][:2]
     if main == 0:
-        return Mode(frequency, damping, "rotational", 0, "standing", share)
-    if main == 1:
+        word, turning = "rotational", False
+    elif main == 1:
         upright = (energy[1] + energy[3]) / rigid
-        word = (
-            "rigid vertical"
-            if upright > 0.75
-            else "rigid longitudinal"
-            if upright < 0.25
-            else "rigid whirl"
-        )
-        x, y = (q[2], q[3]) if energy[2:4].sum() > energy[:2].sum() else (q[0], q[1])
-        # s + i z turning with the rotation goes as exp(+ i omega t)
-        return Mode(
-            frequency,
-            damping,
-            word,
-            1,
-            _direction(abs(x + 1j * y), abs(x - 1j * y), turning),
-            share,
-        )
-    x, y = q[_RINGS + 2 * (main - 2) :][:2]
-    # V exp(i n phi): with the rotation, V goes as exp(- i omega t)
-    return Mode(
-        frequency,
-        damping,
-        f"{main}-lobe",
-        main,
-        _direction(abs(x - 1j * y), abs(x + 1j * y), turning),
-        share,
-    )
-
-
-def _direction(along: float, against: float, turning: bool) -> str:
+        vertical = "vertical" if upright > 0.75 else "whirl"
+        word = f"rigid {'longitudinal' if upright < 0.25 else vertical}"
+        # s + i z turning with the rotation goes as exp(+ i omega t), and V exp(i n phi), of the
+        # lobes, as exp(- i omega t)
+        y, x = (q[2], q[3]) if energy[2:4].sum() > energy[:2].sum() else (q[0], q[1])
+    along, against = abs(x - 1j * y), abs(x + 1j * y)
     # at rest a pair of equal frequencies may come out as any mixture
-    if not turning or min(along, against) > 0.5 * max(along, against):
-        return "standing"
-    return "with" if along > against else "against"
+    standing = not turning or min(along, against) > 0.5 * max(along, against)
+    direction = "standing" if standing else "with" if along > against else "against"
+    return Mode(frequency, damping, word, main, direction, share)

@@ -159,7 +159,9 @@ class Transient:
             np.broadcast_to(turn[:, None], (turn.size, self.motion.tire.modes)), axis=1
         )[:, 1:]
         if observable == "radial_acceleration":
-            lifted = np.interp(when, self.motion.time_s, self._lifted)
+            # C'' [m/s^2], s + i z
+            lift = np.gradient(self.motion.centre_rate, self.motion.time_s)
+            lifted = np.interp(when, self.motion.time_s, lift)
             rigid = lifted.real * np.sin(phi_rad) - lifted.imag * np.cos(phi_rad)
             waves: FloatArray = (
                 2.0 * np.einsum("mn,mn->m", self._acceleration(when), turns).real + rigid
@@ -196,11 +198,6 @@ class Transient:
         D = rate + 1j * n * omega * V
         D2 = onward + 2j * n * omega * rate - (n * omega) ** 2 * V + 1j * n * spun * V
         return self._handed_on(-1j * n * D2 - 2.0 * omega * D + 1j * n * omega**2 * V - spun * V)
-
-    @cached_property
-    def _lifted(self) -> ComplexArray:
-        """C'' [m/s^2], s + i z, (k,)."""
-        return np.gradient(self.motion.centre_rate, self.motion.time_s)
 
     def _handed_on(self, modes: ComplexArray) -> CubicSpline:
         """Modes (k, N - 1) in space after the sensor.
@@ -268,7 +265,13 @@ def driven(
     )
     task = next(model._tasks(conditions, model.values))[1]
     tire = tire_of(task)
-    _begins_level(course.road, tire.R)
+    height, _ = course.road.profile(np.linspace(-_CLEAR, _CLEAR, 101) * tire.R)
+    if np.any(height != 0.0):
+        raise ModelError(
+            "road that begins under the standing tire",
+            allowed=f"{_CLEAR * tire.R:.3g} m ahead of its centre or farther is allowed",
+            do="give a larger position_m",
+        )
     load = loads(task).item()
     weight = course.load_N.scaled(load / conditions.load_N[0])
     start = State.rolling(tire, load, conditions.speed_m_s[0])
@@ -333,16 +336,6 @@ def tire_of(task: Task) -> CoupledRing:
     return replace(tire, pb=tire.pb + float(np.mean(s.tension)) / R, modes=MODES)
 
 
-def _begins_level(road: RoadProfile, radius_m: float) -> None:
-    height, _ = road.profile(np.linspace(-_CLEAR, _CLEAR, 101) * radius_m)
-    if np.any(height != 0.0):
-        raise ModelError(
-            "road that begins under the standing tire",
-            allowed=f"{_CLEAR * radius_m:.3g} m ahead of its centre or farther is allowed",
-            do="give a larger position_m",
-        )
-
-
 # ---- What a coupled ring is driven over, put together from events, and its passage as rows of a
 # table.
 #
@@ -373,7 +366,10 @@ def course_of(
     at = 0.5 if road.position_m is None else road.position_m
     if road.time_s is not None:
         at = road.time_s * speed_m_s
-    load, speed = _stepped(load_N, loads), _ramped(speed_m_s, ramps)
+    # a step of the load takes so long [s]: far less than a step of the motion; twice as long is
+    # still a hundredth of it at most
+    steps = [(time, time + 1e-6, value) for time, value in loads]
+    load, speed = _schedule(load_N, steps), _schedule(speed_m_s, ramps)
     if duration_s is None:
         reached = at / speed_m_s if road.kind != "flat" and speed_m_s > 0.0 else 0.0
         duration_s = max(reached, load.time_s[-1], speed.time_s[-1]) + 0.5
@@ -386,19 +382,10 @@ def course_of(
     return Course(speed, load, road_of(road, at, folder=folder), duration_s)
 
 
-def _stepped(load_N: float, loads: Sequence[tuple[float, float]]) -> Schedule:
-    times, values = [0.0], [load_N]
-    for time, value in loads:
-        # a step of the load takes so long [s]: far less than a step of the motion; twice as long is
-        # still a hundredth of it at most
-        times += [time, time + 1e-6]
-        values += [values[-1], value]
-    return Schedule(tuple(times), tuple(values))
-
-
-def _ramped(speed_m_s: float, ramps: Sequence[tuple[float, float, float]]) -> Schedule:
-    times, values = [0.0], [speed_m_s]
-    for begin, end, value in ramps:
+def _schedule(first: float, changes: Sequence[tuple[float, float, float]]) -> Schedule:
+    """A value that begins so, and its changes (from [s], to [s], value)."""
+    times, values = [0.0], [first]
+    for begin, end, value in changes:
         times += [begin, end]
         values += [values[-1], value]
     return Schedule(tuple(times), tuple(values))
