@@ -31,7 +31,7 @@ FOLDERS = {
     "diagnosis": (24, 5290),
     "drafts": (2, 430),
     "dsp": (5, 1070),
-    "inference": (19, 3450),
+    "inference": (19, 3440),
     "kernels": (3, 270),
     "physics": (29, 4050),
     "plots": (6, 1150),

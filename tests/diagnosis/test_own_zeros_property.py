@@ -96,6 +96,7 @@ def test_a_stand_in_is_tried_where_it_stands_for_nothing(observables, refused):
     n = len(observables)
     cells = SimpleNamespace(
         together=SimpleNamespace(observables=observables),
+        observables=observables,
         part=np.arange(n),
         conditions=Conditions.of(
             n, speed_m_s=20.0, acceleration_m_s2=0.0, time_s=np.zeros(n), longitudinal_force_N=100.0

@@ -359,8 +359,6 @@ def bases_by_observable(base: Base, *, held_by_all: bool = False) -> tuple[Base,
 def _apart(base: JointBase, held_by_all: bool) -> tuple[Base, ...]:
     fits = fits_apart(replace(base.fit, cells=base.cells))
     raws = [None] * len(fits) if base.raw is None else parts_of(base.raw)
-    layout = base.cells.together
-    assert layout is not None
     found = []
     for i, (channel, fit) in enumerate(zip(base.channels, fits, strict=True)):
         more = (len(fit.names) - len(channel.fit.names)) / len(fits)
@@ -371,7 +369,7 @@ def _apart(base: JointBase, held_by_all: bool) -> tuple[Base, ...]:
             rows = base.cells.part == i
             losses = held_out_losses(base.cells, base.white, base.plain, base.fit, of=rows)
             seen = np.unique(base.cells.manoeuvre[rows])
-            held = losses[0][seen], losses[1][seen] * layout.scales[i] ** 2
+            held = losses[0][seen], losses[1][seen] * base.cells.layout.scales[i] ** 2
         one = _held_out(replace(channel, cells=own, fit=fit), raws[i], held)
         if (given := base.given) is not None:
             given = replace(given, observable=fit.model.observable, beside=fit.model.beside)
@@ -381,12 +379,11 @@ def _apart(base: JointBase, held_by_all: bool) -> tuple[Base, ...]:
 
 def whiteners_joined(whites: Sequence[Whitener], cells: Cells) -> Whitener:
     """The metrics of several observables as one on all their cells; none couples two of them."""
-    (C, width), layout = cells.phi.shape, cells.together
-    assert layout is not None
+    C, width = cells.phi.shape
     most = max(white.basis.shape[2] for white in whites)
     inverse, basis, shrink = np.zeros((C, width)), np.zeros((C, width, most)), np.zeros((C, most))
     groups, group_basis = [], []
-    for i, (white, scale) in enumerate(zip(whites, layout.scales, strict=True)):
+    for i, (white, scale) in enumerate(zip(whites, cells.layout.scales, strict=True)):
         rows, (_, m, k) = np.flatnonzero(cells.part == i), white.basis.shape
         inverse[rows, :m] = white.inverse_sd * scale
         basis[rows, :m, :k], shrink[rows, :k] = white.basis, white.shrink

@@ -123,12 +123,11 @@ def load_slopes(cells: Cells, fit: Fit) -> tuple[FloatArray, FloatArray]:
         )
         for s in (1, -1)
     )
-    if isinstance(up, ModelError) or isinstance(down, ModelError):
-        return fit.prediction, np.zeros(fit.prediction.shape)
-    slope = (up - down) / (2.0 * _STEP)
-    if not np.isfinite(slope).all() and cells.phi.shape[1] == 1:
-        return fit.prediction, np.zeros(fit.prediction.shape)
-    return slope, (up + down - 2.0 * here) / _STEP**2
+    if not isinstance(up, ModelError) and not isinstance(down, ModelError):
+        slope = (up - down) / (2.0 * _STEP)
+        if np.isfinite(slope).all() or cells.phi.shape[1] > 1:
+            return slope, (up + down - 2.0 * here) / _STEP**2
+    return fit.prediction, np.zeros(fit.prediction.shape)
 
 
 def load_derivative(cells: Cells, fit: Fit) -> FloatArray:

@@ -271,15 +271,12 @@ def relative_changes(cells: Cells, fit: Fit, whole: Cells | None = None) -> dict
     amplitudes = dict(zip(cells.shared.plain_names, fit.amplitudes.tolist(), strict=True))
     changes: dict[str, FloatArray] = {}
     whole = cells if whole is None else whole
-    if "drift" in cells.shared.groups:
-        moving = [name for name in (*_DRIFTING, _PRESSURE) if name in fit.model.parameters]
-        for name, (of, factor, _) in _drifts(cells, whole, moving).items():
-            changes[of] = changes.get(of, 0.0) + amplitudes.get(name, 0.0) * factor
-    if "rolling" in cells.shared.groups:
-        factors = _radius_factors(cells, whole)
-        changes[_RADIUS] = np.sum(
-            [amplitudes.get(f"radius {name}", 0.0) * x for name, x in factors.items()], axis=0
-        )
+    moving = [name for name in (*_DRIFTING, _PRESSURE) if name in fit.model.parameters]
+    for name, (of, factor, _) in _drifts(cells, whole, moving).items():
+        changes[of] = changes.get(of, 0.0) + amplitudes.get(name, 0.0) * factor
+    for name, factor in _radius_factors(cells, whole).items():
+        moved = amplitudes.get(f"radius {name}", 0.0) * factor
+        changes[_RADIUS] = changes.get(_RADIUS, 0.0) + moved
     return {name: change for name, change in changes.items() if np.any(change)}
 
 
@@ -346,11 +343,10 @@ def freed(model: Model, names: Sequence[str]) -> Model:
 
 def _with_prior(model: Model, parameter: Parameter, name: str) -> Parameter:
     """A number of the form with its mean and standard deviation before any data."""
-    if parameter.prior is not None and name == PATCH_LAW_PARAMETER:
-        return parameter
     known = {nuisance.name: nuisance for nuisance in model.nuisances}
     if name == PATCH_LAW_PARAMETER:
-        return replace(parameter, prior=(parameter.value, known["patch_law"].size("exponent")))
+        prior = (parameter.value, known["patch_law"].size("exponent"))
+        return replace(parameter, prior=parameter.prior or prior)
     size = "stiffness" if ".stiffness" in name else "pressure"
     by_size = known[FORM].size(size) / BY_NAME[FORM].size(size)
     ordinary = next(p.prior for p in BY_ID[FORM].parameters if name == f"{FORM}.{p.name}")

@@ -282,6 +282,12 @@ class Cells(Means):
         return self.member or self.observable
 
     @property
+    def layout(self) -> BlockLayout:
+        """`together` of cells that are of several observables."""
+        assert self.together is not None
+        return self.together
+
+    @property
     def observables(self) -> tuple[str, ...]:
         """The observable of each part; the one, if they are of one."""
         return (self.observable,) if self.together is None else self.together.observables

@@ -257,7 +257,10 @@ def joined_cells(
     }
     cells = replace(
         parts[0],
-        observable=_of_all(layout.observables),
+        observable=together(
+            f"{name} of {n} gratings" if n > 1 else name
+            for name, n in Counter(layout.observables).items()
+        ),
         conditions=Conditions.concatenate([part.conditions for part in parts]),
         cell=np.zeros(0, np.int64),
         logs=names * len(parts),
@@ -269,12 +272,6 @@ def joined_cells(
         **rows,
     )
     return replace(cells, shared=joined_effects(cells, [part.shared for part in parts]))
-
-
-def _of_all(observables: Sequence[str]) -> str:
-    """The name of what is fitted together."""
-    count = Counter(observables)
-    return together(f"{name} of {n} gratings" if n > 1 else name for name, n in count.items())
 
 
 def parts_of(cells: Cells) -> tuple[Cells, ...]:
@@ -331,22 +328,19 @@ def in_bins(x: FloatArray, width: int, empty: float) -> FloatArray:
 
 def embedded(cells: Cells, part: int, x: FloatArray) -> FloatArray:
     """What is of one observable's cells, in its unit, (c, m) or (c, m, k), among all cells."""
-    assert cells.together is not None
     result = np.zeros((*cells.phi.shape, *x.shape[2:]))
-    rows = np.flatnonzero(cells.part == part)
-    result[rows, : x.shape[1]] = x / cells.together.scales[part]
+    result[cells.part == part, : x.shape[1]] = x / cells.layout.scales[part]
     return result
 
 
 def joined_effects(cells: Cells, effects: Sequence[SharedEffects | None]) -> SharedEffects | None:
     """The shared effects of each member's cells as those of all, each with its own sizes."""
-    assert cells.together is not None
     return _tied(
         [
             replace(
                 own,
                 columns=embedded(cells, i, own.columns),
-                names=_names(own, cells.together, i),
+                names=_names(own, cells.layout, i),
             )
             for i, own in enumerate(effects)
             if own is not None
@@ -387,8 +381,7 @@ def _own_effects(shared: SharedEffects, cells: Cells, part: int) -> SharedEffect
 
 def own_amplitudes(shared: SharedEffects, cells: Cells, part: int) -> IntArray:
     """Which of the shared effects one member has, its own and those of all gratings."""
-    layout = cells.together
-    assert layout is not None
+    layout = cells.layout
     begins = (f"{layout.labels[part]}: ", f"{layout.observables[part]}: ")
     return np.flatnonzero([name.startswith(begins) or ": " not in name for name in shared.names])
 

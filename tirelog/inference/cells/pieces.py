@@ -312,7 +312,7 @@ def _curve(
     full = np.isfinite(values) & (count > 0)
     points = np.stack([phi[full], values[full], count[full]])
     if knots is not None:
-        return nearest_curve(*points, knots)
+        return nearest_curve(points[0], points[1], points[2], knots)
     few = LEAST_COUNT * np.median(points[2])
     width = 2.0 * np.pi / phi.size
     while points.shape[1] > _FEWEST_KNOTS:

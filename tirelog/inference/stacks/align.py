@@ -341,8 +341,8 @@ class PassageAngle:
     @classmethod
     def through(cls, centre_s: FloatArray, turns: FloatArray | None = None) -> PassageAngle:
         """Through passages of these `turns` (n,), or of one after the other."""
-        turns = np.arange(centre_s.size) if turns is None else turns
-        return cls(centre_s, CubicSpline(centre_s, 2.0 * np.pi * turns, bc_type="natural"))
+        number = np.arange(centre_s.size) if turns is None else turns
+        return cls(centre_s, CubicSpline(centre_s, 2.0 * np.pi * number, bc_type="natural"))
 
     def theta(self, time_s: FloatArray) -> FloatArray:
         """Angle [rad] at times [s], any shape."""

@@ -130,7 +130,8 @@ def without_hum(stack: Stack, time_s: FloatArray) -> tuple[FloatArray, list[Line
     for supply in SUPPLIES_HZ:
         for multiple in range(1, MULTIPLES + 1):
             # the third and fourth come with the first or the second
-            if multiple > 2 and not any(_is_multiple(line, supply) for line in lines):
+            seen = [line.frequency_Hz / k for line in lines for k in range(1, MULTIPLES + 1)]
+            if multiple > 2 and not any(abs(one - supply) <= OFF_HZ for one in seen):
                 break
             found = pairs.line(multiple * supply, multiple * OFF_HZ)
             if found is not None:
@@ -140,10 +141,6 @@ def without_hum(stack: Stack, time_s: FloatArray) -> tuple[FloatArray, list[Line
                     lines.append(line)
                     pairs = _Pairs(values, time_s, square_s2, first)
     return values, lines
-
-
-def _is_multiple(line: Line, supply: float) -> bool:
-    return any(abs(line.frequency_Hz / k - supply) <= OFF_HZ for k in range(1, MULTIPLES + 1))
 
 
 class _Pairs:
