@@ -378,9 +378,12 @@ def test_obstacles_are_told_hit_by_hit() -> None:
     )
     edges = np.array([0.0, 20.0, 40.0])
     sizes = dict.fromkeys(("added", "missed", "residual", "steady", "floor"), np.ones(2))
-    spectrum = SimpleNamespace(edges_Hz=edges, **sizes)
     one = SimpleNamespace(
-        hit=hit, log=SimpleNamespace(log="f/a.csv"), spectrum=spectrum, row=lambda: row
+        hit=hit,
+        log=SimpleNamespace(log="f/a.csv"),
+        edges_Hz=edges,
+        bands=sizes,
+        row=lambda: row,
     )
     total = {**row, "nuisance_parameters": 20, "hits": [row]}
     result = SimpleNamespace(

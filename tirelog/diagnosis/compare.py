@@ -142,8 +142,8 @@ def compare(measured: Measured, model: Model) -> Comparison:
         more, names = comparison_of(beside), groups_of(base)
         errors = {"nuisances": [name for name in groups_of(beside) if name not in names]}
         errors |= {name: getattr(more, name) for name in ERRORS}
-    parameters = parameters_of(with_form_errors(base, formed))
-    return replace(result, parameters=parameters, with_nuisances=errors)
+    with_form = with_form_errors(base, formed)
+    return replace(result, parameters=parameters_of(with_form), with_nuisances=errors)
 
 
 def comparison_of(base: Base, stacks: Sequence[Stack] | JointStacks = ()) -> Comparison:

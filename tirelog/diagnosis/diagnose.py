@@ -204,8 +204,7 @@ class Diagnosis(AnswerRecord):
 
     def to_json(self) -> dict[str, Any]:
         apart = {"effects", "notes", "found", "stacks", "nuisances", "checks", "suspects"}
-        once_more = ("gratings", "inclusion", "stability", "each")
-        more = {name: getattr(self, name) for name in once_more}
+        more = {n: getattr(self, n) for n in ("gratings", "inclusion", "stability", "each")}
         return plain_fields(
             {n: getattr(self, n) for n in self.__dataclass_fields__ if n not in apart | more.keys()}
             | {"effects": [vars(c) for c in self.effects], "note": " ".join(self.notes)}

@@ -68,15 +68,12 @@ def ladder(
     # with twice as many, logs of fewer than 27 manoeuvres have none locked
     seen, locked = locked_away(measured_pieces(measured), first=3, every=7, least=12)
     progress("fitting the model")
-    said: list[str] = []
-    base: Base
-    if isinstance(seen, JointPieces) and seen.places:
-        asked = gathered(seen, model)
-        seen, base, said = asked.searched, asked.base, asked.found.sentences()
+    asked = gathered(seen, model) if isinstance(seen, JointPieces) and seen.places else None
+    if asked is not None:
+        seen = asked.searched
         if isinstance(locked, JointPieces):
-            locked = locked.without([n for n in locked.members if n not in seen.members])
-    else:
-        base = start(seen, model)
+            locked = locked.without([n for n in locked.members if n not in asked.searched.members])
+    base = start(seen, model) if asked is None else asked.base
     effects = tuple(effects)
     found = search_effects(base, effects, progress)
     after, steps = found.after, list(_steps(found))
@@ -134,7 +131,7 @@ def ladder(
         manoeuvres_locked=kept_back,
         remarks=(
             *remarks_of(found.before),
-            *said,
+            *(() if asked is None else asked.found.sentences()),
             *(said for said in out_of_range(after) if said not in left_before),
             *nuisance_sentences(nuisances_found(after), after, fails=fails),
             *more,
@@ -184,8 +181,8 @@ def _steps(found: SearchResult) -> Iterable[LadderStep]:
 def _removed(base: Base, last: Base, names: Sequence[str]) -> LadderStep:
     """The step on which effects went that later ones had made needless."""
     every = ", ".join(names)
-    sentence = f"{every} removed: what came later has made it needless."
-    return _row(base, last, every, "removed", sentence)
+    said = f"{every} removed: what came later has made it needless."
+    return _row(base, last, every, "removed", said)
 
 
 def _row(

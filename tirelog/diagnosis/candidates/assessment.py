@@ -153,14 +153,16 @@ def signatures_of(base: Base, effect: Effect) -> list[Signature] | ModelError:
 
 def refuse_stand_in(effect: Effect, model: Model, cells: Cells) -> None:
     """ModelError if the effect stands for what is measured, in all observables that it acts on."""
-    stands_for = [
-        [np.isfinite(getattr(cells.conditions, name)[rows]).all() and name for name in names]
-        for observable, rows in rows_by_observable(cells).items()
-        if model.acts_on(effect, observable)
-        for names in [effect.stands_for.get(observable, ())]
-    ]
-    if stands_for and all(known and all(known) for known in stands_for):
-        names = dict.fromkeys(name for known in stands_for for name in known)
+    by_observable = rows_by_observable(cells).items()
+    acted_on = {name: rows for name, rows in by_observable if model.acts_on(effect, name)}
+    stands_for = {name: effect.stands_for.get(name, ()) for name in acted_on}
+    measured = all(
+        np.isfinite(getattr(cells.conditions, name)[rows]).all()
+        for observable, rows in acted_on.items()
+        for name in stands_for[observable]
+    )
+    if acted_on and all(stands_for.values()) and measured:
+        names = dict.fromkeys(name for own in stands_for.values() for name in own)
         raise ModelError(f"stands for {' and '.join(names)}, which is measured")
 
 

@@ -441,10 +441,11 @@ def _hidden(found: SearchResult, p: float) -> list[Rival]:
 
 def by_the_minute(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Rows of `separation.advise` for two that are as likely each, best per minute first."""
+    sigmas = [row["separation_sigma"] * row["repeats"] ** 0.5 for row in rows]
+    gains = [expected_gain(0.5, 0.5, sigma) for sigma in sigmas]
     told = [
         {**row, "gain": gain, "gain_per_minute": gain / row["minutes"]}
-        for row in rows
-        for gain in [expected_gain(0.5, 0.5, row["separation_sigma"] * row["repeats"] ** 0.5)]
+        for row, gain in zip(rows, gains, strict=True)
     ]
     return sorted(told, key=lambda row: -row["gain_per_minute"])
 

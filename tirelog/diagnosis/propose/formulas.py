@@ -241,6 +241,7 @@ def polish(ground: Ground, atom: Atom) -> Atom:
     residual = ground.residual.ravel()
 
     @lru_cache(maxsize=1)  # a step in the law alone leaves the form
+    @or_refusal
     def of_form(numbers: tuple[float, ...]) -> FloatArray:
         own = dict(zip(atom.numbers, numbers, strict=True))
         return ground.of_cells(unit_columns(ground, atom.form, own, in_bins=False))
@@ -248,9 +249,8 @@ def polish(ground: Ground, atom: Atom) -> Atom:
     def left(x: FloatArray) -> FloatArray:
         """What is left at these numbers; all of it where the model cannot be computed."""
         now = at(x)
-        try:
-            unit = of_form(tuple(now.numbers.values()))
-        except ModelError:
+        unit = of_form(tuple(now.numbers.values()))
+        if isinstance(unit, ModelError):
             return residual
         columns = ground.without(unit * ground.law(now.law.text, now.law.numbers)[:, None, None])
         found = np.linalg.lstsq(columns, residual, rcond=1e-9)[0]
