@@ -8,7 +8,6 @@ the tests to say.
 """
 
 import gzip
-import os
 import sys
 import time
 from collections.abc import Callable, Iterable

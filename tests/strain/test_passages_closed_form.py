@@ -23,10 +23,19 @@ from tirelog.strain.passages.template import MOST_SAMPLES, ROW, TABLE, Template
 from tirelog.vocabulary.arrays import records
 
 
-def test_one_infinite_sample_does_not_matter_to_a_bucket():
+@pytest.mark.parametrize(
+    ("values", "median"),
+    [
+        ([1.0, np.inf, 4.0, 2.0], 3.0),
+        ([1.0, np.nan, 4.0, np.nan], 2.5),
+        ([np.nan, np.nan, 4.0, np.nan], 4.0),
+        ([np.nan] * 4, np.nan),
+    ],
+)
+def test_a_bucket_is_the_median_of_what_is_there(values, median):
     medians = np.empty(1, np.float32)
-    bucket_medians(np.array([1.0, np.inf, 4.0, 2.0]), 4, 1.0, medians)
-    assert medians.tolist() == [3.0]
+    bucket_medians(np.array(values), 4, 1.0, medians)
+    np.testing.assert_array_equal(medians, [median])
 
 
 def test_a_plateau_is_one_turning_point_and_still_values_are_none():
