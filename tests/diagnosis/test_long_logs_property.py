@@ -13,7 +13,7 @@ from tirelog import runtime
 from tirelog.data.recording import Channel, Conditions, Stack
 from tirelog.diagnosis.compare import compare
 from tirelog.diagnosis.diagnose import diagnose
-from tirelog.inference.cells.pieces import joined_pieces, pieces_of, pieces_of_all
+from tirelog.inference.cells.pieces import pieces_of, pieces_of_all
 from tirelog.inference.measured import measured
 from tirelog.inference.stacks import align
 from tirelog.inference.stacks.cut import Stacks, _cuts, joined, stacks_from_logs
@@ -77,22 +77,6 @@ def test_stacks_in_a_file_are_those_in_memory_to_the_bit():
         same(a, b)
     with pytest.raises(IndexError):
         aside[4]
-
-
-def test_logs_and_manoeuvres_count_through_all_stacks():
-    stacks = two_logs()
-    assert stacks.logs == stacks[0].logs == ("log_1", "log_2")
-    assert [int(s.log[0]) for s in stacks] == [0, 0, 1, 1]
-    np.testing.assert_array_equal(joined(stacks).manoeuvre, np.repeat(np.arange(8), 12))
-    assert stacks[0].manoeuvre[-1] == stacks[1].manoeuvre[0] == 2  # cut, and still one
-    assert [len(s) for s in stacks.of_log(1)] == [30, 18]
-    gone = Stacks()
-    gone.add("log_1", [s.take(s.manoeuvre != 2) for s in stacks.of_log(0)])
-    gone.add("log_2", [s.take(s.manoeuvre < 0) for s in stacks.of_log(1)])  # nothing is left of it
-    gone.number_through()
-    np.testing.assert_array_equal(joined(gone).manoeuvre, np.repeat(np.arange(3), 12))
-    assert len(gone) == 2
-    assert gone.logs == ("log_1", "log_2")
 
 
 def test_stretches_are_cut_between_manoeuvres_and_leave_no_crumbs():
@@ -193,16 +177,6 @@ def test_stretches_do_not_know_of_the_processes_that_share_them(recordings, monk
         same(one, other)
 
 
-def test_reading_what_is_put_aside_moves_no_place_in_the_file():
-    """So that processes may read side by side: what is forked shares the place."""
-    stacks = Stacks(in_memory=0)
-    stacks.add("log", [stack(1), stack(2)])
-    before = stacks._file.tell()
-    for number, seed in ((1, 2), (0, 1)):
-        np.testing.assert_array_equal(stacks[number].values, stack(seed).values)
-        assert stacks._file.tell() == before
-
-
 def driven(seed: int, **more) -> Stack:
     """Forty cruises at two speeds in turn."""
     made = stack(seed, manoeuvres=40, revolutions=10, **more)
@@ -263,14 +237,6 @@ def test_a_revolution_of_an_unused_manoeuvre_has_the_piece_nearest_in_speed_of_i
         assert abs(there[pieces.cell[i]] - speed[i]) == pytest.approx(off)
 
 
-def test_stretches_of_which_nothing_is_used_are_not_read(monkeypatch):
-    stacks, read = two_driven_logs(), []
-    whole = Stacks.__getitem__
-    monkeypatch.setattr(Stacks, "__getitem__", lambda self, i: read.append(i) or whole(self, i))
-    pieces_of_all(stacks, 2)
-    assert 0 < len(read) < len(stacks)
-
-
 def test_a_comparison_of_some_manoeuvres_finds_the_same_excess(recordings, model, whole):
     stacks = stacks_from_logs(recordings)
     pieces = pieces_of_all(stacks)
@@ -280,13 +246,6 @@ def test_a_comparison_of_some_manoeuvres_finds_the_same_excess(recordings, model
     assert some.revolutions < whole.revolutions
     assert some.excess_heldout == pytest.approx(whole.excess_heldout, rel=0.03)
     assert some.noise_floor == pytest.approx(whole.noise_floor, rel=0.03)
-
-
-def test_pieces_of_several_campaign_logs_are_numbered_through():
-    parts = [pieces_of(stack(seed, manoeuvres=3)) for seed in (1, 2)]
-    both = joined_pieces(parts)
-    assert both.cell.size == 0
-    np.testing.assert_array_equal(np.unique(both.manoeuvre), np.arange(6))
 
 
 @pytest.mark.slow
