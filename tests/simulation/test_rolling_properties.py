@@ -32,6 +32,7 @@ from .worlds import instants, world
 
 pytestmark = pytest.mark.xdist_group("rolling")  # one worker makes what these tests share
 
+SPEED, LOAD, LEVER = 20.0, 3000.0, 3e-4
 DAMPED = {"radial_damping_N_s_m2": 100.0, "tangential_damping_N_s_m2": 100.0}
 CLEAT = TrueProfile(np.array([12.2, 12.21, 12.23, 12.24]), np.array([0.0, 0.005, 0.005, 0.0]))
 
