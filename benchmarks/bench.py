@@ -74,7 +74,7 @@ def chain(folder: Path, sizes: Sizes) -> None:
     for table in ("speed", "footprint", "dissipation"):
         command(f"{table} from the run", table, run, "-o", folder / f"{table}.csv")
     for words in (["--help"], ["speed", "--help"]):
-        command(f"tirelog {' '.join(words)}", *words)
+        say(f"tirelog {' '.join(words)}", cost([*TIRELOG, *words]))
 
 
 def family(folder: Path, sizes: Sizes) -> None:
