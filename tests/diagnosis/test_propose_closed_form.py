@@ -18,6 +18,8 @@ from tirelog.diagnosis.propose.grammar import LAWS, GivenLaw
 from tirelog.diagnosis.propose.ground import Ground, measured_shapes
 from tirelog.vocabulary.arrays import FloatArray
 
+pytestmark = pytest.mark.xdist_group("forms beside a base")  # one worker makes what is shared
+
 
 def bump(xi: FloatArray, speed: FloatArray) -> FloatArray:
     """3e-5 (v/20)^2 at 2 rad of the wheel, 0.3 rad wide."""
