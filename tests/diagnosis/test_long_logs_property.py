@@ -16,7 +16,7 @@ from tirelog.diagnosis.diagnose import diagnose
 from tirelog.inference.cells.pieces import pieces_of, pieces_of_all
 from tirelog.inference.measured import measured
 from tirelog.inference.stacks import align
-from tirelog.inference.stacks.cut import Stacks, _cuts, joined, stacks_from_logs
+from tirelog.inference.stacks.cut import Stacks, joined, stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.process_pool import POSSIBLE
 from tirelog.simulation import simulate, to_recording
@@ -58,41 +58,6 @@ def two_logs(in_memory=None):
             ),
         )
     return stacks
-
-
-def test_stacks_in_a_file_are_those_in_memory_to_the_bit():
-    kept, aside = two_logs(), two_logs(in_memory=40_000)
-    assert (
-        aside.outlines()[0].values.size
-        == aside.outlines()[-1].values.size
-        == 0
-        < kept.outlines()[0].values.size
-    )
-    for _ in range(2):  # read again, in any order
-        for i in (3, 0, 2, 1):
-            same(kept[i], aside[i])
-    for a, b in zip(kept, aside, strict=True):
-        same(a, b)
-    for a, b in zip(kept[1:3], aside[1:3], strict=True):
-        same(a, b)
-    with pytest.raises(IndexError):
-        aside[4]
-
-
-def test_stretches_are_cut_between_manoeuvres_and_leave_no_crumbs():
-    random = np.random.default_rng(3)
-    for _ in range(50):
-        length = random.integers(4, 400, 30)
-        manoeuvre = np.repeat(np.arange(30), length)
-        cuts = list(_cuts(manoeuvre, 100))
-        assert [c.start for c in cuts[1:]] == [c.stop for c in cuts[:-1]]
-        assert (cuts[0].start, cuts[-1].stop) == (0, manoeuvre.size)
-        assert max(c.stop - c.start for c in cuts) <= 100
-        for cut in cuts[:-1]:
-            part = manoeuvre[cut.stop - 1]
-            if manoeuvre[cut.stop] == part:
-                assert (manoeuvre[cut] == part).sum() >= 25
-                assert (manoeuvre[cut.stop :] == part).sum() >= 25
 
 
 def test_pieces_of_stacks_are_those_of_one_stack_where_none_is_cut():
