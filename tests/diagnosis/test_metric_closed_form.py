@@ -43,6 +43,20 @@ def test_left_out_solutions_are_those_of_the_other_manoeuvres_with_an_offset_a_l
         )
 
 
+def test_the_step_of_all_data_is_that_of_dense_least_squares_with_an_offset_a_log():
+    random = np.random.default_rng(2)
+    columns, residual = random.standard_normal((12, 5, 3)), random.standard_normal((12, 5))
+    offset = 1.0 + 0.2 * random.standard_normal((12, 5))
+    manoeuvre, log = np.repeat(np.arange(6), 2), np.repeat([0, 0, 1], 4)
+    theta, level = LeaveOneOut.of(columns, residual, offset, manoeuvre, log).step_of_all(2)
+    own = (offset[..., None] * (log[:, None, None] == np.arange(2))).reshape(-1, 2)
+    dense = np.concatenate([columns[..., :2].reshape(-1, 2), own], axis=-1)
+    wanted = np.linalg.lstsq(dense, residual.reshape(-1), rcond=None)[0]
+    alone = np.linalg.lstsq(own, residual.reshape(-1), rcond=None)[0]
+    np.testing.assert_allclose(theta, [*wanted[:2], 0.0], rtol=1e-9)
+    np.testing.assert_allclose(level, (wanted[2:] - alone)[[0, 0, 0, 0, 1, 1]], rtol=1e-9)
+
+
 def test_an_offset_that_only_the_held_out_manoeuvre_shows_is_fitted_there():
     random = np.random.default_rng(1)
     columns, log = random.standard_normal((4, 6, 1)), np.array([0, 0, 0, 1])
