@@ -13,9 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.strain.conftest import beam_pulse
+from tests.strain.conftest import beam_pulse, lopsided
 from tests.strain.strain_truth import Beam, Ring
-from tests.strain.test_slip_onset import lopsided
 
 RADIUS_M, GAIN = 0.305, 1.27
 #: samples made at a time, whatever the number of gratings

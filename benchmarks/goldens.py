@@ -211,7 +211,9 @@ ANSWER_TOLERANCE = (1e-5, 1e-12)
 #: A minimiser stops where the square is flat to some 1e-8: the place is then known to the root of
 #: it, and a standard error, which is a second derivative there, is no better. Machines differ so.
 OPTIMISED = 1e-3
-OPTIMISED_NAMES = re.compile(r"\b(se|value|strengths|parameters|terms|shapes|p|probe|form|formula|bands)\b")
+OPTIMISED_NAMES = re.compile(
+    r"\b(se|value|strengths|parameters|terms|shapes|p|probe|form|formula|bands)\b"
+)
 
 
 class Outcome(NamedTuple):

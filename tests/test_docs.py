@@ -8,7 +8,6 @@ import pytest
 
 from tirelog.version import __version__
 from tirelog.vocabulary.columns import COLUMNS
-from tirelog.vocabulary.quality import Quality
 
 ROOT = Path(__file__).parents[1]
 GENERATE = runpy.run_path(str(ROOT / "docs" / "generate.py"))
@@ -31,11 +30,6 @@ def test_every_standard_error_is_explained() -> None:
     columns = [name for name in COLUMNS if re.search(r"_se(_|$)", name)]
     assert len(columns) > 10
     assert [name for name in columns if f"`{name}`" not in explained] == []
-
-
-def test_the_quality_words_of_the_register_stand_on_their_page() -> None:
-    text = (ROOT / "docs" / "quality_words.md").read_text(encoding="utf-8")
-    assert [flag.word for flag in Quality if f"| `{flag.word}` |" not in text] == []
 
 
 def test_the_readme_fits_on_a_screen_and_begins_with_its_two_commands() -> None:

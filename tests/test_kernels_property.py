@@ -1,8 +1,8 @@
 """Property: every compiled kernel of the package gives what the same source gives as plain Python.
 
-The kernels are found in the package; `kernel_inputs` has what each is called with. One that is not
-registered there fails, and so does an entry whose kernel is gone. Results, and every array that is
-handed over, agree to the bit, signs of zero included. No kernel has fast-math, so no sum is
+The kernels are found in the package; `kernel_calls` has what commands call them with. Kernels that
+only others call are met in these, and one that no call comes to fails. Results, and every array
+that is handed over, agree to the bit, signs of zero included. No kernel has fast-math, so no sum is
 reordered; but one with a power, a sine or the like takes it from another library when compiled, and
 is allowed a rounding (`rounds`).
 """
@@ -10,6 +10,7 @@ is allowed a rounding (`rounds`).
 from __future__ import annotations
 
 import ast
+import json
 import re
 from collections.abc import Iterator
 from copy import deepcopy
@@ -23,13 +24,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.kernel_inputs import UNSET, inputs
-from tirelog.kernels.dispatch import Kernel
+from tests.kernel_calls import called, calls
+from tirelog.kernels.build import CALLS
+from tirelog.kernels.dispatch import Kernel, examples, kind_of, spelled
 
 numba = pytest.importorskip("numba")
 if numba.config.DISABLE_JIT:
     pytest.skip("compiling is switched off: both are plain Python", allow_module_level=True)
 
+pytestmark = pytest.mark.xdist_group("kernels")  # commands run once
 PACKAGE = Path(__file__).parents[1] / "tirelog"
 #: of the largest number in the array: rounding of one operation, some thousand times over
 ROUNDING = 1e-12
@@ -60,56 +63,54 @@ def kernels() -> dict[str, Any]:
     }
 
 
-def rounds(kernel: Any) -> bool:
-    """True if a kernel takes powers, elementary functions or complex products."""
-    nodes = list(ast.walk(ast.parse(dedent(getsource(kernel.py_func)))))
-    called = {ast.unparse(node.func).split(".")[-1] for node in nodes if isinstance(node, ast.Call)}
-    return (
-        any(isinstance(node, ast.Pow) for node in nodes)
-        or bool(called & ELEMENTARY)
-        or "Complex" in str(kernel.py_func.__annotations__)
+def within(kernel: Kernel) -> set[Kernel]:
+    """A kernel and those that it calls."""
+    names = kernel.py_func.__code__.co_names
+    inner = (kernel.py_func.__globals__.get(name) for name in names)
+    return {kernel}.union(*(within(one) for one in inner if isinstance(one, Kernel)))
+
+
+def rounds(kernel: Kernel) -> bool:
+    """True if a kernel, or one that it calls, takes powers, elementary functions or complex
+    products.
+    """
+    return any(
+        isinstance(node, ast.Pow)
+        or (isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in ELEMENTARY)
+        or "Complex" in str(one.py_func.__annotations__)
+        for one in within(kernel)
+        for node in ast.walk(ast.parse(dedent(getsource(one.py_func))))
     )
 
 
-def test_every_kernel_is_found_and_has_inputs() -> None:
-    found = kernels()
+def test_a_compiled_kernel_is_as_plain_python() -> None:
+    found, seen = kernels(), set()
     assert len(found) > 50
-    assert [name for name, kernel in found.items() if not hasattr(kernel, "py_func")] == []
-    modules = {name.rpartition(".")[0] for name in found}
-    there = {
-        f"{module}.{name}"
-        for module in modules
-        for name, value in vars(import_module(f"tirelog.{module}")).items()
-        if isinstance(value, Kernel) and value.py_func.__module__ == f"tirelog.{module}"
-    }
-    assert there == set(found)
-    assert set(found) - set(inputs()) == set(), "register inputs in tests/kernel_inputs.py"
-    assert set(inputs()) - set(found) == set()
-    assert set(found) >= UNSET
+    assert [name for name, kernel in found.items() if not isinstance(kernel, Kernel)] == []
+
+    def plain(kernel: Kernel, *given: Any) -> Any:
+        seen.add(kernel.name.removeprefix("tirelog.").replace(":", "."))
+        return kernel.py_func(*given)
+
+    for (name, _), tried in calls().items():
+        kernel = found[name.removeprefix("tirelog.").replace(":", ".")]
+        rounded = rounds(kernel)
+        for number, given in enumerate(tried):
+            one, other = deepcopy(given), deepcopy(given)
+            made = kernel(*one)
+            with called(plain), np.errstate(all="ignore"):  # division by zero is infinity in both
+                expected = plain(kernel, *other)
+            where = f"{name}, call {number}"
+            agree(made, expected, f"{where}: result", rounded)
+            agree(one, other, f"{where}: arguments", rounded)
+    assert set(found) - seen == set(), "no call in tests/kernel_calls.py comes to these"
 
 
-@pytest.mark.parametrize("name", sorted(kernels()))
-def test_a_compiled_kernel_is_as_plain_python(name: str) -> None:
-    kernel = kernels()[name]
-    rounded = rounds(kernel)
-    for number, given in enumerate(inputs()[name]):
-        compiled, plain = deepcopy(given), deepcopy(given)
-        made = kernel(*compiled)
-        with np.errstate(all="ignore"):  # division by zero is infinity in both
-            expected = kernel.py_func(*plain)
-        where = f"{name}, inputs {number}"
-        if name in UNSET:  # room that is not filled yet
-            made, expected = shapes(made), shapes(expected)
-        agree(made, expected, f"{where}: result", rounded)
-        for k, (one, other) in enumerate(zip(compiled, plain, strict=True)):
-            agree(one, other, f"{where}: argument {k}", rounded)
-
-
-def shapes(made: Any) -> Any:
-    """Shapes and types of arrays that have not been filled."""
-    if isinstance(made, tuple):
-        return tuple(shapes(part) for part in made)
-    return str(made.dtype), *made.shape
+def test_kernels_that_are_compiled_ahead_are_those_that_commands_call() -> None:
+    ahead = json.loads(CALLS.read_text())
+    assert set(ahead) <= {name for name, _ in calls()}
+    for kinds in (kinds for told in ahead.values() for kinds in told):
+        assert spelled(map(kind_of, examples(json.dumps(kinds)))) == json.dumps(kinds)
 
 
 def agree(made: Any, expected: Any, where: str, rounded: bool) -> None:
@@ -127,6 +128,9 @@ def agree(made: Any, expected: Any, where: str, rounded: bool) -> None:
     assert one.shape == other.shape, where
     if other.dtype.names is not None:
         assert one.dtype == other.dtype, where
+        if one.shape == () and rounded:  # one number of a state may be the difference of others
+            agree(np.array(one.tolist()), np.array(other.tolist()), where, rounded)
+            return
         for field in other.dtype.names:
             agree(one[field], other[field], f"{where}.{field}", rounded)
     elif other.dtype.kind in "fc":

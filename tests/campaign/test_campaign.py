@@ -38,7 +38,7 @@ def test_tables_of_every_log_read_as_one(manifest: Path, tmp_path: Path) -> None
 
 
 def test_nothing_is_done_twice_and_what_changed_is_done_again(
-    manifest: Path, tmp_path: Path
+    manifest: Path, tmp_path: Path, in_this_process: None
 ) -> None:
     call("campaign", "run", manifest, "--quiet")
     parts = {path: path.stat().st_mtime_ns for path in (tmp_path / "results").rglob("part.parquet")}
@@ -62,7 +62,9 @@ def test_nothing_is_done_twice_and_what_changed_is_done_again(
     assert len(touched()) == 4
 
 
-def test_a_missing_part_is_made_again(manifest: Path, tmp_path: Path) -> None:
+def test_a_missing_part_is_made_again(
+    manifest: Path, tmp_path: Path, in_this_process: None
+) -> None:
     call("campaign", "run", manifest, "--quiet")
     want = dataset(tmp_path / "results")
     (tmp_path / "results/table=speed/log=logs_run_1.csv/part.parquet").unlink()
@@ -131,7 +133,7 @@ def test_conditions_of_the_campaign_are_in_the_setup(manifest: Path) -> None:
 
 
 def test_models_that_come_later_leave_the_tables_as_they_are(
-    manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], in_this_process: None
 ) -> None:
     call("campaign", "run", manifest, "--quiet")
     parts = {path: path.stat().st_mtime_ns for path in (tmp_path / "results").rglob("part.parquet")}
@@ -197,7 +199,7 @@ def test_status_and_dry_run_do_not_wait_for_a_run(
 
 
 def test_logs_that_left_the_manifest_are_named(
-    manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], in_this_process: None
 ) -> None:
     call("campaign", "run", manifest, "--quiet")
     (tmp_path / "logs" / "run_3.csv").unlink()

@@ -11,10 +11,8 @@ import pytest
 import tomlkit
 
 from benchmarks import calibration
-from benchmarks.calibration import fitted, is_right, report, rows_of, table, weights
-from benchmarks.hidden import Row as Hidden
-from benchmarks.nuisance_worlds import kind_of
-from benchmarks.nuisances import Row, append_rows, read_rows
+from benchmarks.calibration import fitted, is_right, rows_of, table, weights
+from benchmarks.nuisances import Row
 from tirelog.diagnosis.certainty import Marks, certainty_of, unlike_cases
 from tirelog.diagnosis.certainty import calibration as shipped
 from tirelog.physics.model.model import Model
@@ -179,51 +177,6 @@ def test_few_rows_are_shrunk_and_a_slope_of_the_wrong_sign_is_none():
     assert math.log(4.0) < found.intercept <= math.log(11.0) + 1e-6
     odd = [replace(r, named="wear" if i > 4 else "hysteresis") for i, r in enumerate(rows)]
     assert fitted(odd, np.ones(10), ("rest",)).slopes["rest"]["slope"] == 0.0
-
-
-def test_no_case_of_the_fit_is_reported_on():
-    known = {**TABLE, "seeds": ["1-3"]}
-    lines = list(report([row(s, named="wear" if s < 9 else "wet") for s in (2, 3, 8, 9)], known))
-    assert lines[0].startswith("2 cases that the table of 2026-11-22 was not made of, 2 with")
-    assert any("right 1/2" in line for line in lines)
-
-
-def test_rows_of_an_older_run_are_read_and_added_to(tmp_path):
-    file = tmp_path / "rows.csv"
-    names = [n for n in Row.__dataclass_fields__ if n not in ("form", "logs", "least_p")]
-    file.write_text(",".join(names) + "\n")
-    append_rows(file, [row(7, gain_sigmas=3.0)])
-    (back,) = read_rows(file)
-    assert (back.seed, back.form, back.gain_sigmas) == (7, "exact", 3.0)
-    assert math.isnan(back.least_p)
-
-
-def test_cases_are_drawn_from_the_priors_as_they_stand():
-    cases = [calibration.drawn(seed) for seed in range(40000, 40800)]
-    share = {
-        "nothing": np.mean([not c.effect for c in cases]),
-        "outside": np.mean([c.effect in calibration.OUTSIDE for c in cases]),
-    }
-    for name, value in share.items():
-        assert value == pytest.approx(calibration.MISSING[name], abs=0.05)
-    assert np.mean([c.carcass == "ring" for c in cases]) == pytest.approx(0.3, abs=0.05)
-    strengths = np.log10([c.strength for c in cases if c.effect])
-    assert np.median(strengths) == pytest.approx(0.5 * math.log10(0.2 * 2.0), abs=0.08)
-    assert {kind_of(c.seed).name for c in cases} == {"tuning", "small", "reporting"}
-    assert kind_of(60000).name == "checking"
-    assert sum(c.world == "control" for c in cases) / len(cases) == pytest.approx(0.2, abs=0.05)
-
-
-def test_rows_of_the_other_self_test_are_cases_too(tmp_path):
-    file = tmp_path / "hidden.csv"
-    known = dict.fromkeys(Hidden.__dataclass_fields__, "0")
-    known |= {"kind": "outside", "planted": "splice", "seed": "1400", "verdict": "unknown"}
-    known |= {"selected": "", "group": "[]", "excess_over_floor": "2", "after_over_floor": "2.2"}
-    file.write_text(f"{','.join(known)}\n{','.join(known.values())}\n")
-    (one,) = calibration.rows_of(file)
-    assert one.heldout_before == pytest.approx(math.sqrt(5.0))
-    assert is_right(one)
-    assert calibration.tires([one, replace(one, seed=1401)]) == 1
 
 
 def test_the_table_of_the_package_is_whole():

@@ -20,6 +20,8 @@ from tirelog.physics.spectral import Parameter
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import Manoeuvre
 
+pytestmark = pytest.mark.xdist_group("faults of diagnosis")  # one worker makes what is shared
+
 
 def recordings(manoeuvres, **more):
     logs = case((), seed=201, how=Case(plan="short", logs=1))

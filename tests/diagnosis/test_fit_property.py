@@ -13,11 +13,8 @@ import pytest
 from tests.diagnosis.toy import stack_of
 from tests.physics.collocation import solve_closed_line
 from tirelog.data.recording import Conditions, Stack
-from tirelog.diagnosis.compare import compare
 from tirelog.diagnosis.fitted import fit_channels_measured
 from tirelog.errors import ModelError, UsageError
-from tirelog.inference.cells.cells import _noise_profile
-from tirelog.inference.cells.pieces import pieces_of
 from tirelog.inference.fit import cells
 from tirelog.physics import Model
 
@@ -127,25 +124,6 @@ def test_the_truth_lies_within_two_standard_errors_in_95_percent_of_40_seeds(wav
     # a seed has 470 degrees of freedom, so 0.065 of chance
     assert abs(np.mean(chi2) - 1.0) < 0.05
     assert np.all(np.abs(np.array(chi2) - 1.0) < 0.2)
-
-
-def test_noise_at_the_edges_is_that_of_the_truth(waves):
-    """What is taken out of single revolutions takes noise along, nearly all of it by the edges."""
-    profiles = [_noise_profile(pieces_of(measured(waves, seed))) for seed in range(1200, 1212)]
-    sd = np.sqrt(np.mean(profiles, axis=0)) / 5e-6
-    edges = np.abs(np.abs(R * PHI) - TRUTH["patch_half_length_m"]) < 0.02
-    assert np.abs(sd[edges].mean() - 1.0) < 0.02
-    assert np.abs(sd[~edges].mean() - 1.0) < 0.02
-
-
-def test_a_fit_of_one_channel_is_that_of_compare(waves):
-    stack = measured(waves, 1090)
-    compared = compare([stack], START)
-    for result in (fit_channels_measured([[stack]], START)[0], fit(START, [stack])):
-        for name, value, error in zip(result.names, result.values, result.se, strict=True):
-            assert value == pytest.approx(compared.parameters[name]["value"], rel=1e-6)
-            assert error == pytest.approx(compared.parameters[name]["se"], rel=1e-6)
-        assert result.reduced_chi2 == pytest.approx(compared.reduced_chi2, rel=1e-6)
 
 
 def test_a_fit_is_that_of_its_best_start_whatever_was_tried_beside_it(waves, monkeypatch):
@@ -348,7 +326,7 @@ def test_a_load_that_scatters_far_does_not_bend_the_stiffness(waves):
     would pass for a stiffness.
     """
     truth, found = START.with_values(TRUTH), []
-    for seed in range(1300, 1304):
+    for seed in range(1300, 1303):
         still = measured(waves, seed, noise=2e-6, repeats=16)
         rng = np.random.default_rng(seed)
         load = 1.0 + 0.04 * rng.standard_normal(len(still))

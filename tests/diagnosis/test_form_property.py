@@ -17,6 +17,8 @@ import tirelog
 from tirelog.cli import run
 from tirelog.vocabulary.arrays import FloatArray
 
+pytestmark = pytest.mark.xdist_group("form")  # one worker makes what these tests share
+
 RADIUS_M, LOAD_N, HALF_M, RATE_HZ, POINTS = 0.31, 3600.0, 0.056, 2000.0, 2048
 STIFFNESS = {"EJ": 3.4, "k": 2.1e6, "mu": 4.5}
 LOAD_PER_G = 0.22

@@ -30,7 +30,6 @@ from tirelog.errors import UsageError
 from tirelog.inference.base import JointBase
 from tirelog.inference.cells.joint import JointStacks, ratio_name, ratio_of
 from tirelog.inference.measured import measured_gratings, several_channels
-from tirelog.inference.nuisances import shared_effects
 from tirelog.inference.stacks.cut import Stacks, places_of
 from tirelog.physics import Model
 from tirelog.simulation import scenario_of, simulate, to_recording
@@ -156,16 +155,6 @@ def test_run_out_is_one_wave_that_each_grating_sees_from_its_place():
     )  # gratings that stand elsewhere see no one wave
     other = start_from(turned, on, several=False)
     assert other.reduced_chi2 > 3.0 * base.reduced_chi2
-
-
-def test_one_grating_alone_has_the_wave_of_its_own_angle():
-    from tests.diagnosis.toy import make_cells
-    from tirelog.inference.base import prepare
-
-    base = prepare(make_cells(grating(0)), MODEL, several=False)
-    plain = shared_effects(base.cells, base.fit, "wheel")
-    assert plain is not None
-    np.testing.assert_array_equal(plain.columns[..., 0], np.cos(base.cells.phi))
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,8 @@ import pytest
 
 from tests.cli.conftest import Command, tirelog
 
+pytestmark = pytest.mark.xdist_group("logs once")  # one worker makes what these tests share
+
 __all__ = ["tirelog"]
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"

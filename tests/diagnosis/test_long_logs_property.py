@@ -13,10 +13,10 @@ from tirelog import runtime
 from tirelog.data.recording import Channel, Conditions, Stack
 from tirelog.diagnosis.compare import compare
 from tirelog.diagnosis.diagnose import diagnose
-from tirelog.inference.cells.pieces import joined_pieces, pieces_of, pieces_of_all
+from tirelog.inference.cells.pieces import pieces_of, pieces_of_all
 from tirelog.inference.measured import measured
 from tirelog.inference.stacks import align
-from tirelog.inference.stacks.cut import Stacks, _cuts, joined, stacks_from_logs
+from tirelog.inference.stacks.cut import Stacks, joined, stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.process_pool import POSSIBLE
 from tirelog.simulation import simulate, to_recording
@@ -58,51 +58,6 @@ def two_logs(in_memory=None):
             ),
         )
     return stacks
-
-
-def test_stacks_in_a_file_are_those_in_memory_to_the_bit():
-    kept, aside = two_logs(), two_logs(in_memory=40_000)
-    assert all(outline.values.size == 0 for outline in aside.outlines())
-    for _ in range(2):  # read again, in any order
-        for i in (3, 0, 2, 1):
-            same(kept[i], aside[i])
-    for a, b in zip(kept, aside, strict=True):
-        same(a, b)
-    for a, b in zip(kept[1:3], aside[1:3], strict=True):
-        same(a, b)
-    with pytest.raises(IndexError):
-        aside[4]
-
-
-def test_logs_and_manoeuvres_count_through_all_stacks():
-    stacks = two_logs()
-    assert stacks.logs == stacks[0].logs == ("log_1", "log_2")
-    assert [int(s.log[0]) for s in stacks] == [0, 0, 1, 1]
-    np.testing.assert_array_equal(joined(stacks).manoeuvre, np.repeat(np.arange(8), 12))
-    assert stacks[0].manoeuvre[-1] == stacks[1].manoeuvre[0] == 2  # cut, and still one
-    assert [len(s) for s in stacks.of_log(1)] == [30, 18]
-    gone = Stacks()
-    gone.add("log_1", [s.take(s.manoeuvre != 2) for s in stacks.of_log(0)])
-    gone.add("log_2", [s.take(s.manoeuvre < 0) for s in stacks.of_log(1)])  # nothing is left of it
-    assert np.unique(joined(gone).manoeuvre).size == 3
-    assert len(gone) == 2
-    assert gone.logs == ("log_1", "log_2")
-
-
-def test_stretches_are_cut_between_manoeuvres_and_leave_no_crumbs():
-    random = np.random.default_rng(3)
-    for _ in range(50):
-        length = random.integers(4, 400, 30)
-        manoeuvre = np.repeat(np.arange(30), length)
-        cuts = list(_cuts(manoeuvre, 100))
-        assert [c.start for c in cuts[1:]] == [c.stop for c in cuts[:-1]]
-        assert (cuts[0].start, cuts[-1].stop) == (0, manoeuvre.size)
-        assert max(c.stop - c.start for c in cuts) <= 100
-        for cut in cuts[:-1]:
-            part = manoeuvre[cut.stop - 1]
-            if manoeuvre[cut.stop] == part:
-                assert (manoeuvre[cut] == part).sum() >= 25
-                assert (manoeuvre[cut.stop :] == part).sum() >= 25
 
 
 def test_pieces_of_stacks_are_those_of_one_stack_where_none_is_cut():
@@ -187,16 +142,6 @@ def test_stretches_do_not_know_of_the_processes_that_share_them(recordings, monk
         same(one, other)
 
 
-def test_reading_what_is_put_aside_moves_no_place_in_the_file():
-    """So that processes may read side by side: what is forked shares the place."""
-    stacks = Stacks(in_memory=0)
-    stacks.add("log", [stack(1), stack(2)])
-    before = stacks._file.tell()
-    for number, seed in ((1, 2), (0, 1)):
-        np.testing.assert_array_equal(stacks[number].values, stack(seed).values)
-        assert stacks._file.tell() == before
-
-
 def driven(seed: int, **more) -> Stack:
     """Forty cruises at two speeds in turn."""
     made = stack(seed, manoeuvres=40, revolutions=10, **more)
@@ -257,14 +202,6 @@ def test_a_revolution_of_an_unused_manoeuvre_has_the_piece_nearest_in_speed_of_i
         assert abs(there[pieces.cell[i]] - speed[i]) == pytest.approx(off)
 
 
-def test_stretches_of_which_nothing_is_used_are_not_read(monkeypatch):
-    stacks, read = two_driven_logs(), []
-    whole = Stacks.__getitem__
-    monkeypatch.setattr(Stacks, "__getitem__", lambda self, i: read.append(i) or whole(self, i))
-    pieces_of_all(stacks, 2)
-    assert 0 < len(read) < len(stacks)
-
-
 def test_a_comparison_of_some_manoeuvres_finds_the_same_excess(recordings, model, whole):
     stacks = stacks_from_logs(recordings)
     pieces = pieces_of_all(stacks)
@@ -274,13 +211,6 @@ def test_a_comparison_of_some_manoeuvres_finds_the_same_excess(recordings, model
     assert some.revolutions < whole.revolutions
     assert some.excess_heldout == pytest.approx(whole.excess_heldout, rel=0.03)
     assert some.noise_floor == pytest.approx(whole.noise_floor, rel=0.03)
-
-
-def test_pieces_of_several_campaign_logs_are_numbered_through():
-    parts = [pieces_of(stack(seed, manoeuvres=3)) for seed in (1, 2)]
-    both = joined_pieces(parts)
-    assert both.cell.size == 0
-    np.testing.assert_array_equal(np.unique(both.manoeuvre), np.arange(6))
 
 
 @pytest.mark.slow

@@ -255,17 +255,6 @@ def test_a_campaign_s_pieces_are_those_of_its_logs_together(most, monkeypatch):
     assert set(whole.notes) == set(joined.notes)
 
 
-def test_revolutions_whose_piece_was_left_out_are_judged_by_the_nearest():
-    stacks = several((10, 10))
-    pieces = pieces_of_logs(stacks, 12)
-    assert len(pieces) == 12
-    log = np.concatenate([part.log for part in stacks])
-    speed = np.concatenate([part.conditions.speed_m_s for part in stacks])
-    assert pieces.cell.size == log.size
-    np.testing.assert_array_equal(pieces.log[pieces.cell], log)
-    assert np.abs(pieces.conditions.speed_m_s[pieces.cell] - speed).max() <= 1.0
-
-
 def test_a_log_that_gives_no_piece_has_revolutions_without_one():
     pieces = pieces_of_logs(several((4, 4, 4)), 2)
     assert set(pieces.log) < {0, 1, 2}

@@ -10,10 +10,8 @@ from tirelog.inference.metric import (
     LeaveOneOut,
     Normal,
     Offsets,
-    ProjectedOut,
     orthonormal,
     projected_out,
-    solve_scaled,
     whitener,
 )
 
@@ -26,33 +24,6 @@ def leave_one_out(columns, residual, offset, manoeuvre, log, prior=None):
         np.unique(log, return_inverse=True)[1][np.unique(manoeuvre, return_index=True)[1]],
         prior or (none, none),
     )
-
-
-def test_whitener_is_the_inverse_root_of_noise_and_random_effects():
-    cells = make_cells(stack(1, manoeuvres=2, m=32))
-    white = whitener(cells, discrepancy=1e-6)
-    m = cells.values.shape[1]
-    operator = white(np.broadcast_to(np.eye(m), (len(cells), m, m)).copy())
-    for c in range(len(cells)):
-        covariance = (
-            np.diag(cells.sd[c] ** 2 + 1e-6)
-            + cells.random[c] @ cells.random_cov[c] @ cells.random[c].T
-        )
-        covariance += 0.05**2 * np.outer(cells.shift[c], cells.shift[c])
-        np.testing.assert_allclose(operator[c] @ covariance @ operator[c].T, np.eye(m), atol=1e-6)
-
-
-def test_random_effects_of_manoeuvres_tie_their_cells_together():
-    cells = make_cells(stack(2, manoeuvres=3, m=32))
-    own = whitener(cells)
-    columns = np.ones((*cells.values.shape, 1))
-    white = own.with_manoeuvres(cells.manoeuvre, columns, np.array([0.01]))
-    for number in range(cells.manoeuvres):
-        rows = np.flatnonzero(cells.manoeuvre == number)
-        before = own(columns)[rows].reshape(-1)
-        after = white(columns)[rows].reshape(-1)
-        size = before @ before
-        np.testing.assert_allclose(after, before / np.sqrt(1.0 + 0.01**2 * size), rtol=1e-9)
 
 
 def test_left_out_solutions_are_those_of_the_other_manoeuvres_with_an_offset_a_log():
@@ -105,44 +76,6 @@ def test_an_offset_that_only_the_held_out_manoeuvre_shows_is_fitted_there():
     both = leave_one_out(columns, residual, np.ones((4, 6)), np.arange(4), log).left_out()
     (level, *_), theta = both.T, both[:, 1:]
     np.testing.assert_allclose([theta[3, 0], level[3], level[0]], [2.0, 5.0, 1.0], rtol=1e-9)
-
-
-def test_offsets_are_projected_out_like_a_column_a_log():
-    random = np.random.default_rng(5)
-    cells = make_cells(stack(1, manoeuvres=4, m=32))
-    cells = replace(cells, log=cells.manoeuvre // 2)
-    white = whitener(cells).with_manoeuvres(
-        cells.manoeuvre, random.standard_normal((*cells.phi.shape, 2)), np.array([0.1, 0.2])
-    )
-    dense = white(np.repeat((cells.log[:, None, None] == np.arange(2)).astype(float), 32, axis=1))
-    other, x = (
-        random.standard_normal((*cells.phi.shape, 3)),
-        random.standard_normal(cells.phi.shape),
-    )
-    offsets = Offsets.of(cells, white)
-    np.testing.assert_allclose(offsets.without(x), projected_out(orthonormal(dense), x), atol=1e-10)
-    level = np.linalg.lstsq(dense.reshape(-1, 2), x.reshape(-1), rcond=None)[0]
-    np.testing.assert_allclose(offsets.fit(x)[0], level, rtol=1e-8)
-    both = projected_out(orthonormal(np.concatenate([dense, other], axis=-1)), x)
-    np.testing.assert_allclose(
-        ProjectedOut.of(offsets, np.concatenate([other, dense[..., :1]], axis=-1)).without(x),
-        both,
-        atol=1e-9,
-    )
-
-
-def test_projection_leaves_nothing_in_the_span_and_ignores_scale():
-    random = np.random.default_rng(2)
-    columns = random.standard_normal((6, 7, 3)) * np.array([1e-9, 1.0, 1e9])
-    basis = orthonormal(columns)
-    np.testing.assert_allclose(basis.T @ basis, np.eye(3), atol=1e-12)
-    left = projected_out(basis, columns)
-    assert np.abs(left / np.array([1e-9, 1.0, 1e9])).max() < 1e-9
-
-
-def test_solve_scaled_leaves_unsupported_directions_at_zero():
-    gram = np.diag([4.0, 0.0])
-    np.testing.assert_allclose(solve_scaled(gram, np.array([8.0, 0.0])), [2.0, 0.0])
 
 
 def test_shared_effects_shrink_as_their_covariance_says():

@@ -11,17 +11,16 @@ from tests.diagnosis.planted import MODEL, since_exit, stack
 from tirelog.diagnosis.candidates.assessment import hats_on
 from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.propose.formulas import (
-    Atom,
     columns_of,
-    polish,
     polished,
     scan,
     strengths,
-    unit_columns,
 )
-from tirelog.diagnosis.propose.grammar import LAWS, forms
+from tirelog.diagnosis.propose.grammar import LAWS
 from tirelog.diagnosis.propose.ground import Ground, measured_shapes
 from tirelog.vocabulary.arrays import FloatArray
+
+pytestmark = pytest.mark.xdist_group("forms beside a base")  # one worker makes what is shared
 
 
 def bump(xi: FloatArray, speed: FloatArray) -> FloatArray:
@@ -33,37 +32,6 @@ def bump(xi: FloatArray, speed: FloatArray) -> FloatArray:
 @pytest.fixture(scope="module")
 def ground() -> Ground:
     return Ground(start([stack(bump, m=64)], MODEL))
-
-
-def test_worth_by_the_low_rank_is_that_of_the_columns_themselves(ground: Ground) -> None:
-    """Scores and Gram under each law, against columns whitened and projected one by one."""
-    random = np.random.default_rng(3)
-    columns = ground.of_cells(random.standard_normal((*ground.residual.shape, 4)))
-    factors = np.stack([np.ones(len(ground.base.cells)), ground.law("speed / 20", {})])
-    under_laws, grams, _ = ground.worth(columns, factors, 2)
-    for number, factor in enumerate(factors):
-        left = ground.coupled(columns * factor[:, None, None])
-        np.testing.assert_allclose(
-            ground.without(columns * factor[:, None, None]), left.reshape(-1, 4), atol=1e-8
-        )
-        for pair in range(2):
-            own, at = left[..., 2 * pair : 2 * pair + 2], 2 * number + pair
-            flat = own.reshape(-1, 2)
-            np.testing.assert_allclose(grams[at], flat.T @ flat, rtol=1e-8)
-            along = (own * ground.residual[..., None]).sum(axis=1)
-            scores = np.zeros((ground.manoeuvres, 2))
-            np.add.at(scores, ground.base.cells.manoeuvre, along)
-            np.testing.assert_allclose(under_laws[at], scores, atol=1e-6 * np.abs(scores).max())
-
-
-def test_of_many_cells_the_columns_are_the_same_without_the_low_rank(
-    ground: Ground, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    columns = ground.of_cells(np.random.default_rng(4).standard_normal((*ground.residual.shape, 3)))
-    kept = ground.without(columns)
-    monkeypatch.setattr("tirelog.diagnosis.propose.ground.FEW_CELLS", 1)
-    monkeypatch.setattr(Ground, "_low_rank", property(lambda self: pytest.fail("was made")))
-    np.testing.assert_allclose(Ground(ground.base).without(columns), kept, atol=1e-8)
 
 
 def test_a_planted_bump_is_found_with_its_place_width_law_and_size(ground: Ground) -> None:
@@ -83,28 +51,6 @@ def test_a_planted_bump_is_found_with_its_place_width_law_and_size(ground: Groun
     wanted = bump(ground.values["xi"], ground.values["speed"])
     assert np.sqrt(np.mean((found - wanted) ** 2)) < 0.03 * np.sqrt(np.mean(wanted**2))
     assert explained > 0.9 * (ground.square - ground.base.white.values)
-
-
-def test_polishing_does_not_explain_less(ground: Ground) -> None:
-    words = ("bump at a place of the wheel", "ringing in the time since the exit edge")
-    chosen = [form for form in forms() if form.words in words]
-    assert len(chosen) == len(words)
-    for form in chosen:
-        grid = {name: float(values[0]) for name, values in next(form.grids(1)).items()}
-        atom = Atom(form, grid, replace(LAWS[0], numbers={"n": 1.0}))
-        assert polish(ground, atom).explained >= strengths(ground, atom)[1] * (1.0 - 1e-3)
-
-
-def test_a_wave_has_two_quadratures_at_every_value_of_its_grid(ground: Ground) -> None:
-    form = next(f for f in forms() if f.words == "ringing in the time since the exit edge")
-    numbers = {"decay": np.array([0.01, 0.02]), "f": np.array([80.0, 120.0])}
-    found = unit_columns(ground, form, numbers, in_bins=False)
-    late = (
-        np.mod(ground.values["xi"] - ground.values["L"], 2 * np.pi * 0.3) / ground.values["speed"]
-    )
-    for i, wave in enumerate((np.cos, np.sin)):
-        wanted = np.exp(-late / 0.02) * wave(2 * np.pi * 120.0 * late)
-        np.testing.assert_allclose(found[..., 2 + i], wanted, atol=1e-12)
 
 
 @pytest.mark.parametrize(

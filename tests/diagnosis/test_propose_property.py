@@ -35,6 +35,8 @@ from tirelog.physics import Model
 from tirelog.physics.model.file import load_model, save_model
 from tirelog.vocabulary.arrays import FloatArray
 
+pytestmark = pytest.mark.xdist_group("proposals")  # one worker makes what these tests share
+
 
 def ringing(xi: FloatArray, speed: FloatArray) -> FloatArray:
     late = since_exit(xi) / speed

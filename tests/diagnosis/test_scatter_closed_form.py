@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from tirelog.inference.floor import Scatter, _deviations, agreement
-from tirelog.inference.metric import RANK, LeaveOneOut, Normal, solve_scaled
+from tirelog.inference.floor import _deviations, agreement
 
 
 def hat_of(columns):
@@ -50,48 +49,3 @@ def test_what_noise_does_is_taken_off():
     values = np.tile([1.0, -1.0], 5)
     sd, _ = _deviations(values, np.full(10, 0.75), hat, 1.0)
     np.testing.assert_allclose(sd**2, (10.0 - 0.75 * 9.0) / 9.0)
-
-
-def test_scatter_weighs_each_cell_with_its_own_deviation():
-    scatter = Scatter(
-        0.02, 0.0, 0.0, np.array([0.01, 0.03]), np.array([1e-4, 9e-4]), np.array([0.0, 4.0])
-    )
-    columns = np.ones((2, 3, 2)) * np.array([2.0, 0.5])
-    np.testing.assert_allclose(
-        scatter.square(columns), [[4e-4] * 3, [3.6e-3 + 1.0] * 3], rtol=1e-12
-    )
-
-
-def test_errors_of_parameters_add_the_trace_of_their_covariance():
-    random = np.random.default_rng(5)
-    manoeuvre, log, none = np.repeat(np.arange(5), 2), np.zeros(5, np.int64), np.zeros(4)
-    columns, residual = random.standard_normal((10, 4, 3)), random.standard_normal((10, 4))
-    other = random.standard_normal((10, 4, 3))
-    white, plain = (
-        LeaveOneOut(
-            Normal.of(np.pad(x, ((0, 0), (0, 0), (1, 0))), residual, manoeuvre), log, (none, none)
-        )
-        for x in (columns, other)
-    )
-    for m, added in enumerate(white.of_errors(plain)):
-        kept = columns[manoeuvre != m].reshape(-1, 3)
-        own = other[manoeuvre == m].reshape(-1, 3)
-        np.testing.assert_allclose(added, np.trace(own @ np.linalg.inv(kept.T @ kept) @ own.T))
-
-
-def test_equations_are_solved_on_the_directions_that_have_support():
-    random = np.random.default_rng(6)
-    columns = random.standard_normal((3, 20, 6))
-    columns[1, :, 5] = columns[1, :, 4] + 1e-6 * random.standard_normal(20)  # two nearly one
-    columns[2, :, 0] = 0.0
-    target = random.standard_normal((3, 20))
-    gram = np.swapaxes(columns, 1, 2) @ columns
-    right = (np.swapaxes(columns, 1, 2) @ target[..., None])[..., 0]
-    found = solve_scaled(gram, right)
-    # a column of zeros makes all of a batch singular, two that are nearly one only themselves
-    np.testing.assert_allclose(solve_scaled(gram[:2], right[:2]), found[:2], atol=1e-9)
-    for i in range(3):
-        scale = np.linalg.norm(columns[i], axis=0)
-        scale = np.where(scale > 0.0, scale, np.inf)
-        wanted = np.linalg.lstsq(columns[i] / scale, target[i], rcond=np.sqrt(RANK))[0] / scale
-        np.testing.assert_allclose(found[i], wanted, atol=1e-9)

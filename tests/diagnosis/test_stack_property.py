@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.diagnosis.toy import channel, make_cells, stack, waveform
-from tirelog.inference.stacks.align import PassageAngle, Samples, refine_passages, split_turns
+from tirelog.inference.stacks.align import PassageAngle, Samples, refine_passages
 from tirelog.inference.stacks.manoeuvres import SHORTEST, accelerations, regimes, segment
 
 
@@ -17,16 +17,6 @@ def test_matched_filter_finds_passages_to_a_thousandth_of_the_width(seed):
     found = refine_passages(Samples(toy), truth + 1e-3 * random.standard_normal(truth.size))
     error = (found - truth)[2:-2] * PassageAngle.through(truth).speed_rad_s(truth)[2:-2]
     assert np.std(error) < 2.5e-3
-
-
-def test_wheel_angle_passes_through_the_passages_and_goes_on_beyond():
-    times = np.array([0.0, 0.25, 0.48, 0.69, 0.88])
-    angle = PassageAngle.through(times)
-    np.testing.assert_allclose(angle.theta(times), 2 * np.pi * np.arange(5), atol=1e-9)
-    assert angle.theta(np.array([1.0]))[0] > angle.theta(times)[-1]
-    turn, phi = split_turns(angle.theta(times) + 0.1)
-    np.testing.assert_allclose(phi, 0.1, atol=1e-9)
-    assert list(turn) == [0, 1, 2, 3, 4]
 
 
 def test_a_drive_falls_into_its_regimes():

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.diagnosis.toy import make_cells, stack_of
+from tests.diagnosis.toy import stack_of
 from tirelog.cli.pages import comparison_page
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import parse_setup
@@ -21,9 +21,8 @@ from tirelog.errors import ModelError, UsageError
 from tirelog.inference.base import (
     bases_by_observable,
     refit,
-    with_fewer_cells,
 )
-from tirelog.inference.cells.joint import JointStacks, joined_cells, one_drive, parts_of
+from tirelog.inference.cells.joint import JointStacks, one_drive
 from tirelog.inference.cells.pieces import pieces_of
 from tirelog.inference.measured import measured_together
 from tirelog.physics import Model
@@ -88,26 +87,6 @@ def only(model: Model, *free: str) -> Model:
     """The model with these parameters free and no other."""
     held = {n: p if n in free else p.fixed() for n, p in model.parameters.items()}
     return model.with_parameters(held)
-
-
-def test_cells_come_apart_as_they_were():
-    parts = [make_cells(measured(name, 1)) for name in ALL]
-    scales = (3e-6, 1.5, 2e-3)
-    joint = joined_cells(parts, scales, [part.manoeuvre for part in parts])
-    assert joint.manoeuvres == SPEEDS.size
-    assert len(joint) == sum(map(len, parts))
-    for before, after in zip(parts, parts_of(joint), strict=True):
-        for name in ("values", "phi", "sd", "rounding", "shift", "within", "random", "random_cov"):
-            if before.phi.shape[1] == 1 and name in ("random", "shift"):
-                continue
-            np.testing.assert_allclose(
-                getattr(after, name), getattr(before, name), rtol=1e-12, err_msg=name
-            )
-        np.testing.assert_array_equal(after.manoeuvre, before.manoeuvre)
-        np.testing.assert_array_equal(after.log, before.log)
-        assert (after.observable, after.surface, after.logs) == (
-            before.observable, before.surface, before.logs,
-        )  # fmt: skip
 
 
 def test_a_manoeuvre_is_one_however_many_sensors_saw_it():
@@ -246,25 +225,6 @@ def test_held_out_means_left_out_of_all_observables():
 def level_of_each(cells):
     """A column for the offset of each waveform, (C, m, 2)."""
     return np.stack([cells.level * (cells.part == i)[:, None] for i in (0, 1)], axis=-1)
-
-
-def test_settling_anew_what_has_settled_changes_nothing_much():
-    base = start_from(measured_pieces(several(10)), TRUTH, several=False)
-    again = base.with_scatter_estimated
-    assert again.fit.chi2 == pytest.approx(base.fit.chi2, rel=0.02)
-    for name in base.fit.names:
-        moved = abs(again.model.values[name] - base.model.values[name])
-        assert moved <= 0.3 * base.model.parameters[name].se
-
-
-def test_some_rows_for_trying_things_are_of_every_observable():
-    base = start_from(measured_pieces(several(13)), TRUTH, several=False)
-    few = with_fewer_cells(base, 6)
-    assert set(few.cells.part) == {0, 1, 2}
-    assert len(few.cells) <= 6
-    np.testing.assert_array_equal(few.fit.prediction.shape, few.cells.values.shape)
-    left = few.white(np.nan_to_num(few.cells.values - few.fit.prediction))
-    assert 0.3 < float((left**2).sum()) / few.white.values < 3.0
 
 
 def test_one_observable_in_a_list_is_that_observable():

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import RoadSetup, Setup
-from tirelog.diagnosis.obstacles import band_squares, compare_transients, fit_hit, motion_at
+from tirelog.diagnosis.obstacles import compare_transients, fit_hit, motion_at
 from tirelog.errors import UsageError
 from tirelog.inference.obstacle_log import TransientLog, around, steady_revolutions, transient_log
 from tirelog.inference.stacks.align import PassageAngle
@@ -25,18 +25,6 @@ MODEL = Model.new(
     lever_arm_m=3e-4, radial_damping_N_s_m2=150.0, tangential_damping_N_s_m2=150.0,
 )  # fmt: skip
 ROAD = RoadSetup(kind="cleat", height_m=0.006, length_m=0.04)
-
-
-@pytest.mark.parametrize("size", [1000, 1001])
-def test_bands_add_up_and_a_tone_is_in_its_own(size):
-    time = np.arange(size) / RATE
-    edges = np.array([0.0, 50.0, 200.0, 600.0, 1250.0])
-    tone = 3.0 * np.sin(2.0 * np.pi * 100.0 * RATE / 2500.0 * time) + 7.0
-    squares = band_squares(time, tone, edges, RATE)
-    assert squares.sum() == pytest.approx(np.var(tone), rel=1e-9)
-    assert squares[1] == pytest.approx(4.5, rel=1e-2)
-    noise = np.random.default_rng(3).normal(size=size)
-    assert band_squares(time, noise, edges, RATE).sum() == pytest.approx(np.var(noise), rel=1e-9)
 
 
 def made(hit_s: float, seed: int) -> TransientLog:

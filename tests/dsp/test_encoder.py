@@ -4,10 +4,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
 from tirelog.data.recording import Channel, TimeAxis
-from tirelog.dsp.encoder import counter_knots
-from tirelog.dsp.pitch import KnotBuilder, PitchLearner, angle_function
+from tirelog.dsp.encoder import AngleFunction, counter_knots, without_spikes
+from tirelog.dsp.pitch import (
+    MOST_REACH,
+    SLOPE,
+    VALUE,
+    KnotBuilder,
+    PitchLearner,
+    angle_function,
+)
 from tirelog.dsp.teeth import Crossings, count_teeth, crossings, probe
 
 RATE, STEPS = 10_000.0, 48
@@ -237,3 +245,39 @@ def test_the_angle_function_is_exact_for_a_cubic_motion_and_its_inverse():
     np.testing.assert_allclose(function.at(at + 1e-4 * at**2 + 1e-6 * at**3), angle, atol=1e-9)
     np.testing.assert_allclose(function.time_at(function.at(at)), at, atol=1e-9)
     assert np.isnan(function.at(np.array([-1.0, 100.0]))).all()
+
+
+def test_a_glitch_is_no_extreme_and_a_tooth_is():
+    high = np.full(40, 1.0)
+    high[10], high[20:26] = 5.0, 2.0
+    clean = without_spikes(high)
+    assert clean[10] == 1.0
+    assert clean[20:26].tolist() == [2.0] * 6
+
+
+@pytest.mark.parametrize("order", ["ascending", "any"])
+def test_the_angle_is_the_spline_through_the_knots(order):
+    random = np.random.default_rng(5)
+    time = np.linspace(0, 10, 200) + random.uniform(-0.01, 0.01, 200)
+    count = np.cumsum(random.integers(0, 5, 200)).astype(np.int32)
+    rate = random.uniform(10, 60, 200).astype(np.float32)
+    function = AngleFunction(time, count, 0.07, rate, np.zeros(200, np.int32), 1e-4)
+    at = random.uniform(time[0], time[-1], 3000)
+    at = np.sort(at) if order == "ascending" else at
+    np.testing.assert_allclose(
+        function.at(at), CubicHermiteSpline(time, 0.07 * count, rate.astype(float))(at), atol=1e-8
+    )
+    outside = function.at(np.array([time[0] - 1e-9, time[0], time[-1], time[-1] + 1e-9, np.nan]))
+    assert np.isfinite(outside).tolist() == [False, True, True, False, False]
+
+
+def test_the_local_cubics_weights_reproduce_cubics_and_no_more():
+    place = np.arange(-MOST_REACH, MOST_REACH + 1.0)
+    for value, slope in zip(VALUE[3:], SLOPE[3:], strict=True):
+        for power, (true_value, true_slope) in enumerate([(1, 0), (0, 1), (0, 0), (0, 0)]):
+            assert value @ place**power == pytest.approx(true_value, abs=1e-9)
+            assert slope @ place**power == pytest.approx(true_slope, abs=1e-9)
+    # Savitzky and Golay's numbers for seven points
+    np.testing.assert_allclose(
+        21 * VALUE[3, MOST_REACH - 3 : MOST_REACH + 4], [-2, 3, 6, 7, 6, 3, -2], atol=1e-9
+    )

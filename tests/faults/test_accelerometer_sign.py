@@ -16,6 +16,8 @@ from tirelog.inference.measured import measured
 from tirelog.physics import Model
 from tirelog.runs.ingest import open_recording
 
+pytestmark = pytest.mark.xdist_group("accelerometer sign")  # one worker makes what is shared
+
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 RATE_HZ = 10_000.0
 

@@ -312,22 +312,6 @@ def test_200_flips_and_cuts_end_in_a_sentence_or_in_data(chunked, tmp_path):
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000  # kB
 
 
-def test_types_that_are_whole_and_cannot_be_read_here(tmp_path):
-    with h5py.File(tmp_path / "log.h5", "w") as file:
-        file.create_dataset("a", shape=(20,), dtype=np.dtype(("f8", (10,))))[...] = np.ones(
-            (20, 10)
-        )
-        space = h5py.h5s.create_simple((20,))
-        h5py.h5d.create(file.id, b"t", h5py.h5t.UNIX_D32LE, space)
-    for source, why in (
-        ("/a", "holds arrays of shape .10,. as its elements"),
-        ("/t", "cannot be read here"),
-    ):
-        with pytest.raises(ReadError, match=why) as caught:
-            Hdf5Log(tmp_path / "log.h5", setup_of(source), "log.h5")
-        assert "damaged" not in str(caught.value)
-
-
 def other_types(path):
     """Whole datasets of types that numpy does not have, arrays as elements, and a good one."""
     from h5py import h5d, h5s, h5t

@@ -67,72 +67,12 @@ def test_first_derivative_extrema_lie_well_inside_the_patch():
     assert R * phi[inside][np.argmin(slope[inside])] == pytest.approx(-0.0356, abs=1e-4)
 
 
-def test_braking_moves_the_extremum_towards_the_entry_edge():
-    """P2 Fig. 13 with h = h_t and the printed sign; the other sign moves it to the exit edge."""
-    phi = np.linspace(-0.15, 0.15, 6001)
-
-    def place(slip, lever):
-        model = table_1().with_effect("traction", lever_m=lever)
-        return (
-            R
-            * phi[
-                np.argmax(
-                    model.predict(
-                        Conditions.of(1, speed_m_s=C, slip=slip), phi, observable="displacement"
-                    )
-                )
-            ]
-        )
-
-    places = [place(slip, H) for slip in (0.0, 0.05, 0.15, 0.3)]
-    assert places[0] == pytest.approx(0.0, abs=1e-4)
-    assert places[0] > places[1] > places[2] > places[3]
-    assert place(0.15, -H) > 0 < place(-0.15, H)
-
-
-def test_slip_onset_bends_the_strain_where_adhesion_ends():
-    """P2 Fig. 11: the derivative of the strain jumps at x_s."""
-    xi = np.array([0.035 - 4e-3, 0.035 - 1.5e-3, 0.035 + 1.5e-3, 0.035 + 4e-3])
-    model = table_1().with_effect("traction", lever_m=H)
-    both = [model.predict(Conditions.of(1, speed_m_s=C, slip=s), xi / R)[0] for s in (0.15, 0.0)]
-    jump = [(e[3] - e[2] - e[1] + e[0]) / 2.5e-3 for e in both]
-    assert abs(jump[0]) > 3 * abs(jump[1])
-
-
 # ---- P1: light damping, printed and corrected, against the exact roots (s > 0 lies ahead of the
 # load: s = -lambda xi) --------------------
 
 
 def undamped(s, a, b):
     return np.exp(-b * np.abs(s)) / (a * b) * (a * np.cos(a * s) + b * np.sin(a * np.abs(s)))
-
-
-def printed_7_to_9(s, alpha, beta):
-    b = np.sqrt(1 - alpha**2)
-    a1, a2 = (np.sqrt(1 + alpha**2 + sign * 2 * alpha * beta / b) for sign in (1, -1))
-    d1, d3 = a1 * b, a2 * b
-    d2, d4 = b**2 - (a1**2 - a2**2) / 4, b**2 + (a1**2 - a2**2) / 4
-    ahead = (
-        2 / (a1 * (d1**2 + d2**2)) * np.exp(-b * s) * (d1 * np.cos(a1 * s) + d2 * np.sin(a1 * s))
-    )
-    behind = (
-        2 / (a2 * (d3**2 + d4**2)) * np.exp(b * s) * (d3 * np.cos(a2 * s) - d4 * np.sin(a2 * s))
-    )
-    return np.where(s >= 0, ahead, behind)
-
-
-def first_order(s, alpha, beta, sign):
-    """P1 (11) with the bracket's sign: +1 as printed, -1 corrected."""
-    a, b = np.sqrt(1 + alpha**2), np.sqrt(1 - alpha**2)
-    wave = undamped(s, a, b)
-    slanted = (
-        (1 + b * np.abs(s))
-        / b
-        * np.exp(-b * np.abs(s))
-        / (a * b)
-        * (b * np.cos(a * s) - a * np.sin(a * np.abs(s)))
-    )
-    return wave - np.sign(s) * alpha * beta / (a * b) * (wave / a + sign * slanted)
 
 
 def exact_point_load(s, alpha, beta):
@@ -157,18 +97,3 @@ def test_undamped_formula_10():
     for alpha in (0.13, 0.8):
         a, b = np.sqrt(1 + alpha**2), np.sqrt(1 - alpha**2)
         assert miss(undamped(S, a, b), alpha, 0.0) < 2e-6
-
-
-@pytest.mark.parametrize(("alpha", "factor"), [(0.13, 0.013), (0.8, 3.5)])
-def test_light_damping_formulas_7_to_9_are_correct_to_beta_squared(alpha, factor):
-    beta = 0.01
-    assert miss(printed_7_to_9(S, alpha, beta), alpha, beta) == pytest.approx(
-        factor * beta**2, rel=0.35, abs=2e-6
-    )
-
-
-def test_printed_psi_misses_and_the_corrected_one_is_of_order_beta_squared():
-    assert miss(first_order(S, 0.13, 0.05, +1), 0.13, 0.05) == pytest.approx(1.3e-2, rel=0.1)
-    corrected = miss(first_order(S, 0.13, 0.05, -1), 0.13, 0.05)
-    assert corrected == pytest.approx(5.5e-5, rel=0.1)
-    assert miss(first_order(S, 0.13, 0.10, -1), 0.13, 0.10) == pytest.approx(4 * corrected, rel=0.1)

@@ -11,9 +11,6 @@ from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
 from tirelog.physics.carcass.contact import (
-    ContactState,
-    pressure_modes,
-    pressure_modes_near,
     solve_contact,
 )
 from tirelog.physics.carcass.structures import RingCarcass, modal_impedance
@@ -48,16 +45,6 @@ def test_springs_press_just_as_deep_as_the_ring_under_them_lies(load):
     below = np.abs(np.arctan2(np.sin(phi), np.cos(phi))) < 0.8
     pressed = 8.75e7 * np.maximum(depth, 0.0)[below]
     assert np.allclose(pressed, p[below], atol=1e-7 * p.max())
-
-
-def test_where_the_search_begins_changes_no_digit():
-    alone = solve_contact(CARCASS, 1500.0)
-    for other in (30.0, 8000.0):
-        solve_contact.cache_clear()
-        solve_contact(CARCASS, other)
-        again = solve_contact(CARCASS, 1500.0)
-        assert np.array_equal(again.pressure_N_m, alone.pressure_N_m)
-        assert (again.half_length_m, again.drop_m) == (alone.half_length_m, alone.drop_m)
 
 
 def test_the_loaded_ring_touches_the_road_and_nowhere_passes_it():
@@ -154,37 +141,6 @@ def test_tensions_in_between_are_interpolated_to_a_part_in_ten_thousand():
     for i in (1, 9, 18):
         alone = model.predict(conditions.take(slice(i, i + 1)), phi)[0]
         assert np.abs(table[i] - alone).max() < 2e-4 * np.ptp(alone)
-
-
-#: one load and tension in all rows; several of each, solved one by one; many, interpolated
-ROWS = {
-    "one": ([3500.0], [1.7e4]),
-    "some": ([2500.0, 3500.0, 3500.0], [1.7e4, 1.7e4, 2.0e4]),
-    "many": (list(np.linspace(2510.0, 3990.0, 9)), list(np.linspace(2.11e4, 1.61e4, 9))),
-}
-
-
-@pytest.mark.parametrize("rows", ROWS)
-@pytest.mark.parametrize("name", ["EI", "k_w", "k_v", "k_t", "pb_N_m", "load_N", "stiffer"])
-def test_a_small_step_by_derivatives_is_the_step(rows, name):
-    """To the square of the step: the same angles touch, and the rest is linear."""
-    load, pb = (np.array(column)[:, None] for column in ROWS[rows])
-    stiffer = np.linspace(0.991, 0.911, load.size)[:, None]
-    here, step = ContactState(CARCASS, load, pb, stiffer=stiffer), 1e-5
-
-    def moved(factor):
-        if name in ("pb_N_m", "load_N", "stiffer"):
-            return replace(here, **{name: getattr(here, name) * factor})
-        return replace(here, carcass=replace(CARCASS, **{name: getattr(CARCASS, name) * factor}))
-
-    there = [moved(1.0 + sign * step) for sign in (1, -1)]
-    near = [pressure_modes_near(here, state, tilted=True) for state in there]
-    ends = [pressure_modes(state, tilted=True) for state in there]
-    assert None not in near
-    for up, down, true_up, true_down in zip(*near, *ends, strict=True):
-        slope = (true_up - true_down) / (2.0 * step)
-        assert np.abs(slope).max() > 1e-4 * np.abs(true_up).max()
-        assert np.allclose((up - down) / (2.0 * step), slope, atol=1e-7 * np.abs(slope).max())
 
 
 def test_sidewalls_that_pressure_stiffens_are_stiffer_ones():

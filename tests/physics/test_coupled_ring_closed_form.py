@@ -132,18 +132,6 @@ def test_steady_rolling_from_any_start_is_the_steady_ring(start):
     assert np.abs(mean - steady).max() < 1e-4 * np.abs(steady).max()
 
 
-def test_the_ring_under_its_own_load_is_the_steady_ring():
-    stepper = rolling(TIRE)
-    stepped_motion(stepper, 0.3)
-    modes = np.zeros_like(stepper.state.V)
-    motion = np.zeros_like(stepper.state.V)
-    for _ in range(300):
-        stepper.step()
-        modes, motion = modes + stepper.road_forces.modes / 300, motion + stepper.state.V / 300
-    steady = modes / modal_impedance(TIRE.n, TIRE, stepper.state.omega)
-    assert np.abs(motion - steady).max() < 1e-4 * np.abs(steady).max()
-
-
 def test_a_brake_torque_is_the_road_force_times_the_radius_of_a_belt_that_does_not_stretch():
     free, braked = (
         rolling(replace(TIRE, c_x=1.9e6), torque=torque, nodes=1536) for torque in (0.0, -60.0)

@@ -10,9 +10,9 @@ import pytest
 
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
-from tirelog.physics import BY_ID, CATALOGUE, Model, ModelEffect, Parameter
+from tirelog.physics import BY_ID, CATALOGUE, Model, ModelEffect
 from tirelog.physics.effects import base
-from tirelog.physics.effects.base import ACTS_ON, Effect, Structure
+from tirelog.physics.effects.base import ACTS_ON
 from tirelog.physics.model.user_effects import EXPRESSION_ACTS_ON, effect_by_expression
 from tirelog.vocabulary.conditions import CONDITIONS
 
@@ -30,7 +30,6 @@ DRIVE = Conditions.of(
     N, **{name: c.example for name, c in CONDITIONS.items() if c.example is not None} | VARIED
 )
 WAVES = [e for e in CATALOGUE if "strain" in e.observables]
-REGRESSORS = [e for e in CATALOGUE if "regressors" in e.acts_on]
 
 
 def base_for(effect, carcass="beam"):
@@ -128,68 +127,6 @@ def test_it_follows_the_conditions_that_it_says(effect):
     either = {*effect.instead, *effect.instead.values()}  # one of the two is read
     assert read <= said | either
     assert said - read <= either | {"speed_m_s", "load_N"}
-
-
-def _stiffer(drive, *, softer, law):
-    return Structure(stiffening=-softer if law == "down" else softer)
-
-
-@base.effect(
-    "baseline",
-    follows=(("speed_m_s", 1),),
-    tried=False,
-    options={"law": ("up", "down")},
-    structure=_stiffer,
-    per_speed=base.number(0.0, -1.0, 1.0, "s/m", "a in a v", probe=1e-6),
-    softer=base.number(0.0, -0.5, 0.5, "1", "b", probe=0.1),
-    typical=base.number(20.0, 1.0, 50.0, "m/s", "v0", free=False),
-)
-def decorated(drive, *, per_speed, typical):
-    """Baseline that follows
-    speed.
-
-    Signature: the whole waveform
-        rises
-    Valid: below 40 m/s
-    Source: an example; errata: none
-
-    What only a reader of the code is told.
-    """
-    return per_speed * drive.speed_m_s / typical
-
-
-def test_a_decorated_function_is_the_effect_that_its_fields_describe():
-    by_hand = Effect(
-        id="decorated",
-        mechanism="baseline that follows speed",
-        follows=(("speed_m_s", 1),),
-        acts_on=("baseline", "structure"),
-        parameters=(
-            Parameter("per_speed", "s/m", "a in a v", 0.0, -1.0, 1.0, 1e-6),
-            Parameter("softer", "1", "b", 0.0, -0.5, 0.5, 0.1),
-            Parameter("typical", "m/s", "v0", 20.0, 1.0, 50.0, 20.0, free=False),
-        ),
-        strength=("per_speed", "softer"),
-        source="an example; errata: none",
-        valid="below 40 m/s",
-        signature="the whole waveform rises",
-        options={"law": ("up", "down")},
-        tried=False,
-        baseline=lambda v, drive: v["per_speed"] * drive.speed_m_s / v["typical"],
-        structure=lambda v, drive: Structure(
-            stiffening=-v["softer"] if v["law:down"] else v["softer"]
-        ),
-    )
-    hooks = {"baseline": None, "structure": None}
-    assert replace(decorated, **hooks) == replace(by_hand, **hooks)
-    waves = []
-    for made in (decorated, by_hand):
-        for law in made.options["law"]:
-            entry = replace(ModelEffect.of(made), options={"law": law})
-            model = probed(Model.new("beam").with_effect(entry), made)
-            waves.append(model.predict(DRIVE, PHI))
-    assert np.array_equal(waves[:2], waves[2:])
-    assert not np.array_equal(waves[0], waves[1])
 
 
 @pytest.mark.parametrize("names", ["", "ab"])
@@ -301,16 +238,6 @@ def test_effects_compose_in_any_order_to_the_last_bit():
         predictions.append(model.predict(DRIVE, PHI))
     assert np.array_equal(predictions[0], predictions[1])
     assert np.array_equal(predictions[0], predictions[2])
-
-
-def test_a_subset_of_revolutions_reads_the_same_once_the_model_is_resolved():
-    model = Model.new("beam")
-    for e in WAVES:
-        model = probed(model.with_effect(e), e)
-    model = model.resolved(DRIVE)
-    whole = model.predict(DRIVE, PHI)
-    one = np.concatenate([model.predict(DRIVE.take(slice(i, i + 1)), PHI) for i in range(N)])
-    assert np.allclose(whole, one, rtol=1e-9, atol=1e-12 * np.abs(whole).max())
 
 
 def test_angles_of_their_own_give_the_same_as_common_angles():

@@ -89,26 +89,6 @@ def test_so_are_their_derivatives(monkeypatch):
         assert np.abs(a - b).max() < 1e-5 * np.abs(b).max()
 
 
-@pytest.mark.parametrize(
-    ("effects", "known"),
-    [
-        ({}, {"load_N": RNG.uniform(3000.0, 4000.0, N)}),
-        ({"load_transfer": {"coefficient": 0.01}}, {"acceleration_m_s2": RNG.normal(size=N)}),
-        ({"water_film": {"amplitude": 0.1}}, {"water_depth_mm": RNG.uniform(0.2, 1.0, N)}),
-        ({"thermal_drift": {"drift": 1e-5}}, {}),
-    ],
-)
-def test_rows_that_differ_in_something_else_are_computed_each(effects, known, monkeypatch):
-    model = Model.new("beam")
-    for name, values in effects.items():
-        model = model.with_effect(name, **values)
-    given = conditions(**known)
-    many = model.predict(given, PHI, phi_variance=SPREAD)
-    monkeypatch.setattr("tirelog.physics.model.prediction.COUNTS", (N,))
-    each = model.predict(given, PHI, phi_variance=SPREAD)
-    assert np.array_equal(many, each)
-
-
 def test_a_speed_near_the_critical_one_takes_more_speeds_and_one_above_is_refused(computed):
     model, given = Model.new("beam"), conditions(speed_m_s=np.linspace(8.0, 34.5, N))
     many, one = model.predict(given, PHI, phi_variance=SPREAD), alone(model, given)

@@ -7,14 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tirelog.data.recording import Conditions
-from tirelog.physics import Model
 from tirelog.physics.carcass.contact import (
     LOSSES,
     NONE,
-    ContactState,
-    pressure_modes,
-    pressure_modes_near,
     solve_contact,
 )
 from tirelog.physics.carcass.structures import RingCarcass, modal_impedance
@@ -61,61 +56,3 @@ def test_every_loss_makes_the_pressure_lean_to_the_entry_edge(which):
     losses = tuple(x if i == which else 0.0 for i, x in enumerate(DAMPED))
     contact = solve_contact(CARCASS, 3500.0, losses)
     assert contact.pressure_N_m @ contact.on < 0.0
-
-
-@pytest.mark.parametrize("by", range(6 + len(LOSSES)))
-def test_slopes_are_those_of_contacts_a_small_step_away(by):
-    """To the square of the step: the same angles touch, and the rest is linear."""
-    step = 1e-5
-
-    def at(factor):
-        carcass, losses, load = CARCASS, list(DAMPED), 3500.0
-        if by < 5:
-            name = ("EI", "k_w", "k_v", "k_t", "pb")[by]
-            carcass = replace(carcass, **{name: getattr(carcass, name) * factor})
-        elif by == 5:
-            load *= factor
-        else:
-            losses[by - 6] *= factor
-        return solve_contact(carcass, load, tuple(losses))
-
-    up, here, down = at(1.0 + step), at(1.0), at(1.0 - step)
-    size = (2.0, 6.3e5, 6.3e5, 8.75e7, CARCASS.pb, 3500.0, *DAMPED)[by] * 2.0 * step
-    pressure, half = here.slopes
-    slope = (up.pressure_N_m - down.pressure_N_m) / size
-    assert np.allclose(pressure[by], slope, atol=1e-4 * np.abs(slope).max())
-    length = (up.half_length_m - down.half_length_m) / size
-    assert half[by] == pytest.approx(length, rel=1e-4, abs=1e-9 * R / size)
-
-
-def test_rows_of_other_speeds_are_a_step_away_to_its_square():
-    """Contacts are solved at one row's losses; of what losses do, the others miss 3 % at most at
-    two thirds and four thirds of that speed, and a quarter of it at half the distance."""
-    phi = np.linspace(-0.5, 0.5, 401)
-    plain = Model.new("ring", radius_m=R, load_N=3500.0)
-    model = plain.with_effect("viscous_damping", damping_rate_1_s=90.0)
-
-    def missed(speeds):
-        conditions = Conditions.of(len(speeds), speed_m_s=speeds)
-        many, without = model.predict(conditions, phi), plain.predict(conditions, phi)
-        left = []
-        for i in (0, len(speeds) - 1):
-            alone = model.predict(conditions.take(slice(i, i + 1)), phi)[0]
-            left.append(np.linalg.norm(many[i] - alone) / np.linalg.norm(alone - without[i]))
-        return np.array(left)
-
-    far, near = missed([12.0, 18.0, 24.0]), missed([15.0, 18.0, 21.0])
-    assert far.max() < 0.03
-    assert np.all(near < 0.5 * far)
-
-
-def test_a_step_from_no_loss_at_all_has_slopes_too():
-    here = ContactState(CARCASS, np.full((1, 1), 3500.0), np.full((1, 1), CARCASS.pb))
-    losses = 1e-4 * np.array([DAMPED])
-    near = pressure_modes_near(here, replace(here, losses=losses), tilted=False)
-    there = pressure_modes(replace(here, losses=losses), tilted=False)
-    before = pressure_modes(here, tilted=False)
-    assert near is not None
-    change = there[1] - before[1]
-    assert np.abs(change).max() > 0.0
-    assert np.abs(near[1] - there[1]).max() < 1e-3 * np.abs(change).max()

@@ -76,25 +76,6 @@ def test_unknown_effects_and_parameters_name_the_nearest():
         Model.new("beam").without_effect("wear")
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "not toml [",
-        "[model]\nobservable = 3",
-        "",
-        "[[effects]]\n",
-        "effects = 3\n[model]\n",
-        "\x00",
-        "[parameters]\nload_N = {}\n",
-    ],
-)
-def test_files_that_are_no_model(text, tmp_path):
-    path = tmp_path / "m.toml"
-    path.write_text(text)
-    with pytest.raises(ModelError):
-        load_model(path)
-
-
 def test_files_that_cannot_be_read(tmp_path):
     with pytest.raises(ModelError, match="cannot be read"):
         load_model(tmp_path / "none.toml")

@@ -106,9 +106,7 @@ def test_on_the_road_a_load_on_a_stiff_belt_bounces_on_tread_and_sidewall_in_ser
     1/(tread under the patch), the ring light.
     """
     stiff = replace(TIRE, EI=1e7, rho_A=1e-3)
-    patch = (
-        contact.solve_contact(stiff, 1000.0).phi_rad.size * contact.STEP * 0.3 * stiff.k_t
-    )
+    patch = contact.solve_contact(stiff, 1000.0).phi_rad.size * contact.STEP * 0.3 * stiff.k_t
     series = 1.0 / (1.0 / stiff.k_s + 1.0 / patch)
     slowest = next(
         mode

@@ -111,33 +111,6 @@ def test_ring_against_collocation(damping, speed):
     assert np.abs(model.predict(drive(speed), phi)[0] - strain).max() < 1e-4 * np.abs(strain).max()
 
 
-def test_ring_against_finite_differences():
-    """Dense matrices of eighth-order differences on a closed grid, static, 1e-4 (pressure averaged
-    over its cells).
-    """
-    n = 720
-    h = 2 * np.pi / n
-    phi = np.arange(n) * h - np.pi
-    first = [1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]
-    second = [-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560]
-    D, D2 = (
-        sum(c * np.roll(np.eye(n), k, axis=1) for k, c in zip(range(-4, 5), s, strict=True))
-        for s in (first, second)
-    )
-    D, D2 = D / h, D2 / h**2
-    fine = (np.arange(64) + 0.5) / 64 - 0.5
-    around = phi[:, None] + h * fine
-    gamma = 0.75 * F / L**3
-    p = np.where(np.abs(R * around) < L, gamma * (L**2 - (R * around) ** 2), 0.0)
-    q_w, q_v = -(p * np.cos(around)).mean(axis=1), (p * np.sin(around)).mean(axis=1)
-    eye = np.eye(n)
-    Z = -EI / R**4 * D2 @ (eye + D2) @ (eye + D2) + P0 * B / R * (D2 @ D2 + D2) + KV * eye - KW * D2
-    v = np.linalg.solve(Z, q_v + D @ q_w)
-    w_out = -D @ v
-    got = -ring().predict(drive(0.0), phi, observable="displacement")[0]
-    assert np.abs(got - w_out).max() < 1e-4 * np.abs(w_out).max()
-
-
 def test_ring_is_the_beam_where_it_is_stiffly_bedded_and_large():
     """The same waveform near the patch once bending is short against the radius: the beam that has
     no speed term.

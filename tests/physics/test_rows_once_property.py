@@ -10,7 +10,6 @@ import pytest
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
 from tirelog.physics.effects import BY_ID, Structure
-from tirelog.physics.model import stages
 from tirelog.physics.model.model import ModelEffect
 
 HERE = {
@@ -47,19 +46,6 @@ def test_a_row_is_the_same_alone_and_among_others(carcass, name, observable):
         for i in (0, 1):
             alone = model.predict(conditions.take(slice(i, i + 1)), PHI)[0]
             assert np.abs(together[i] - alone).max() < 1e-9 * np.ptp(alone), changed
-
-
-def test_slopes_too(monkeypatch):
-    conditions = Conditions.of(
-        6, speed_m_s=np.linspace(9.0, 22.0, 6), inflation_pressure_Pa=[2e5, 2e5, 2e5, 1.6e5] * 1
-        + [1.6e5, 1.6e5],
-    )  # fmt: skip
-    model = Model.new("ring", "radial_acceleration").with_effect("stiffening", cubic_1_m2=800.0)
-    found = model.linearised(conditions, PHI, model.free)
-    monkeypatch.setattr(stages, "distinct", lambda task: (task, None))
-    each = model.linearised(conditions, PHI, model.free)
-    for one, other in zip(found, each, strict=True):
-        assert np.abs(one - other).max() < 1e-9 * np.abs(other).max()
 
 
 def test_an_effect_of_the_user_is_asked_in_every_row():

@@ -9,17 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.cases import IN_CATALOGUE, ORDINARY, OUTSIDE, PAIRS, PLANS, Case, case, planted
+from benchmarks.cases import IN_CATALOGUE, OUTSIDE, PLANS, Case, case
 from tirelog.errors import UsageError
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import PLANTABLE
 
 QUICK = Case(plan="short", logs=2)
-
-
-def test_same_arguments_same_case() -> None:
-    assert case(("wear",), seed=1, how=QUICK) == case(("wear",), seed=1, how=QUICK)
-    assert case(("wear",), seed=1, how=QUICK) != case(("wear",), seed=2, how=QUICK)
 
 
 def test_planting_changes_nothing_else() -> None:
@@ -41,31 +36,6 @@ def test_null_repeats_between_manoeuvres() -> None:
     at = made[0].world.instants(np.array([2.0]))
     waves = [m.world.waveform(m.world.solve(at), s)[0] for m, s in zip(made, sensors, strict=True)]
     assert np.array_equal(waves[0], waves[1])
-
-
-def test_strength_is_a_factor_on_the_size_alone() -> None:
-    once, faint = planted(("edge_impact",))[0], planted(("edge_impact",), strength=0.1)[0]
-    assert faint["amplitude"] == pytest.approx(0.1 * once["amplitude"])
-    assert faint["width"] == once["width"]
-    own = planted({"edge_impact": {"amplitude": 0.2, "width": 0.1}})[0]
-    assert (own["amplitude"], own["width"]) == (0.2, 0.1)
-
-
-def test_logs_differ_in_what_effects_need() -> None:
-    scenarios = case((), seed=5)
-    for key in ("load_N", "distance_km", "water_depth_mm"):
-        assert len({getattr(s.conditions, key) for s in scenarios}) == len(scenarios)
-
-
-def test_mixed_plan_has_its_manoeuvres() -> None:
-    truth = simulate(
-        replace(case((), seed=5, how=Case(logs=1))[0], channels=case((), seed=5)[0].channels)
-    ).truth
-    regimes = [m["regime"] for m in truth["manoeuvres"]]
-    assert len(regimes) >= 8
-    assert set(regimes) == {"cruise", "drive", "coast", "brake"}
-    assert 50 < truth["manoeuvres"][-1]["end_s"] < 75
-    assert max(truth["motion"]["speed_m_s"]) < 26
 
 
 @pytest.mark.parametrize("plan", list(PLANS))
@@ -106,10 +76,6 @@ def test_ring_curvature_is_a_ring_with_the_beam_s_patch() -> None:
     made = case(("ring_curvature",), seed=8, how=QUICK)[0]
     assert (made.truth, made.tire.contact) == ("ring", "parabola")
     assert [e["name"] for e in simulate(made).truth["effects"]] == ["ring_curvature"]
-
-
-def test_pairs_are_of_the_catalogue() -> None:
-    assert all(name in ORDINARY for pair in PAIRS for name in pair)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks import nuisances
-from benchmarks.nuisance_worlds import KINDS, WORLDS, CaseOf, kind_of, several
+from benchmarks.nuisance_worlds import WORLDS, CaseOf
 from benchmarks.nuisances import Row
 from tirelog.errors import UsageError
 
@@ -46,23 +46,6 @@ def test_worlds_differ_by_their_nuisance_alone(world: str, carcass: str) -> None
             assert (log == bare) == (world == "control")
 
 
-def test_a_wheel_is_the_same_in_every_log_and_another_for_another_seed() -> None:
-    for world in ("run_out_30", "force_variation"):
-        one, two = (
-            [log.nuisances for log in CaseOf(world, seed).scenarios()] for seed in (20000, 20001)
-        )
-        assert one[0] == one[1]
-        assert one[0] != two[0]
-    grades = [log.nuisances for log in CaseOf("load_wander", 20000).scenarios()]
-    assert grades[0] != grades[1]
-
-
-def test_warm_worlds_are_warmer_by_what_they_say_at_their_end() -> None:
-    for log in CaseOf("warming", 20000).scenarios():
-        final, time = log.conditions.warm_up_K, log.conditions.warm_up_time_s
-        assert final * -np.expm1(-log.duration_s / time) == pytest.approx(20.0, rel=1e-3)
-
-
 def test_every_drive_is_below_the_critical_speed_of_its_beam() -> None:
     for seed in (*range(60), *range(20000, 20060)):
         for log in CaseOf("control", seed).scenarios():
@@ -73,24 +56,6 @@ def test_every_drive_is_below_the_critical_speed_of_its_beam() -> None:
             )
             assert max(m.speed_m_s for m in log.manoeuvres) < 0.95 * critical
             assert 35.0 < log.duration_s < 80.0
-
-
-def test_tuning_and_reporting_share_neither_tire_nor_plan() -> None:
-    early, late = kind_of(999), kind_of(20000)
-    assert early is not late
-    assert early.radius_m[1] < late.radius_m[0]
-    assert early.load_N[1] < late.load_N[0]
-    assert early.bending_N_m2[1] < late.bending_N_m2[0]
-    assert not set(early.plans) & set(late.plans)
-
-
-def test_several_at_once_are_of_different_kinds() -> None:
-    for seed in range(200):
-        for count in (2, 4):
-            parts = several(count, seed).split("+")
-            of = [next(k for k, kind in enumerate(KINDS) if part in kind) for part in parts]
-            assert len(set(of)) == count
-    assert len({several(2, seed) for seed in range(200)}) > 30
 
 
 def test_unknown_world_is_refused_with_the_nearest() -> None:
@@ -117,11 +82,3 @@ def test_rates_count_what_they_say() -> None:
     said = "\n".join(nuisances.summary([ROW, replace(ROW, named="wear", status="missing")]))
     assert "control: wear x1" in said
     assert said.count("1/2 = 50.0 %") == 4  # nothing missing and false names; control and all
-
-
-def test_effect_of_another_size_is_left_out_and_said() -> None:
-    sized = replace(ROW, planted="wear", size="small", named="wear", status="missing")
-    rows = [replace(sized, planted_excess=3.0), replace(sized, planted_excess=7.0, seed=2)]
-    said = "\n".join(nuisances.summary(rows))
-    assert "1/1 = 100.0 %" in said
-    assert "left out, since no strength gave the size: wear small (2)" in said

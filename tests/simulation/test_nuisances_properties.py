@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -78,20 +77,6 @@ def test_nuisance_changes_neither_noise_nor_the_other_channels(name: str) -> Non
     assert noise[0].std() == pytest.approx(0.0008, rel=0.1)
     speeds = [simulate(made_of(nuisances=n)).channels["e"] for n in ({}, nuisance)]
     assert np.array_equal(*speeds)
-
-
-def test_same_seed_same_log_other_seed_other_wandering() -> None:
-    made = made_of(nuisances=ALL, channels={"s": {"kind": "fbg_strain", **INSTRUMENT}})
-    first, again, other = (values(simulate(m)) for m in (made, made, replace(made, seed=5)))
-    assert np.array_equal(first, again, equal_nan=True)
-    assert not np.array_equal(first, other, equal_nan=True)
-    wander = {"load_wander": {"share": 0.03}}
-    loads = [
-        simulate(replace(made_of(nuisances=wander), seed=seed)).world.wander(np.arange(2.0))
-        for seed in (4, 4, 5)
-    ]
-    assert np.array_equal(loads[0], loads[1])
-    assert not np.isclose(loads[0], loads[2]).any()
 
 
 @pytest.mark.parametrize("truth", ["beam", "ring"])

@@ -12,11 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.linalg import circulant as dense_circulant
 
-from tirelog.simulation.rolling import belt as banded
 from tirelog.simulation.rolling import step_kernel as kernel
-from tirelog.simulation.rolling.belt import Splines, circulant
 from tirelog.simulation.rolling.world import TrueProfile, tire_at_rest
 
 from .rolls import EI, K_V, K_W, LINE_MASS, PB, RADIUS, belt, moved, orders, rolling, strain_rider
@@ -93,44 +90,6 @@ def test_steps_in_time_ring_as_the_turning_belt_does() -> None:
     )
     strain = (-1j * n * (1 - n**2) * exact).real
     assert np.abs(read[:, 0] - strain).max() < 2e-3 * np.abs(strain).max()
-
-
-def test_solver_against_the_full_matrix() -> None:
-    random = np.random.default_rng(3)
-    stencil = random.standard_normal(11)
-    stencil[5] += 12.0
-    n = 20
-    system = banded.factors(n + 5)
-    system[0][:] = stencil
-    banded.factor(system)
-    right, x, out = random.standard_normal(n + 5), np.zeros(n + 5), np.zeros(n + 5)
-    banded.solve(system, right, x)
-    full = dense_circulant(np.roll(np.pad(stencil[::-1], (0, n - 6)), -5))
-    assert np.allclose(circulant(stencil, n + 5), full)
-    assert np.allclose(x, np.linalg.solve(full, right), rtol=1e-12, atol=1e-14)
-    banded.apply_circulant(stencil, x, out)
-    assert np.allclose(out, right, rtol=1e-12, atol=1e-13)
-
-
-def test_splines_read_a_wave_and_its_derivatives() -> None:
-    splines = Splines(64)
-    factor = (2 * splines.step_rad / 2 / np.sin(2 * splines.step_rad / 2)) ** 6
-    coefficients = factor * np.sin(2 * splines.middle_rad)
-    for angle in (0.0, 0.123, 6.2):
-        exact = [
-            np.sin(2 * angle),
-            2 * np.cos(2 * angle),
-            -4 * np.sin(2 * angle),
-            -8 * np.cos(2 * angle),
-        ]
-        for m, value in enumerate(exact):
-            assert splines.functional(angle, {m: 1.0}) @ coefficients == pytest.approx(
-                value, abs=2.5e-5 * 2**m
-            )
-        mean = (np.cos(2 * (angle - 0.05)) - np.cos(2 * (angle + 0.05))) / 0.2
-        assert splines.functional(angle, {0: 1.0}, 0.1) @ coefficients == pytest.approx(
-            mean, abs=1e-7
-        )
 
 
 def test_standing_tire_carries_its_load() -> None:

@@ -14,6 +14,8 @@ from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
 
 from .worlds import instants, world
 
+pytestmark = pytest.mark.xdist_group("second forms")  # one worker makes what these tests share
+
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "second_forms.md"
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from benchmarks.wheel_cases import WHEEL_PLANS, Instruments, wheel_scenario
+from benchmarks.wheel_cases import wheel_scenario
 from tirelog.errors import UsageError
 from tirelog.simulation import scenario_of, simulate
 from tirelog.simulation.scenario.schema import Sensor
@@ -204,18 +202,6 @@ def test_vehicle_runs_ahead_of_the_tread_in_braking_slip() -> None:
     assert ratio[100] == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("plan", list(WHEEL_PLANS))
-def test_wheel_scenarios_can_be_driven(plan: str) -> None:
-    driven = wheel_scenario(plan, seed=1, with_=Instruments(forces=True))
-    short = replace(
-        driven,
-        manoeuvres=tuple(replace(m, duration_s=0.15 * m.duration_s) for m in driven.manoeuvres[:3]),
-    )
-    made = simulate(replace(short, rounding_s=0.2))
-    assert set(made.channels) >= {"acceleration", "encoder", "vertical_load", "longitudinal_force"}
-    assert all(np.isfinite(v).all() for v in made.channels.values())
-
-
 def test_patch_is_longer_at_low_pressure_and_the_tone_wheel_is_the_same() -> None:
     low, nominal = (
         simulate(wheel_scenario(seed=s, pressure_Pa=p)) for s, p in ((1, 1.6e5), (2, 2.0e5))
@@ -226,11 +212,6 @@ def test_patch_is_longer_at_low_pressure_and_the_tone_wheel_is_the_same() -> Non
         for m in (low, nominal)
     ]
     assert 1.02 < width[0] / width[1] < 1.15
-
-
-def test_unknown_wheel_plan() -> None:
-    with pytest.raises(UsageError, match="nearest: ramp"):
-        wheel_scenario("rampe", seed=1)
 
 
 def test_other_forms_of_what_moves_the_phase() -> None:

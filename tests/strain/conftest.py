@@ -44,6 +44,17 @@ def ring_pulse(xi_m: np.ndarray, speed_m_s: np.ndarray) -> np.ndarray:
     return humps - shoulders + 0.04 * np.cos(5 * xi_m / RADIUS_M) + 0.0 * speed_m_s
 
 
+def lopsided(xi_m: np.ndarray, speed_m_s: np.ndarray) -> np.ndarray:
+    """A pulse of no brush and no carcass: steep where the patch begins, slow where it ends, with
+    shoulders unlike each other.
+    """
+    flat = 0.5 * (np.tanh((xi_m + 0.055) / 0.015) - np.tanh((xi_m - 0.055) / 0.032))
+    shoulders = 0.35 * np.exp(-(((xi_m + 0.10) / 0.03) ** 2)) + 0.15 * np.exp(
+        -(((xi_m - 0.12) / 0.05) ** 2)
+    )
+    return flat * (1 - 1.5 * xi_m) - shoulders
+
+
 @dataclass(frozen=True)
 class Drive:
     """`channel` as an estimator gets it, `values` its samples; the truth: `time_s`, `speed_m_s` of

@@ -316,6 +316,12 @@ def test_a_lone_gap_is_bridged_by_the_cubic_through_its_neighbours():
     np.testing.assert_allclose(bridged(holed, 10.0), cubic, atol=1e-9)
 
 
+def test_lost_values_at_the_ends_are_the_nearest_known():
+    values = np.array([np.nan, np.nan, 1.0, 2.0, np.nan, np.nan, 5.0, 5.0, np.nan])
+    assert bridged(values, 10.0).tolist() == [1.0, 1.0, 1.0, 2.0, 3.0, 4.0, 5.0, 5.0, 5.0]
+    assert bridged(np.full(6, np.nan), 1.0).tolist() == [0.0] * 6
+
+
 @pytest.mark.parametrize("seconds", [0.15, 0.3, 0.5, 0.8, 3.0])
 def test_a_log_of_few_revolutions_has_all_its_rows(drive, radius_m, seconds):
     """Where the log cuts a patch off, or tells no speed, the factor is unknown: NaN, and never a

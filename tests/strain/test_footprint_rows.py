@@ -20,6 +20,8 @@ from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_quality
 from tirelog.vocabulary.quality import Quality, good, having
 
+pytestmark = pytest.mark.xdist_group("footprint rows")  # one worker makes what these tests share
+
 TRUTH = Beam(speeds=(6.0, 20.0))
 
 

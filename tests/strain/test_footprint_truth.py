@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from tests.strain.conftest import lopsided
 from tests.strain.strain_truth import Beam, Ring
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.dsp.filters import Cutoff
@@ -194,20 +195,6 @@ def test_a_length_below_its_own_error_is_not_told():
     )
     np.testing.assert_array_equal(length, [0.11, np.nan, np.nan, np.nan, np.nan])
     np.testing.assert_array_equal(error, [6e-5, np.nan, np.nan, np.nan, np.nan])
-
-
-def lopsided(xi_m, speed_m_s):
-    """A pulse of no carcass: steep where the patch begins, slow where it ends, with shoulders
-    unlike each other.
-    """
-    flat = (
-        0.5 * (np.tanh((xi_m + 0.055) / 0.015) - np.tanh((xi_m - 0.055) / 0.032)) * (1 - 1.5 * xi_m)
-    )
-    return (
-        flat
-        - 0.35 * np.exp(-(((xi_m + 0.10) / 0.03) ** 2))
-        - 0.15 * np.exp(-(((xi_m - 0.12) / 0.05) ** 2))
-    )
 
 
 def uneven(xi_m, speed_m_s):

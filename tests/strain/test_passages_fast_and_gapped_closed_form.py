@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tirelog.data.recording import Channel, TimeAxis
+from tirelog.data.recording import TimeAxis
 from tirelog.strain.passages.find import find_passages
-from tirelog.strain.passages.search import decimate, refined
 from tirelog.strain.speed import speed_quality
 from tirelog.vocabulary.quality import Quality, having
 
@@ -106,23 +105,3 @@ def test_passages_in_a_gap_count_as_turns(drive, radius_m):
     assert np.flatnonzero(~found.measured).tolist() == [20, 40, 41]
     assert (found.quality[[20, 40, 41]] == Quality.GAP | Quality.LOST_PEAK).all()
     assert np.abs(found.time_s - d.time_s)[[20, 40, 41]].max() < 3e-3
-
-
-@pytest.mark.parametrize(("rate_Hz", "shorter"), [(10_000.0, 4), (5000.0, 1), (2500.0, 1)])
-def test_shorter_buckets_are_medians_of_their_own_samples(rate_Hz, shorter):
-    values = np.random.default_rng(1209).normal(size=20_003)
-    channel = Channel.of_array("c", "strain", values, TimeAxis.uniform(values.size, rate_Hz))
-    coarse = decimate(channel, 1.0)
-    ranges = np.array([[1600, 3200], [16_000, 20_003]])
-    fine = refined(channel, coarse, 1.0, ranges)
-    middle = fine.index(np.arange(fine.values.size))
-    assert (np.diff(middle) > 0).all()
-    short = fine.samples(np.arange(fine.values.size)) == shorter
-    inside = ((middle[:, None] >= ranges[:, 0]) & (middle[:, None] < ranges[:, 1])).any(axis=1)
-    np.testing.assert_array_equal(short, inside)
-    reach = max(shorter, 3) // 2
-    for place in np.flatnonzero(short)[1:-2:97]:
-        own = values[int(np.ceil(middle[place] - reach)) : int(middle[place] + reach) + 1]
-        assert fine.values[place] == pytest.approx(np.median(own), rel=1e-6)
-    same = np.isin(coarse.index(np.arange(coarse.values.size)), middle[~short])
-    np.testing.assert_array_equal(coarse.values[same], fine.values[~short])

@@ -7,7 +7,6 @@ import pytest
 
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.strain.passages.find import find_passages
-from tirelog.strain.passages.passage_flags import _touched
 from tirelog.vocabulary.quality import Quality, good, having
 
 DRIVE = ([0, 2, 8, 16, 19, 24, 40], [6, 6, 25, 25, 12, 12, 20])
@@ -186,13 +185,3 @@ def test_a_jump_inside_the_patch_does_not_make_two_of_it(steady, radius_m, sampl
     found = find_passages(steady.with_values(values), radius_m)
     assert_all_found(found, steady)
     assert having(found.quality, Quality.SPIKE)[[20, 21, 90, 200]].all()
-
-
-def test_a_window_is_marked_if_any_range_touches_it() -> None:
-    """Against all pairs, for ranges and windows in any order, of any length, points among them."""
-    rng = np.random.default_rng(1107)
-    for ranges in (0, 1, 2, 10, 40):
-        begin, low = rng.integers(0, 1000, 2000) * 1.0, rng.integers(0, 1000, ranges) * 1.0
-        end, high = begin + rng.integers(0, 30, 2000), low + rng.integers(0, 4, ranges) ** 4
-        pairs = (low <= end[:, None]) & (high >= begin[:, None])
-        np.testing.assert_array_equal(_touched(begin, end, low, high), pairs.any(axis=1))

@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from tests.strain.conftest import lopsided
 from tests.strain.strain_truth import Beam, Ring
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.simulation import Scenario, simulate, to_recording
@@ -23,20 +24,6 @@ from tirelog.strain.passages.find import find_passages
 from tirelog.vocabulary.quality import good
 
 CALM = {"height": 1.0, "drift": 0.0}
-
-
-def lopsided(xi_m, speed_m_s):
-    """A pulse of no brush and no beam: steep where the patch begins, slow where it ends, with
-    shoulders unlike each other.
-    """
-    flat = (
-        0.5 * (np.tanh((xi_m + 0.055) / 0.015) - np.tanh((xi_m - 0.055) / 0.032)) * (1 - 1.5 * xi_m)
-    )
-    return (
-        flat
-        - 0.35 * np.exp(-(((xi_m + 0.10) / 0.03) ** 2))
-        - 0.15 * np.exp(-(((xi_m - 0.12) / 0.05) ** 2))
-    )
 
 
 def mixed_log(drive, radius_m, speed, slip, seed, noise_pm=0.8, free=None, slip_s=8):
@@ -173,12 +160,12 @@ def test_onsets_that_start_from_others_are_as_true_as_those_looked_for(
 
 def test_noise_costs_onsets_not_their_truth(drive, radius_m):
     """A quarter of the passages that the form is learnt from is driven: it is learnt anew without
-    them, and hardly an onset is far off: of 1,000 some 10. (With one
+    them, and hardly an onset is far off: of 500 some 5. (With one
     seed, of 125, one more or less decided.)
     """
     errors, pulls, driven = [], [], 0
     for (speed, slip, noise_pm), seed in product(
-        ((14.0, 0.15, 4.0), (20.0, 0.1, 3.0)), range(1650, 1658)
+        ((14.0, 0.15, 4.0), (20.0, 0.1, 3.0)), range(1650, 1654)
     ):
         found, slipping, free, onset = mixed(drive, radius_m, speed, slip, seed, noise_pm)
         seen = slipping & np.isfinite(found.slip["onset_m"])

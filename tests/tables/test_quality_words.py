@@ -115,36 +115,6 @@ def test_no_word_stands_as_a_text_elsewhere() -> None:
     assert {at for at in found if at[0] not in NAMESAKES.get(at[1], ())} == set()
 
 
-def test_a_quality_column_comes_from_the_register_only() -> None:
-    """Whatever the package writes into a column of that name is made by one of two functions."""
-    made = []
-    for path, nodes in sources():
-        for node in nodes:
-            values: list[ast.expr] = []
-            if isinstance(node, ast.Dict):
-                values = [
-                    value
-                    for key, value in zip(node.keys, node.values)
-                    if isinstance(key, ast.Constant) and key.value == "quality"
-                ]
-            elif isinstance(node, ast.Assign) and any(
-                isinstance(target, ast.Subscript)
-                and isinstance(target.slice, ast.Constant)
-                and target.slice.value == "quality"
-                for target in node.targets
-            ):
-                values = [node.value]
-            made += [(path, ast.unparse(value).split("(")[0]) for value in values]
-    # rows of flags in the passages, and what a ledger's entry is made of
-    own = {("strain/passages/find.py", "np.uint32"), ("strain/passages/find.py", "none_of")}
-    own |= {("campaign/ledger.py", "{str: {str: int}}")}
-    assert len(made) > 6
-    assert {function for at, function in made if (at, function) not in own} == {
-        "quality_column",
-        "quality_text",
-    }
-
-
 def test_texts_are_the_words_in_alphabetical_order() -> None:
     assert quality_text(0) == OK == "ok"
     assert quality_text(Quality.SPIKE | Quality.GAP) == "gap;spike"

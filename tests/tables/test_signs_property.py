@@ -17,6 +17,8 @@ import tirelog
 from tirelog.cli import run
 from tirelog.vocabulary.columns import COLUMNS, TABLES
 
+pytestmark = pytest.mark.xdist_group("signs")  # one worker makes what these tests share
+
 SCENARIO = """
 seed = {seed}
 [tire]

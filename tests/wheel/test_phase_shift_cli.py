@@ -14,6 +14,8 @@ import pytest
 from tests.wheel.phase_truth import DYNAMIC, RAMP, Drive, Encoder, Tread
 from tirelog.cli import run
 
+pytestmark = pytest.mark.xdist_group("phase shifts")  # one worker makes what these tests share
+
 #: passages of the dynamic drive: its way over the circumference, from a patch at 1 rad
 TURNS = int((80 + 80 + 176 + 40 + 65) / (2 * np.pi * 0.305) - 1 / (2 * np.pi)) + 1
 
