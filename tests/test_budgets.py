@@ -28,7 +28,7 @@ FOLDERS = {
     "campaign": (6, 850),
     "cli": (8, 1440),
     "data": (4, 480),
-    "diagnosis": (24, 5290),
+    "diagnosis": (24, 5300),
     "drafts": (2, 430),
     "dsp": (5, 1070),
     "inference": (22, 3760),
