@@ -35,7 +35,7 @@ FOLDERS = {
     "kernels": (3, 250),
     "physics": (29, 3700),
     "plots": (6, 1150),
-    "readers": (23, 4650),
+    "readers": (24, 4660),
     "report": (6, 1240),
     "runs": (7, 1540),
     "simulation": (15, 2350),

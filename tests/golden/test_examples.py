@@ -44,7 +44,7 @@ def test_a_page_s_python_runs(number: int, tmp_path: Path, monkeypatch: pytest.M
     exec(compile(BLOCKS[number], f"pages, block {number}", "exec"), names)
 
 
-@pytest.mark.parametrize("module", ["logs", "setups", "tables", "models", "answers"])
+@pytest.mark.parametrize("module", ["logs", "tables", "models", "answers"])
 def test_the_docstrings_numbers(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
     result = doctest.testmod(import_module(f"tirelog.api.{module}"))

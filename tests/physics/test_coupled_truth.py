@@ -67,9 +67,8 @@ def truth(what: str, seconds: float):
     drive = orders(round(seconds / STEP), speed=SPEED, load=LOAD)
     if what == "load step":
         drive["load_N"] = [loads(STEP * i) for i in range(drive.size)]
-    return moved(
-        rolled, rolled.run(drive, riders=(strain_rider(of, THETA - rolled.angle_rad, LEVER),))
-    )
+    rider = strain_rider(of, THETA - float(rolled.state["angle_rad"]), LEVER)
+    return moved(rolled, rolled.run(drive, riders=(rider,)))
 
 
 @cache

@@ -21,7 +21,7 @@ from tests.readers.mcap_files import (
 )  # fmt: skip
 from tirelog.readers.mcap import decode as mcap_decode
 from tirelog.readers.mcap import records as mcap_order
-from tirelog.readers.mcap.decode import parse_path, topic_and_field
+from tirelog.readers.mcap.fields import parse_path, topic_and_field
 
 STEP_NS = 400_000
 N = 1500

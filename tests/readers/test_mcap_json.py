@@ -7,7 +7,8 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tirelog.readers.mcap.decode import ChannelDecoder, FieldColumn, RequestedField
+from tirelog.readers.mcap.decode import ChannelDecoder
+from tirelog.readers.mcap.fields import FieldColumn, RequestedField
 from tirelog.readers.mcap.records import MessageTable
 
 NUMBER = st.one_of(

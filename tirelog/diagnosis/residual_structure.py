@@ -44,7 +44,7 @@ from tirelog.errors import ModelError
 from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to, with_fewer_cells
 from tirelog.inference.cells.joint import model_of
 from tirelog.inference.floor import held_out_losses, held_out_losses_with, load_derivative
-from tirelog.inference.metric import Offsets, ProjectedOut, side_by_side
+from tirelog.inference.metric import RANK, Offsets, ProjectedOut, side_by_side
 from tirelog.inference.nuisances import condition_slopes
 from tirelog.physics.effects import Drive, Effect, Site
 from tirelog.physics.effects.base import Values
@@ -263,8 +263,15 @@ def _score(
 
     Free shapes are many, so some columns are projected at a time.
     """
-    left = side_by_side(lambda some: taken.without(base.white(factor * some)), [columns])
-    return Scores.of(base, left, residual)
+
+    def left_of(some: FloatArray) -> FloatArray:
+        white = base.white(factor * some)
+        left = taken.without(white)
+        # of a column that the base explains whole, rounding is left, which is no evidence
+        left *= np.linalg.norm(left, axis=(0, 1)) > RANK * np.linalg.norm(white, axis=(0, 1))
+        return left
+
+    return Scores.of(base, side_by_side(left_of, [columns]), residual)
 
 
 def _scores(

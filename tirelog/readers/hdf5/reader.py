@@ -614,9 +614,9 @@ class Hdf5Log:
             stored, missing = self._read(source, start, stop, slabs)
             numbers = scale.apply(stored)
             channel = self.setup.channels[name]
-            if channel.kind in WAVELENGTH_KINDS:  # none is 0 or less; what is recorded may be
+            if channel.kind in WAVELENGTH_KINDS:  # 0 is a lost peak; a share may be below it
                 factor, offset = channel.scaling
-                numbers[~(factor * numbers + offset > 0.0)] = np.nan
+                numbers[(numbers == 0.0) | ~(factor * numbers + offset > 0.0)] = np.nan
             for first, last in missing:
                 numbers[first - start : last - start] = np.nan
                 gone[first - start : last - start] = True

@@ -38,9 +38,8 @@ from tirelog.readers.base import (
     SeriesList,
     rate_Hz,
 )
-from tirelog.readers.mcap.decode import (
-    LARGEST_MESSAGE_BYTES,
-    ChannelDecoder,
+from tirelog.readers.mcap.decode import LARGEST_MESSAGE_BYTES, ChannelDecoder, spread
+from tirelog.readers.mcap.fields import (
     FieldColumn,
     FieldError,
     RequestedField,
@@ -48,7 +47,6 @@ from tirelog.readers.mcap.decode import (
     field_names,
     is_list,
     parse_path,
-    spread,
     topic_and_field,
 )
 from tirelog.readers.mcap.records import RECORD_ERRORS, MessageTable, OrderedGroup, Records

@@ -16,7 +16,7 @@ from typing import Any
 
 from google.protobuf.descriptor import FieldDescriptor
 
-from tirelog.readers.mcap.decode import MessagePlan, Place, RequestedField, Token
+from tirelog.readers.mcap.fields import MessagePlan, Place, RequestedField, Token
 
 PRIMITIVES = {
     "bool": "u1", "byte": "u1", "char": "i1", "uint8": "u1", "int8": "i1", "uint16": "u2",

@@ -67,7 +67,7 @@ CONTACT = np.dtype(
 DRIVE = np.dtype(
     [("distance_m", "f8"), ("acceleration_m_s2", "f8"), ("load_N", "f8"), ("torque_N_m", "f8")]
 )
-#: the motion at one moment: see `tire.TireMotion`
+#: the motion at one moment
 MOMENT = np.dtype(
     [("angle_rad", "f8"), ("spin_rad_s", "f8"), ("hub_z_m", "f8"), ("force_x_N", "f8"),
      ("force_z_N", "f8"), ("entry_m", "f8"), ("exit_m", "f8"), ("spindle_x_N", "f8"),
