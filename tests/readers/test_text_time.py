@@ -39,6 +39,8 @@ def by_regex(cell: str, form: str, us: bool = False) -> int:
     days = 0
     if form in times._DATED:
         month, day = (part["D"], part["M"]) if us and form == "dmy" else (part["M"], part["D"])
+        if not 1678 <= int(part["Y"]) <= 2261:  # what int64 holds whole
+            return MISSING
         try:
             days = int(
                 (
@@ -56,8 +58,7 @@ def by_regex(cell: str, form: str, us: bool = False) -> int:
             return MISSING
         hour %= 12
     seconds = hour * 3600 + minute * 60 + second - times._offset_s(part)
-    ns = (days * 86_400 + seconds) * 10**9 + int((part["frac"] or "0").ljust(9, "0"))
-    return ns if abs(ns) <= -(MISSING + 1) else MISSING
+    return (days * 86_400 + seconds) * 10**9 + int((part["frac"] or "0").ljust(9, "0"))
 
 
 def read(cells: list[str], form: str, us: bool) -> list[int]:
