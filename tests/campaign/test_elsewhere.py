@@ -52,7 +52,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_bytes(
     remove(results)
     monkeypatch.setenv("TIRELOG_TEST_GATE", str(tmp_path))
     monkeypatch.setattr(cluster_of, "make_tables", dying_once)
-    monkeypatch.setattr(cluster_of, "_TIMEOUT_S", PATIENCE_S)
+    monkeypatch.setattr(cluster_of, "ANSWER_S", PATIENCE_S)
     with local_cluster(distributed, 3) as cluster:
         assert (
             run(

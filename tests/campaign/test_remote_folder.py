@@ -142,7 +142,7 @@ def test_a_cluster_writes_to_the_store(
 ) -> None:
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(cluster_of, "make_tables", patient)
-    monkeypatch.setattr(cluster_of, "_TIMEOUT_S", PATIENCE_S)
+    monkeypatch.setattr(cluster_of, "ANSWER_S", PATIENCE_S)
     _, manifest, results = far
     assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
     want = there(results)
