@@ -155,24 +155,11 @@ def mcap(folder: Path, sizes: Sizes) -> None:
         print(f"library / tirelog: {theirs / ours:.1f} x cpu (goal: 10)")
 
 
-WHEEL = """[tire]
-rolling_radius_m = 0.305
-[channels.encoder]
-kind = "wheel_encoder"
-source = "/encoder"
-unit = "V"
-steps = 48
-[channels.acceleration]
-kind = "radial_acceleration"
-source = "/acceleration"
-unit = "g"
-"""
-
-
 def encoder(folder: Path, sizes: Sizes) -> None:
     """Wheel angle beside a band-pass and a Hilbert transform; phase shift by the command."""
     import h5py
 
+    from tests.kernel_calls import WHEEL
     from tests.wheel.phase_truth import Drive, Encoder, Tread, recording
     from tirelog.wheel.angle import encoder_of
 

@@ -228,8 +228,3 @@ def _drive(how: Case, random: np.random.Generator) -> tuple[Manoeuvre, ...]:
         )
         speed = to
     return tuple(parts)
-
-
-def with_seed(scenario: Scenario, seed: int) -> Scenario:
-    """The same scenario on another road and with other noise."""
-    return replace(scenario, seed=seed)

@@ -62,8 +62,6 @@ EFFECTS_SOLVED = {
 SPEEDS_M_S = np.linspace(5.0, 26.0, 7)
 #: of the tire's load
 LOAD_SHARES = np.linspace(0.4, 2.2, 25)
-#: effects that change what is solved
-_IN_SOLUTION = ("viscous_damping", "edge_impact")
 
 # ---- a ring in large deflection ------------------------------------------------------------------
 
@@ -362,7 +360,6 @@ _SOLVERS: dict[str, Callable[[Tire, float, float], TenseRing | SolidBelt]] = {
     "tense_ring": TenseRing,
     "solid_belt": SolidBelt,
 }
-FORMS_SOLVED = tuple(_SOLVERS)
 
 
 @dataclass

@@ -54,12 +54,6 @@ def unit_of(unit: str) -> str:
     return "" if unit == "1" else unit
 
 
-def quality_section() -> str:
-    """The words and what they say."""
-    rows = [(f"`{flag.word}`", flag.sentence) for flag in sorted(Quality, key=_word)]
-    return table(("quality word", "what it says of the row"), rows)
-
-
 def quality_page() -> str:
     """The words with the tables they stand in and what their rows are good for."""
     rows = [

@@ -6,7 +6,6 @@ import io
 import json
 import re
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -481,6 +480,3 @@ def damaged_json_table(data: bytes, rng: Rng) -> bytes:
         b'"x"',
     )
     return rows[int(rng.integers(len(rows)))]
-
-
-Damage = Callable[[bytes, Rng], bytes]

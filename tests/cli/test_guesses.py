@@ -23,10 +23,10 @@ def test_a_guess_is_a_kind_with_a_unit_of_it(
     name: str, unit: str, size: float, moves: float
 ) -> None:
     samples = size * (1.0 + moves * np.sin(np.arange(50.0)))
-    guess = guessed(name, unit, samples, 100.0)
+    guess = guessed(name, unit, samples)
     KINDS[guess.kind].to_si(guess.unit)
     assert guess.reason
-    lost = guessed(name, unit, np.full(5, np.nan), None)
+    lost = guessed(name, unit, np.full(5, np.nan))
     assert lost.kind == "signal"
 
 
@@ -56,7 +56,7 @@ def test_a_guess_is_a_kind_with_a_unit_of_it(
 )
 def test_names_that_loggers_give(name: str, size: float, kind: str, unit: str) -> None:
     samples = size * (1.0 + 1e-4 * np.sin(np.arange(50.0)))
-    guess = guessed(name, "", samples, 100.0)
+    guess = guessed(name, "", samples)
     assert (guess.kind, guess.unit) == (kind, unit)
 
 
@@ -75,7 +75,7 @@ def test_names_that_loggers_give(name: str, size: float, kind: str, unit: str) -
 def test_a_unit_does_not_tell_the_direction(name: str, unit: str, size: float, kind: str) -> None:
     """Peaks of both signs at passages, as an axis across the tread has them."""
     samples = size * np.sin(np.arange(5000.0)) * (np.arange(5000) % 500 < 30)
-    assert guessed(name, unit, samples, 25_000.0).kind == kind
+    assert guessed(name, unit, samples).kind == kind
 
 
 def test_every_kind_that_is_guessed_has_its_sizes() -> None:

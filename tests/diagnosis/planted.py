@@ -56,3 +56,9 @@ def stack(
 def since_exit(xi: FloatArray) -> FloatArray:
     """Distance behind the exit edge [m]."""
     return np.mod(xi - HALF_M, 2 * np.pi * 0.3)
+
+
+def ringing(xi: FloatArray, speed: FloatArray) -> FloatArray:
+    """Strain that rings behind the exit edge at 120 Hz, fixed in time, larger at speed."""
+    late = since_exit(xi) / speed
+    return 4e-5 * speed / 20.0 * np.exp(-late / 0.008) * np.sin(2 * np.pi * 120.0 * late)

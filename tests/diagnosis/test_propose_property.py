@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from tests.cli.conftest import Command, folder, tirelog
-from tests.diagnosis.planted import MODEL, since_exit, stack
+from tests.diagnosis.planted import MODEL, ringing, since_exit, stack
 from tirelog.diagnosis import ladder as climbing
 from tirelog.diagnosis.answer import next_command
 from tirelog.diagnosis.candidates.search import SearchResult, search_effects
@@ -36,11 +36,6 @@ from tirelog.physics.model.file import load_model, save_model
 from tirelog.vocabulary.arrays import FloatArray
 
 pytestmark = pytest.mark.xdist_group("proposals")  # one worker makes what these tests share
-
-
-def ringing(xi: FloatArray, speed: FloatArray) -> FloatArray:
-    late = since_exit(xi) / speed
-    return 4e-5 * speed / 20.0 * np.exp(-late / 0.008) * np.sin(2 * np.pi * 120.0 * late)
 
 
 LOGS = [stack(ringing, manoeuvres=13, m=96)]

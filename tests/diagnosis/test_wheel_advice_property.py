@@ -4,16 +4,11 @@ import numpy as np
 import pytest
 
 import tirelog
-from tests.diagnosis.planted import MODEL, since_exit, stack
+from tests.diagnosis.planted import MODEL, ringing, stack
 from tirelog.data.recording import Conditions
 from tirelog.inference.measured import MeasuredLogs
 
 _LOAD_N = 3434.0
-
-
-def ringing(xi, speed):
-    late = since_exit(xi) / speed
-    return 4e-5 * speed / 20.0 * np.exp(-late / 0.008) * np.sin(2 * np.pi * 120.0 * late)
 
 
 def force(share):

@@ -182,12 +182,14 @@ def test_a_wrong_topic_or_field_names_the_nearest_and_leaves_the_others(path):
             "b": "/front_left/strain:yy",
             "c": "/rear:x",
             "d": "nonsense",
+            "e": "/front_left/strain:x.real",  # of a number in Python, no field of the message
         },
     )
     assert set(values) == {"a"}
-    assert [next(c for c in "bcd" if f"channel {c}" in loss) for loss in reader.report.losses] == [
+    assert [next(c for c in "bcde" if f"channel {c}" in loss) for loss in reader.report.losses] == [
         "d",
         "b",
+        "e",
         "c",
     ]
     assert "has no field 'yy' (nearest: y); it has x, y" in reader.report.losses[1]

@@ -91,6 +91,15 @@ def test_a_column_is_its_cells(form: str, data: st.DataObject) -> None:
     assert read(cells, form, us) == [by_regex(cell, form, us) for cell in cells]
 
 
+def test_times_behind_words_of_many_kinds_are_read() -> None:
+    words = [chr(65 + i % 26) * (1 + i // 26) for i in range(200)]
+    last = ["2024-05-17 10:00:00", "2024-05-17 10:00:00.25"]
+    found = read([*words, *last], "iso", False)
+    assert found[:200] == [MISSING] * 200
+    assert found[200] == one_ns(last[0], "iso") > 0
+    assert found[201] - found[200] == 250_000_000
+
+
 @pytest.mark.parametrize(
     ("date", "there"),
     [("2023-02-29", 0), ("2024-02-29", 1), ("2100-02-29", 0), ("2023-04-31", 0), ("2023-12-31", 1)],

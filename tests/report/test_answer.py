@@ -16,7 +16,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.diagnosis.planted import MODEL, since_exit, stack
+from tests.diagnosis.planted import MODEL, ringing, stack
 from tests.report.test_page import data, numbers
 from tirelog.diagnosis.history import history_file
 from tirelog.diagnosis.obstacles import TransientComparison
@@ -42,7 +42,6 @@ from tirelog.report.page import (
 )
 from tirelog.report.sections import models
 from tirelog.report.sections.models import proposed, residual_map
-from tirelog.vocabulary.arrays import FloatArray
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
 
@@ -416,11 +415,6 @@ def test_a_model_that_does_not_move_says_so() -> None:
     assert section.text[0].startswith("2 hits on an obstacle")
     assert "coupled_ring" in section.text[0]
     assert section.tables[0].rows == [["a.csv", "cleat", "2", "1.000, 2.000"]]
-
-
-def ringing(xi: FloatArray, speed: FloatArray) -> FloatArray:
-    late = since_exit(xi) / speed
-    return 4e-5 * speed / 20.0 * np.exp(-late / 0.008) * np.sin(2 * np.pi * 120.0 * late)
 
 
 @pytest.mark.parametrize("asked_for", [True, False])

@@ -58,6 +58,19 @@ def test_the_same_rows_for_any_block_size(made, radius_m, blocks):
     np.testing.assert_allclose(many.factor_1_m, one.factor_1_m, rtol=1e-9)
 
 
+@pytest.mark.parametrize("place", range(-14, 15))
+def test_a_spike_at_a_border_of_blocks_is_bridged_as_elsewhere(made, radius_m, place):
+    passages = find_passages(made.channel, radius_m)
+    values = made.values.copy()
+    values[4096 * np.arange(2, 10) + place] += np.nanmax(values)
+    words = speed_quality(passages)
+    one, many = (
+        dissipation(made.with_values(values), passages, 1e-3, words, block_samples=blocks)
+        for blocks in (1 << 20, 4096)
+    )
+    np.testing.assert_allclose(many.factor_1_m, one.factor_1_m, rtol=1e-9)
+
+
 def test_an_ordinary_log_is_ok(made, radius_m):
     _, found = of(made.channel, radius_m)
     assert np.mean(good(found.quality)) > 0.95

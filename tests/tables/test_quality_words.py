@@ -44,7 +44,6 @@ NAMESAKES = {
         "products.py",
         "campaign/manifest.py",
         "api/tables.py",
-        "cli/footprint.py",
         "cli/app.py",
     },
     "standstill": {"simulation/scenario/schema.py", "simulation/scenario/drive.py"},

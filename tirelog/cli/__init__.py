@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from typing import Any
 
 from tirelog.errors import (
@@ -38,7 +38,8 @@ def _status_of(problem: BaseException, command: str) -> int:
         text = f"{how}; nothing was left under the result's name; start it again"
         status = getattr(problem, "status", _INTERRUPTED)
     elif type(problem).__name__ == "NoArgsIsHelpError":
-        sys.stderr.write(f"{problem}\n")
+        with suppress(OSError, ValueError):
+            sys.stderr.write(f"{problem}\n")
         return int(ExitStatus.UNUSABLE_REQUEST)
     elif hasattr(problem, "format_message") and hasattr(
         problem, "exit_code"

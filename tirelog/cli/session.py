@@ -509,7 +509,8 @@ class Session:
             return None
         self._read += 1
         self.hashes[recording.log] = str(recording.provenance.get("sha256", ""))
-        self.hear(log, recording.remarks, recording.losses)
+        self.hear(log, recording.remarks)
+        self.hear(recording.log, losses=recording.losses)
         return recording
 
     def hear(self, log: str, remarks: Iterable[str] = (), losses: Iterable[str] = ()) -> None:

@@ -104,7 +104,7 @@ class Guess:
     reason: str
 
 
-def guessed(source: str, unit: str, samples: FloatArray, rate_Hz: float | None) -> Guess:
+def guessed(source: str, unit: str, samples: FloatArray) -> Guess:
     """The likely kind of a series of `samples` (n,) under the name `source`, in `unit` or ''."""
     known = samples[np.isfinite(samples)]
     name = units.canonical(unit) if unit else None
@@ -348,7 +348,7 @@ def _read(log: str, reader: LogReader, names: dict[str, Series], time: str) -> C
             one, unit = names[name], reader.setup.channels[name].unit or ""
             samples = np.concatenate([np.zeros(0), *parts[name]])
             if samples.size:
-                guess = guessed(one.source, unit, samples, rate)
+                guess = guessed(one.source, unit, samples)
                 found.append(FoundSeries(one, unit, rate, duration, samples, guess))
     order = {one: k for k, one in enumerate(names.values())}
     found.sort(key=lambda one: order[one.series])

@@ -440,10 +440,9 @@ def _regular(
     """(indices, rising, half teeth of each interval, uneven intervals, repairs).
 
     Shapes (n,), (n,), (n - 1,), (n,); a repair is the passage before it, missing and extra teeth. A
-    run of intervals that are too long or too short for
-    the motion around it becomes one interval: of as many half teeth as its length says, odd or even
-    as the passages in it were. If the intervals before and after a run disagree (near standstill),
-    it stays.
+    run of intervals that are too long or too short for the motion around it becomes one interval:
+    of as many half teeth as its length has, odd or even as the passages in it were. If the
+    intervals before and after a run disagree (near standstill), it stays.
     """
     steps = np.diff(index)
     halves, uneven = np.ones(steps.size, np.int64), np.zeros(index.size, bool)

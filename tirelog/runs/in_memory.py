@@ -312,7 +312,7 @@ class SampleAndHold:
 
 
 def without_repeats(channel: Channel, quiet: Channel) -> tuple[Channel, str]:
-    """(the channel with each value that is held once, what is to be said of it; '' if none is).
+    """(the channel with each value that is held once, a remark, '' if there is none).
 
     Asked of channels in which a patch is found, and whose samples are `Scaled`. `quiet` is the same
     channel, of whose losses nobody hears.

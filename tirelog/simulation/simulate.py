@@ -1,6 +1,6 @@
 """A scenario becomes a log with known truth, in memory.
 
-Scenario --seed--> Drive, Roughness --> World
+Scenario --seed--> drive, fluctuations of the load --> World
     --sampling--> Simulated (raw channels in the file's units, truth) --> Recording or a file
 
 As files it is the log itself by suffix, LOG.truth.json and the setup beside it:

@@ -50,7 +50,8 @@ def revolution_sums(
     """Adds to `sums` the squared derivative of `values`, and its squared changes.
 
     `sums` (m,) of ENERGY, of the `rows` (k,): the squared derivative of `values` (n,) over their
-    places [low, high) (k,), and its squared change from one place to the next.
+    places [low, high) (k,), and its squared change from one place to the next. `side` (half,) are
+    the filter's coefficients on one side; `values` reach a place more than those beyond the places.
 
     derivative[i] = sum over k of side[k - 1] (values[i + k] - values[i - k]), 0 if that leaves
     `values`.
@@ -261,7 +262,8 @@ def _energies(
                 np.searchsorted(furthest, start, "right"), np.searchsorted(nearest, stop)
             )
             if rows.size:
-                first, final = max(start - half - 1, begin), min(stop + half + 1, end)
+                # a place more for changes, and `bridged` judges a sample by three on either side
+                first, final = max(start - half - 4, begin), min(stop + half + 4, end)
                 raw = filled.read(first * how.averaged, final * how.averaged)
                 means = bridged(np.ascontiguousarray(_means(raw, how.averaged)), wild)
                 within = np.maximum(low[rows], start), np.minimum(high[rows], stop)

@@ -5,7 +5,7 @@
 
 v_i = 2 (2 pi R_e) / (t_{i+1} - t_{i-1}) between like passages (P1 4, P2 4.2, errata), in its form
 for unequal steps, which is exact for constant acceleration, less what is left of a changing one
-(`passages.kinematics`). R_e is the loaded rolling radius.
+(`passage_flags.kinematics`). R_e is the loaded rolling radius.
 """
 
 from __future__ import annotations
@@ -71,11 +71,11 @@ def calibrate_radius(speed: Channel, wheels: Sequence[Passages]) -> tuple[float,
     """
     radii, errors, turns = [], [], 0
     for passages in wheels:
-        told = rolling(speed, turns_around(passages))
-        if np.isfinite(told.mean_radius_m):
-            radii.append(told.mean_radius_m)
-            errors.append(told.mean_radius_se_m)
-            turns += int(told.free.sum())
+        rolled = rolling(speed, turns_around(passages))
+        if np.isfinite(rolled.mean_radius_m):
+            radii.append(rolled.mean_radius_m)
+            errors.append(rolled.mean_radius_se_m)
+            turns += int(rolled.free.sum())
     if not radii:
         raise UsageError(
             f"--calibrate-radius: fewer than {LEAST_TURNS} whole turns below {FREE_M_S2:g} m/s^2 "

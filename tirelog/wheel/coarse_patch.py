@@ -237,7 +237,7 @@ def _levels(
 #                                                     level left (s,)
 
 
-#: a front of a passage; both of n passages stand in (2 n,), entries first: `angle` at which it is
+#: a front of a passage; n passages have (2 n,), entries first: `angle` at which it is
 #: thought to be, `middle` of the patch, `level`, `tilt` of a / Omega^2 outside with gravity's part
 #: taken off, `noise` [m/s^2] of a sample, `level_share` standard error of the level for a noise of
 #: one, `gravity` [m/s^2] in the signal, `ahead` the vehicle's acceleration, `rate` of the wheel,
@@ -249,9 +249,7 @@ FLANK = np.dtype(
 )  # fmt: skip
 
 
-def flanks_of(
-    dips: Records, wheel: WheelAngle, channel: Channel, radius_m: float, gravity: float
-) -> Records:
+def flanks_of(dips: Records, wheel: WheelAngle, radius_m: float, gravity: float) -> Records:
     """Both fronts of the `dips` (n,), (2 n,) of FLANK."""
     middle = 0.5 * (dips["entry_rad"] + dips["exit_rad"])
     time, span = wheel.angle.time_at(middle), 0.1

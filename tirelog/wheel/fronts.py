@@ -576,9 +576,7 @@ def find_fronts(
     sign = int(np.sign(np.median(dips["level"])))
     dips, expected, row = _expected(dips[np.sign(dips["level"]) == sign], wheel, turn)
     gravity = gravity_in(dips, sign)
-    flanks = flanks_of(
-        dips, wheel, channel, radius_m, sign * STANDARD_GRAVITY_M_S2 if gravity else 0.0
-    )
+    flanks = flanks_of(dips, wheel, radius_m, sign * STANDARD_GRAVITY_M_S2 if gravity else 0.0)
     n = row.size
     window = np.full(2, FIRST_GUESS * DEGREE)
     some = slice(max(n // 2 - LEARN_FROM, 0), n // 2 + LEARN_FROM)

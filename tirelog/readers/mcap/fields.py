@@ -146,11 +146,10 @@ def _step(value: Any, token: str | int | slice) -> Any:
         if token >= len(items):
             raise FieldError(f"has {len(items)} elements, and [{token}] is not one of them")
         return items[token]
-    name = str(token)
-    try:
-        return value[name] if isinstance(value, dict) else getattr(value, name)
-    except (KeyError, AttributeError):
-        raise FieldError(f"has no field {name!r}", field_names(value), name) from None
+    name, known = str(token), value if isinstance(value, dict) else field_names(value)
+    if name not in known:  # objects have attributes that are no fields
+        raise FieldError(f"has no field {name!r}", field_names(value), name)
+    return value[name] if isinstance(value, dict) else getattr(value, name)
 
 
 def field_names(value: Any) -> tuple[str, ...]:

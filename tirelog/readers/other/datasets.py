@@ -688,10 +688,10 @@ def convert_wav(source: Path, target: Path, answer: Converted) -> None:
         raise NoNumbers("its header states no length, as a stream's does; save it as a file")
     if source.stat().st_size > _MOST_WAV_BYTES:
         raise MemoryError
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         rate, frames = wavfile.read(source)
-    if any("prematurely" in str(one.message) for one in told):
+    if any("prematurely" in str(one.message) for one in warned):
         answer.losses.append("the file is cut off; copy it again")
     frames = frames.reshape(len(frames), -1)
     full = 1.0 if frames.dtype.kind == "f" else 2.0 ** (8 * frames.dtype.itemsize - 1)

@@ -327,7 +327,7 @@ def _separator(sample: list[str], timed: bool, given: LogSetup) -> tuple[str, st
             cells = [split_cells(line, separator, timed) for line in sample]
             flat = [cell for row in cells for cell in row]
             known = sum(_kind(cell, decimal) != "text" for cell in flat) / max(len(flat), 1)
-            if separator == " ":  # one that tears quotes apart stands inside of cells
+            if separator == " ":  # one that tears quotes apart is inside of cells
                 known -= sum(cell.count('"') % 2 for cell in " ".join(sample).split()) / len(flat)
             many = sum(map(len, cells)) / len(cells)
             # a separator that nowhere separates says nothing, and blanks also stand inside of dates

@@ -48,7 +48,7 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 # ---- What a block of text becomes, and the few steps that both ways of parsing it share.
 #
-# Plan (what to take out of every block) + block --> Parsed (a block's rows as arrays)
+# RowPlan (what to take out of every block) + block --> Parsed (a block's rows as arrays)
 
 
 _TIMED = re.compile(rb"(?m)^(\d{1,2}[-:]\d{1,2}[-:]\d{1,2}(?:\.\d+)?):[ \t]+")
@@ -63,7 +63,7 @@ class Parsed:
     `values[column]` shape (n,), NaN where blank or unreadable (or counts, see `RawBlock`); `stamps`
     shape (n,): int64 ns (MISSING where unreadable) for times, float64 in the column's unit for
     numbers; `number` shape (n,); `errors` shape (n,): error codes that are not 0; `peaks` shape (n,
-    most): what stands in the places of a list of peaks, NaN behind its end; `counts` shape (n,
+    most): the list of peaks, NaN behind its end; `counts` shape (n,
     fibres). `bad_rows` and `bad_cells` are (line, what stands there); `lines` were read, blank ones
     too.
     """
@@ -305,10 +305,10 @@ def odd_rows(plan: RowPlan, line: int, block: Block) -> Parsed:
             out.bad_rows.append((number, f"not {layout.width} cells"))
         kept.append(i)
         rows.append(cells if wide else [])
-        told = [k for k in columns.values.values() if wide and k < len(cells)]
-        told += plan.listed(len(cells))
+        places = [k for k in columns.values.values() if wide and k < len(cells)]
+        places += plan.listed(len(cells))
         out.bad_cells += [
-            (number, shown(layout, cells[k])) for k in told if number_of(cells[k], decimal)[1]
+            (number, shown(layout, cells[k])) for k in places if number_of(cells[k], decimal)[1]
         ]
 
     def column(k: int) -> FloatArray:

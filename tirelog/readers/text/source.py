@@ -217,7 +217,7 @@ class ByteSource:
         it is.
         """
         parts: list[bytes | memoryview] = []
-        have = 0
+        have = unended = 0
         for piece in chain([self._held[skip:]], self._pieces):
             lines = piece.replace(b"\r", b"\n") if returns else piece
             have += len(lines)
@@ -227,7 +227,8 @@ class ByteSource:
                 parts, have = [lines[cut:]], len(lines) - cut
             else:
                 parts.append(lines)
-            self.endless = have > LONGEST_LINE_BYTES
+            unended = (0 if cut else unended) + len(lines) - cut
+            self.endless = unended > LONGEST_LINE_BYTES
             if self.endless:
                 break
         block = b"".join(parts)

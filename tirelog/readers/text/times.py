@@ -149,7 +149,7 @@ def one_ns(cell: str, form: str, us: bool = False) -> int:
 
     `us` reads the month first.
     """
-    data = bytes_of(cell.encode("latin-1", "replace"))
+    data = bytes_of(cell.strip().strip('"').encode("latin-1", "replace"))
     return int(column_ns(data, np.zeros(1, np.int64), np.array([data.size]), form, us)[0])
 
 
@@ -173,12 +173,16 @@ def column_ns(
     """Nanoseconds of the cells data[starts:stops], shape (n,).
 
     Cells of one length mostly share one punctuation, so that a digit's place is found once, in the
-    first cell of a punctuation.
+    first cell of a punctuation. Cells of very many kinds, as words are, go one by one.
     """
     out = np.full(starts.size, MISSING, np.int64)
     lengths = stops - starts
     left = np.flatnonzero(lengths)
-    while left.size:
+    # fractions of all lengths beside hours, minutes and seconds of one digit or two are 72 kinds;
+    # with more passes a column of words takes longer
+    for _ in range(72):
+        if not left.size:
+            return out
         cell = data[starts[left[0]] : stops[left[0]]]
         match = _FORMS[form].fullmatch(cell.tobytes().decode("latin-1"))
         done = np.zeros(left.size, bool)
@@ -193,6 +197,9 @@ def column_ns(
             out[left[same[alike]]] = values[alike]
             done[same[alike]] = True
         left = left[~done]
+    for i in left.tolist():
+        if _FORMS[form].fullmatch(data[starts[i] : stops[i]].tobytes().decode("latin-1")):
+            out[i] = column_ns(data, starts[i : i + 1], stops[i : i + 1], form, us)[0]
     return out
 
 

@@ -83,7 +83,7 @@ def passages(world: World, sensor: Sensor, end_s: float) -> FloatArray:
 
 
 def pitch_tables(world: World) -> dict[str, FloatArray]:
-    """How far each tooth of every encoder stands from its place [rad], shape (steps,) each.
+    """Deviation of each tooth of every encoder from its place [rad], shape (steps,) each.
 
     Run-out and single teeth, zero mean, at most the given error. The tone wheel's own seed draws
     it, so that several logs share one wheel.

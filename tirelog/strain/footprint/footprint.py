@@ -177,7 +177,8 @@ def _undriven(
 
     `left_out` (n,): passages that it was not learnt from.
     """
-    for again in range(MOST_LEARNT + 1):
+    again = 0
+    while True:
         look = WindowPlan.of(channel, passages, learnt, block_samples)
         rows, work, usual = look_at_some(look, LOOKED)
         settled = FormChoice(learnt, usual, clearer, forms=look.forms)
@@ -197,8 +198,7 @@ def _undriven(
         freed = learn_reference(channel, passages, block_samples, learnt, without)
         if freed is None:
             return settled
-        learnt = freed
-    return FormChoice(learnt, None, clearer)
+        learnt, again = freed, again + 1
 
 
 def _of_alike(

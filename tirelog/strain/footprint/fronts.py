@@ -86,7 +86,7 @@ _OF_STRAIN = (
 def lengths(channel: Channel, passages: Passages) -> tuple[FloatArray, QualityFlags]:
     """Length and its error [m], entry and exit time [s], asymmetry of every passage, (5, n); flags.
 
-    NaN if not told; the flags say why. Of the slopes' sizes at the fronts the asymmetry is (exit -
+    NaN if unknown; the flags say why. Of the slopes' sizes at the fronts the asymmetry is (exit -
     entry) / (exit + entry).
     """
     n = len(passages)
