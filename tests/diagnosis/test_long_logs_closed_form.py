@@ -13,6 +13,7 @@ from tirelog.inference.cells.cells import cells_of
 from tirelog.inference.cells.pieces import pieces_of_all
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric import LeaveOneOut, Normal
+from tirelog.inference.stacks.align import PassageAngle, split_turns
 from tirelog.inference.stacks.cut import joined, stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
@@ -44,6 +45,27 @@ def test_stretches_of_a_log_are_its_stack_to_the_bit(recording):
         np.testing.assert_array_equal(
             getattr(joined(parts).conditions, name), getattr(whole[0].conditions, name)
         )
+
+
+def test_bins_hold_the_samples_of_their_revolution_and_angle(recording):
+    stack, toy = (
+        joined(stacks_from_logs([recording], angles=32, most=40)),
+        recording.channels["toy"],
+    )
+    # of the revolutions' own passages
+    angle = PassageAngle.through(stack.conditions.time_s)
+    values, (turn, phi) = toy.read(), split_turns(angle.theta(toy.axis.time()))
+    seen = 0
+    for i in range(3, len(stack) - 3):
+        for b in range(0, 32, 5):
+            mine = (turn == i) & (np.abs(phi - stack.phi_rad[b]) < np.pi / 32 - 1e-6)
+            assert abs(stack.count[i, b] - mine.sum()) <= 1
+            if stack.count[i, b] == mine.sum() > 1:
+                seen += 1
+                assert stack.values[i, b] == pytest.approx(values[mine].mean(), abs=1e-9)
+                assert stack.phi_mean[i, b] == pytest.approx(phi[mine].mean(), abs=5e-4)
+                assert stack.phi_variance[i, b] == pytest.approx(phi[mine].var(), abs=2e-5)
+    assert seen > 300
 
 
 def test_losses_of_some_manoeuvres_at_a_time_are_those_of_all(monkeypatch):

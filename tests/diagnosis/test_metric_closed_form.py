@@ -78,6 +78,33 @@ def test_an_offset_that_only_the_held_out_manoeuvre_shows_is_fitted_there():
     np.testing.assert_allclose([theta[3, 0], level[3], level[0]], [2.0, 5.0, 1.0], rtol=1e-9)
 
 
+def test_whitened_values_have_the_covariance_one():
+    """Noise, the random effects of revolutions, and a shift that is free; as dense matrices."""
+    cells = make_cells(stack(1, manoeuvres=2, m=32))
+    white = whitener(cells, discrepancy=1e-6)
+    operator = white(np.broadcast_to(np.eye(32), (len(cells), 32, 32)).copy())
+    for c, own in enumerate(operator):
+        covariance = np.diag(cells.sd[c] ** 2 + 1e-6)
+        covariance += cells.random[c] @ cells.random_cov[c] @ cells.random[c].T
+        covariance += 0.05**2 * np.outer(cells.shift[c], cells.shift[c])
+        np.testing.assert_allclose(own @ covariance @ own.T, np.eye(32), atol=1e-6)
+
+
+def test_random_effects_of_manoeuvres_shrink_along_them_against_the_dense_inverse():
+    random = np.random.default_rng(3)
+    cells = make_cells(stack(2, manoeuvres=3, m=32))
+    cells = replace(cells, manoeuvre=cells.manoeuvre // 2)  # two manoeuvres have cells in common
+    own, sd = whitener(cells), np.array([0.01, 0.03])
+    columns, x = (random.standard_normal((*cells.phi.shape, k)) for k in (2, 1))
+    white = own.with_manoeuvres(cells.manoeuvre, columns, sd)(x)
+    for number in range(cells.manoeuvres):
+        rows = cells.manoeuvre == number
+        effects, before = own(columns)[rows].reshape(-1, 2) * sd, own(x)[rows].ravel()
+        covariance = np.eye(before.size) + effects @ effects.T
+        square = before @ np.linalg.solve(covariance, before)
+        np.testing.assert_allclose((white[rows] ** 2).sum(), square, rtol=1e-9)
+
+
 def test_shared_effects_shrink_as_their_covariance_says():
     """x' (I + B S^2 B')^-1 x, offsets projected out, against the dense matrices."""
     random = np.random.default_rng(11)

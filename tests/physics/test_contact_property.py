@@ -155,3 +155,24 @@ def test_sidewalls_that_pressure_stiffens_are_stiffer_ones():
         assert np.allclose(inflated.predict(at, phi), same.predict(at, phi), rtol=1e-9, atol=1e-9)
         assert np.allclose(inflated.half_length_m(at), same.half_length_m(at), rtol=1e-12)
     assert np.ptp([m.half_length_m(at)[0] for m in (plain, less)]) > 1e-3
+
+
+@pytest.mark.parametrize("observable", ["strain", "patch_length"])
+def test_derivatives_with_losses_and_stiffened_sidewalls_are_differences(observable):
+    """A derivative moves solved contacts a small step; a difference solves them anew."""
+    model = Model.new("ring", width_m=0.13)
+    model = model.with_effect("viscous_damping", damping_rate_1_s=90.0)
+    model = model.with_effect("inflated_sidewalls", exponent=0.7)
+    at = Conditions.of(3, speed_m_s=18.0, inflation_pressure_Pa=np.array([1.7e5, 2.0e5, 2.2e5]))
+    phi = np.linspace(-0.5, 0.5, 101)
+    slopes = model.linearised(at, phi, model.free, observable=observable)[1]
+    for name, slope in zip(model.free, slopes, strict=True):
+        step = 1e-5 * model.values[name]
+        up, down = (
+            model.with_values({name: model.values[name] + x}).predict(
+                at, phi, observable=observable
+            )
+            for x in (step, -step)
+        )
+        wanted = (up - down) / (2.0 * step)
+        assert np.allclose(slope, wanted, rtol=0.0, atol=1e-5 * np.abs(wanted).max()), name

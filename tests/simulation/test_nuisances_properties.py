@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -110,3 +111,12 @@ def test_truth_says_what_was_a_nuisance() -> None:
     said = simulate(made_of(nuisances=ALL)).truth["nuisances"]
     assert said["run_out"]["amplitudes_microstrain"] == (30.0, 15.0, 8.0)
     assert said["rolling_radius"]["error"] == -0.015
+
+
+def test_the_seed_decides_how_a_load_wanders() -> None:
+    made = made_of(nuisances={"load_wander": {"share": 0.03}})
+    first, again, other = (
+        simulate(replace(made, seed=seed)).world.wander(np.arange(2.0)) for seed in (4, 4, 5)
+    )
+    assert np.array_equal(first, again)
+    assert not np.isclose(first, other).any()
