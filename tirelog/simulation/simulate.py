@@ -26,7 +26,7 @@ from tirelog.data.recording import Recording, TimeAxis
 from tirelog.data.setup import LogConditions, parse_setup
 from tirelog.errors import UsageError
 from tirelog.simulation.scenario.drive import drive_of, roughness_of, wander_of
-from tirelog.simulation.scenario.schema import SOURCE_UNITS, Scenario, Sensor, TrueConditions
+from tirelog.simulation.scenario.schema import SOURCE_UNITS, Scenario, TrueConditions
 from tirelog.simulation.sensors.sampling import (
     coupled,
     flanks,
@@ -39,6 +39,7 @@ from tirelog.simulation.sensors.sampling import (
     vehicle_values,
 )
 from tirelog.simulation.steady.waveforms import World
+from tirelog.storage.schema import Record
 from tirelog.storage.whole import all_or_none, whole_file
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import STRAIN_KINDS, WAVELENGTH_KINDS
@@ -278,7 +279,7 @@ def _sources(simulated: Simulated) -> dict[str, str]:
     return {name: s.source or name for name, s in simulated.scenario.channels.items()}
 
 
-def _digits(sensor: Sensor) -> int:
+def _digits(sensor: Record) -> int:
     """Digits behind the point in the file's unit; gratings are written to 0.01 pm."""
     if sensor.quantisation:
         power = np.log10(sensor.quantisation)

@@ -35,9 +35,10 @@ from tirelog.simulation.rolling import step_kernel as kernel
 from tirelog.simulation.rolling.belt import Belt, Splines
 from tirelog.simulation.rolling.step_kernel import DRIVE, MOMENT
 from tirelog.simulation.scenario.drive import Fluctuation, TrueDrive
-from tirelog.simulation.scenario.schema import Road, Scenario, Sensor
+from tirelog.simulation.scenario.schema import Scenario
 from tirelog.simulation.sensors.sampling import RIDING, Times, lagrange, steady_truth
 from tirelog.simulation.steady.waveforms import World
+from tirelog.storage.schema import Record
 from tirelog.vocabulary.arrays import FloatArray, Records
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 
@@ -72,7 +73,7 @@ class TrueProfile:
     wavelength_m: float = 1.0
 
 
-def profile_of(road: Road, radius_m: float, distance_m: float) -> TrueProfile:
+def profile_of(road: Record, radius_m: float, distance_m: float) -> TrueProfile:
     """The scenario's profile over `distance_m` of driving.
 
     UsageError for one that a tire of this radius cannot roll over.
@@ -96,7 +97,7 @@ def profile_of(road: Road, radius_m: float, distance_m: float) -> TrueProfile:
     return TrueProfile(corner, height)
 
 
-def begins(road: Road, distance_m: float) -> FloatArray:
+def begins(road: Record, distance_m: float) -> FloatArray:
     """Where the obstacle begins, each time that it comes within `distance_m`; at least once."""
     first, again = road.position_m or 0.0, 0.0
     if road.kind in ("cleat", "profile"):
@@ -105,7 +106,7 @@ def begins(road: Road, distance_m: float) -> FloatArray:
     return np.asarray(first + again * np.arange(count), float)
 
 
-def _needed(road: Road, *names: str) -> tuple[float, ...]:
+def _needed(road: Record, *names: str) -> tuple[float, ...]:
     values = [getattr(road, name) for name in names]
     lacking = [name for name, value in zip(names, values, strict=True) if value is None]
     if lacking:
@@ -117,7 +118,7 @@ def _needed(road: Road, *names: str) -> tuple[float, ...]:
     return tuple(values)
 
 
-def _obstacle(road: Road) -> tuple[FloatArray, FloatArray]:
+def _obstacle(road: Record) -> tuple[FloatArray, FloatArray]:
     """Corners [m] behind the obstacle's begin, and heights."""
     if road.kind == "profile":
         if not road.file:
@@ -176,7 +177,7 @@ def _check_rise(rise_m: float, radius_m: float) -> None:
         )
 
 
-def _wave(road: Road, radius_m: float, begin_m: float) -> TrueProfile:
+def _wave(road: Record, radius_m: float, begin_m: float) -> TrueProfile:
     amplitude, wavelength = _needed(road, "amplitude_m", "wavelength_m")
     if not wavelength > 0.0:
         raise UsageError(
@@ -538,7 +539,7 @@ class RolledWorld(World):
             tire.run(self._orders(np.asarray(start_s + step * part, float)), every=part.size)
         tire.damp_hub(scenario.vehicle.suspension_damping_N_s_m)
 
-    def _rider(self, sensor: Sensor, angle_rad: float) -> FloatArray:
+    def _rider(self, sensor: Record, angle_rad: float) -> FloatArray:
         """What reads the belt at one place.
 
         v, w = -v' and the strain -y (v' + v''')/R^2 (y towards the axle).
@@ -605,7 +606,7 @@ class RolledWorld(World):
         upwards = bent(up + self.motion.hub_z_m) + STANDARD_GRAVITY_M_S2
         return np.asarray((bent(back) - forward) * np.sin(phi) - upwards * np.cos(phi), float)
 
-    def _passed_on(self, series: FloatArray, sensor: Sensor) -> FloatArray:
+    def _passed_on(self, series: FloatArray, sensor: Record) -> FloatArray:
         """A series (k,) behind the instrument's first-order lag and within its bandwidth.
 
         The bandwidth is a second-order magnitude without delay.

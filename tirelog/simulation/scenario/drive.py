@@ -19,7 +19,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from tirelog.simulation.scenario.schema import RollingRadius, Scenario
+from tirelog.simulation.scenario.schema import Scenario
+from tirelog.storage.schema import Record
 from tirelog.vocabulary.arrays import FloatArray
 
 #: what the load varies by, relative and with zero mean, over times [s] or distances [m], (n,)
@@ -102,7 +103,7 @@ class TrueDrive:
     coasting: FloatArray
     parts: tuple[Stretch, ...]
     radius_m: float
-    grows: RollingRadius
+    grows: Record
 
     def radius_at(self, speed_m_s: FloatArray) -> FloatArray:
         """The rolling radius [m] at a speed: way per angle of the wheel."""
@@ -180,7 +181,7 @@ def drive_of(scenario: Scenario, random: np.random.Generator) -> TrueDrive:
     return TrueDrive(time, spline, angle, factor, coasting, tuple(parts), radius, grows)
 
 
-def stretch_of(grows: RollingRadius, speed_m_s: FloatArray) -> FloatArray:
+def stretch_of(grows: Record, speed_m_s: FloatArray) -> FloatArray:
     """1 + growth (v/v_ref)^2: how much longer the belt is at a speed than at rest."""
     return 1.0 + grows.growth * (speed_m_s / grows.at_speed_m_s) ** 2
 

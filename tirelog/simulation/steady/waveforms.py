@@ -20,7 +20,7 @@ from tirelog.simulation.scenario.drive import (
     TrueDrive,
     stretch_of,
 )
-from tirelog.simulation.scenario.schema import BENDING_N_M2, Planted, Ramp, Scenario, Sensor
+from tirelog.simulation.scenario.schema import BENDING_N_M2, Planted, Scenario
 from tirelog.simulation.steady.carcass import (
     FlatRoadContact,
     carcass,
@@ -37,6 +37,7 @@ from tirelog.simulation.steady.loads import (
     seen_by,
     true_parabola,
 )
+from tirelog.storage.schema import Record
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import STRAIN_KINDS
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
@@ -48,7 +49,7 @@ from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 # Ramp --pressure(t)--> pressure [Pa]; strain of every grating grows with it
 
 
-def ramp_pressure(ramp: Ramp, time_s: FloatArray) -> FloatArray:
+def ramp_pressure(ramp: Record, time_s: FloatArray) -> FloatArray:
     """Inflation pressure [Pa] at `time_s`: constant, a steady rise with stops in it, constant.
 
     Each stop loses `leak_Pa`.
@@ -64,7 +65,7 @@ def ramp_pressure(ramp: Ramp, time_s: FloatArray) -> FloatArray:
     return np.asarray(np.interp(time_s, [*corners, ramp.end_s], [*values, ramp.end_Pa]), float)
 
 
-def strain(ramp: Ramp, time_s: FloatArray) -> FloatArray:
+def strain(ramp: Record, time_s: FloatArray) -> FloatArray:
     """Strain against the start of the ramp.
 
     Slope times the pressure's rise, and its square by `bend_1_Pa`.
@@ -149,7 +150,7 @@ class World:
             total = total + wheel_harmonics(angle, force.shares, force.phases_deg).real
         return total
 
-    def run_out(self, time_s: FloatArray, sensor: Sensor) -> FloatArray:
+    def run_out(self, time_s: FloatArray, sensor: Record) -> FloatArray:
         """The strain that goes round with the wheel, as the sensor's lag and bandwidth pass it."""
         run_out = self.scenario.nuisances.run_out
         if not any(run_out.amplitudes_microstrain):
@@ -329,7 +330,7 @@ class World:
 
     # ---- what sensors read -----------------------------------------------------------------------
 
-    def strain(self, solution: Solution, sensor: Sensor) -> ComplexArray:
+    def strain(self, solution: Solution, sensor: Record) -> ComplexArray:
         """Transform of the tire's strain at the sensor's surface (b, m).
 
         Before the sensor itself, without baseline.
@@ -350,7 +351,7 @@ class World:
             bent = bent + share / lever * self.ring.transform(solution.between)
         return lever * bent if extra is None else lever * bent + self.ring.transform(extra)
 
-    def behind_first(self, sensor: Sensor) -> float:
+    def behind_first(self, sensor: Record) -> float:
         """Angle [rad] on the tire by which a sensor stands behind the first.
 
         Zero unless something is fixed to the tire.
@@ -362,7 +363,7 @@ class World:
             return 0.0
         return float(np.radians(sensor.angle_deg - riding[0].angle_deg))
 
-    def lever(self, sensor: Sensor) -> float:
+    def lever(self, sensor: Record) -> float:
         """Signed lever arm [m], positive on the inner surface; shorter with wear."""
         worn, conditions = self.scenario.planted("wear"), self.scenario.conditions
         shorter = 1.0 - (
@@ -372,7 +373,7 @@ class World:
             self.scenario.tire.lever_arm_m * shorter * (1.0 if sensor.surface == "inner" else -1.0)
         )
 
-    def waveform(self, solution: Solution, sensor: Sensor) -> FloatArray:
+    def waveform(self, solution: Solution, sensor: Record) -> FloatArray:
         """What the sensor reads round the wheel, (b, points).
 
         Strain, or radial acceleration outwards [m/s^2] without gravity.
@@ -422,7 +423,7 @@ class World:
         return effect["tilt_rad"] * course
 
     def _sensor_effects(
-        self, sensor: Sensor
+        self, sensor: Record
     ) -> tuple[Planted | float | None, Planted | float | None]:
         """(gauge length, lag) of the sensor.
 
@@ -431,7 +432,7 @@ class World:
         gauge = self.scenario.planted("gauge_length") or sensor.gauge_length_m or None
         return gauge, self.scenario.planted("sensor_lag") or sensor.lag_s or None
 
-    def baseline(self, time_s: FloatArray, sensor: Sensor) -> FloatArray:
+    def baseline(self, time_s: FloatArray, sensor: Record) -> FloatArray:
         """The strain's slow baseline.
 
         The sensor's own, inflation, tension's stretch, thermal drift, warming, run-out.
