@@ -221,11 +221,8 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
     R = b["radius_m"]
     tilted = bool(task.having("tilt"))
     if task.flat_road:
-        state, found = _contact_state(task, F), None
-        if task.near is not None:
-            near = _contact_state(task.near, loads(task.near))
-            found = contact.pressure_modes_near(near, state, tilted=tilted)
-        half, modes, tilt = found or contact.pressure_modes(state, tilted=tilted)
+        near = None if task.near is None else _contact_state(task.near, loads(task.near))
+        half, modes, tilt = contact.pressure_modes(_contact_state(task, F), near, tilted=tilted)
         return Site(F, half, R, b.get("reference_load_N", b["load_N"])), modes, tilt
     half = b["patch_half_length_m"] * (F / b["reference_load_N"]) ** b["patch_load_exponent"]
     if b["patch_pressure_exponent"]:
