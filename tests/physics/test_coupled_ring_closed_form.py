@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve
 
+from tests.physics.coupled_tire import course, strain
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
 from tirelog.physics.carcass import contact
 from tirelog.physics.carcass.structures import modal_impedance
 from tirelog.physics.moving.ring import CoupledRing, matrices
-from tirelog.physics.moving.transient import HubMotion, State, Stepper, stepped_motion
+from tirelog.physics.moving.transient import State, Stepper, stepped_motion
 
 TIRE = CoupledRing(
     EI=2.0,
@@ -40,8 +41,8 @@ def rolling(
     nodes: int = 3072,
     start: State | None = None,
 ) -> Stepper:
-    drive = HubMotion(lambda time: LOAD, lambda time: speed, lambda time: torque)
-    return Stepper(tire, start or State.rolling(tire, LOAD, speed), drive, step_s=1e-4, nodes=nodes)
+    begin, drive = start or State.rolling(tire, LOAD, speed), course(LOAD, speed, torque=torque)
+    return Stepper(tire, begin, drive, step_s=1e-4, nodes=nodes)
 
 
 def steady_ring(tire: CoupledRing, omega: float) -> tuple[np.ndarray, np.ndarray]:
@@ -84,7 +85,7 @@ def test_free_vibration_in_the_air_is_the_matrix_exponential():
     start.hub = start.centre
     start.V = 1e-6 * np.array([1.0, 2j, 1 - 1j, 0.5, 0.1j])
     V = start.V
-    air = Stepper(tire, start, HubMotion(lambda time: 0.0), step_s=1e-4)
+    air = Stepper(tire, start, course(0.0), step_s=1e-4)
     for _ in range(200):
         air.step()
     M, damping, stiffness = matrices(tire, SPEED / tire.R)
@@ -100,9 +101,7 @@ def test_free_vibration_in_the_air_is_the_matrix_exponential():
 
 def test_rest_on_the_road_is_the_contact_with_the_flat_road():
     tire = replace(TIRE, modes=60)
-    rest = Stepper(
-        tire, State.rolling(tire, LOAD, 0.0), HubMotion(lambda time: LOAD), step_s=5e-5, nodes=3072
-    )
+    rest = Stepper(tire, State.rolling(tire, LOAD, 0.0), course(LOAD), step_s=5e-5, nodes=3072)
     motion = stepped_motion(rest, 0.5)
     touching = contact.solve_contact(tire, LOAD)
     pressure = np.interp(touching.phi_rad, rest.road_forces.phi, rest.road_forces.pressure)
@@ -168,13 +167,13 @@ def test_strain_through_a_turn_is_what_the_steady_model_predicts():
         inflation_pressure_Pa=1.2e5, tread_stiffness_N_m2=tire.k_t, line_mass_kg_m=tire.rho_A,
         radial_damping_N_s_m2=2.0, tangential_damping_N_s_m2=2.0, lever_arm_m=2e-3,
     )  # fmt: skip
-    drive = HubMotion(lambda time: LOAD, lambda time: SPEED)
+    drive = course(LOAD, SPEED)
     motion = stepped_motion(
         Stepper(tire, State.rolling(tire, LOAD, SPEED), drive, step_s=5e-5, nodes=3072),
         0.06,
         every=4,
     )
-    measured = motion.strain(-2.0, 2e-3)
+    measured = strain(tire, motion, -2.0, 2e-3)
     predicted = model.predict(
         Conditions.of(1, speed_m_s=SPEED), motion.psi_rad - 2.0, surface="inner"
     )[0]

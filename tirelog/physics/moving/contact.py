@@ -282,22 +282,13 @@ _SPIN_RANGE = 0.05
 _PHI = np.arange(-contact.NODES, contact.NODES + 1, dtype=np.float64) * STEP
 
 
-@dataclass(frozen=True)
-class SteadyRolling:
-    """Steady rolling: modes, height of the ring, sidewall's displacement and spin.
+def steady_rolling(
+    tire: CoupledRing, load_N: float, speed_m_s: float
+) -> tuple[ComplexArray, float, complex, float]:
+    """Steady rolling at a load and a speed: modes, height of the ring, sidewall and spin.
 
     Modes V (N - 1,) [m]; height of the ring's centre above the road [m]; sidewall's displacement
     a = C - H [m]; spin [rad/s].
-    """
-
-    V: ComplexArray
-    centre_m: float
-    displacement: complex
-    omega: float
-
-
-def steady_rolling(tire: CoupledRing, load_N: float, speed_m_s: float) -> SteadyRolling:
-    """The tire's steady rolling at a load and a speed.
 
     ModelError for a load that does not press or a patch that grows beyond the reach of the
     contact.
@@ -323,7 +314,7 @@ def steady_rolling(tire: CoupledRing, load_N: float, speed_m_s: float) -> Steady
         a = 1j * load_N / complex(tire.k_s, -tire.c_s * omega)
         if speed_m_s:
             omega = _free_spin(tire, V, a, _PHI[on], p, speed_m_s)
-    return SteadyRolling(V, tire.R - drop, a, omega)
+    return V, tire.R - drop, a, omega
 
 
 def _compliance(tire: CoupledRing, omega: float) -> tuple[ComplexArray, FloatArray]:

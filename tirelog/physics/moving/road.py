@@ -13,7 +13,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 
@@ -127,29 +126,48 @@ def road_of(words: RoadSetup, at_m: float = 0.0, *, folder: Path | None = None) 
     """
     if words.kind == "flat":
         return RoadProfile()
-    if words.kind == "profile":
-        if words.file is None:
-            raise ModelError(
-                "road profile without a file",
-                allowed='file = "PATH" is allowed (distance and height, a point a line)',
-                do="name it",
-            )
-        road = load_road((folder or Path()) / words.file)
-        return replace(road, at_m=at_m, spacing_m=_spaced(words, road.distance_m[-1]))
     if words.kind == "sine":
         amplitude, wavelength = _needed(words, "amplitude_m", "wavelength_m")
         return RoadProfile(amplitude_m=amplitude, wavelength_m=wavelength, at_m=at_m)
-    if words.kind == "step":
-        (height,) = _needed(words, "height_m")
-        ramp = words.ramp_m or max(RAMP, 1.01 * abs(height) / STEEPEST)
-        return replace(step(0.0, height, ramp), at_m=at_m)
-    height, length = _needed(words, "height_m", "length_m")
-    ramp = words.ramp_m or min(max(RAMP, 1.01 * abs(height) / STEEPEST), 0.49 * length)
-    spacing_m = _spaced(words, length)
-    return replace(cleat(0.0, height, length, ramp), at_m=at_m, spacing_m=spacing_m)
+    if words.kind != "profile":
+        road = _obstacle(words)
+    elif words.file is not None:
+        road = load_road((folder or Path()) / words.file)
+    else:
+        raise ModelError(
+            "road profile without a file",
+            allowed='file = "PATH" is allowed (distance and height, a point a line)',
+            do="name it",
+        )
+    spacing, length = 0.0 if words.kind == "step" else words.spacing_m or 0.0, road.distance_m[-1]
+    if 0.0 < spacing <= length:
+        raise ModelError(
+            f"road that comes again after {spacing:g} m although it is {length:g} m long",
+            allowed="a longer spacing is allowed",
+            do="correct spacing_m",
+        )
+    return replace(road, at_m=at_m, spacing_m=spacing)
+
+
+def _obstacle(words: RoadSetup) -> RoadProfile:
+    """A change of level, or a bar `length_m` long at its foot with a ramp on either side."""
+    needed = ("height_m",) if words.kind == "step" else ("height_m", "length_m")
+    height, *foot = _needed(words, *needed)
+    ramp = words.ramp_m or max(RAMP, 1.01 * abs(height) / STEEPEST)
+    if not foot:
+        return RoadProfile((0.0, ramp), (0.0, height))
+    ramp = words.ramp_m or min(ramp, 0.49 * foot[0])
+    if not 0.0 < ramp < 0.5 * foot[0]:
+        raise ModelError(
+            f"cleat with ramps of {ramp:g} m",
+            allowed="above zero and below half of its width is allowed",
+            do="correct ramp_m",
+        )
+    return RoadProfile((0.0, ramp, foot[0] - ramp, foot[0]), (0.0, height, height, 0.0))
 
 
 def _needed(words: RoadSetup, *names: str) -> tuple[float, ...]:
+    """The numbers of these names.  ModelError if one is lacking."""
     values = [getattr(words, name) for name in names]
     lacking = [name for name, value in zip(names, values) if value is None]
     if lacking:
@@ -158,37 +176,7 @@ def _needed(words: RoadSetup, *names: str) -> tuple[float, ...]:
             allowed="a number in m is allowed",
             do="give it",
         )
-    return tuple(cast(list[float], values))
-
-
-def _spaced(words: RoadSetup, length_m: float) -> float:
-    spacing = words.spacing_m or 0.0
-    if 0.0 < spacing <= length_m:
-        raise ModelError(
-            f"road that comes again after {spacing:g} m although it is {length_m:g} m long",
-            allowed="a longer spacing is allowed",
-            do="correct spacing_m",
-        )
-    return spacing
-
-
-def step(at_m: float, height_m: float, ramp_m: float = 0.01) -> RoadProfile:
-    """A change of level that begins at `at_m`."""
-    return RoadProfile((at_m, at_m + ramp_m), (0.0, height_m))
-
-
-def cleat(at_m: float, height_m: float, width_m: float, ramp_m: float = 0.01) -> RoadProfile:
-    """A bar that begins at `at_m`: `width_m` at its foot, a ramp on either side."""
-    if not 0.0 < ramp_m < 0.5 * width_m:
-        raise ModelError(
-            f"cleat with ramps of {ramp_m:g} m",
-            allowed="above zero and below half of its width is allowed",
-            do="correct ramp_m",
-        )
-    return RoadProfile(
-        (at_m, at_m + ramp_m, at_m + width_m - ramp_m, at_m + width_m),
-        (0.0, height_m, height_m, 0.0),
-    )
+    return tuple(values)
 
 
 def load_road(path: str | Path) -> RoadProfile:
