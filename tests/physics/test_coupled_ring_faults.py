@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.physics.coupled_tire import TIRE as PASSENGER_TIRE
 from tests.physics.coupled_tire import FLAT, course, obstacle
+from tests.physics.coupled_tire import TIRE as PASSENGER_TIRE
 from tirelog.errors import ModelError
 from tirelog.physics.moving.ring import natural_modes
 from tirelog.physics.moving.road import RoadProfile, load_road

@@ -21,7 +21,7 @@ from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, refuse_unknown
 from tirelog.physics.pressure import legendre_modes
 from tirelog.physics.spectral import ComplexArray, Parameter, grid_angles, wave_numbers
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.conditions import CONDITIONS, ConditionValues, condition_named
 from tirelog.vocabulary.observables import OBSERVABLES, computed_from
 
@@ -79,10 +79,18 @@ class Drive(ConditionValues):
     def of(cls, conditions: Conditions) -> Drive:
         return cls(**{f.name: _column(getattr(conditions, f.name)) for f in fields(cls)})
 
-    def take(self, rows: slice) -> Drive:
+    def take(self, rows: slice | IntArray) -> Drive:
         """Some of the revolutions; shared columns stay shared."""
         columns = {f.name: getattr(self, f.name) for f in fields(self)}
         return Drive(**{name: c if c.shape[0] == 1 else c[rows] for name, c in columns.items()})
+
+    def distinct(self, names: Iterable[str]) -> tuple[Drive, IntArray]:
+        """Revolutions that differ in these columns, each once, and which of them each is (n,)."""
+        n = max(getattr(self, f.name).shape[0] for f in fields(self))
+        apart = [column for name in names if (column := getattr(self, name)).shape[0] > 1]
+        seen = np.hstack([np.nan_to_num(x, nan=-np.inf) for x in apart] or [np.zeros((n, 1))])
+        _, first, rows = np.unique(seen, axis=0, return_index=True, return_inverse=True)
+        return self.take(first), np.asarray(rows.ravel(), dtype=np.int64)
 
 
 def _column(values: FloatArray) -> FloatArray:

@@ -25,8 +25,8 @@ from tirelog.physics.carcass.numbers import (
 )
 from tirelog.physics.effects import BY_ID, Drive, Effect, readers, serves
 from tirelog.physics.effects.base import acting_on
-from tirelog.physics.model import prediction
-from tirelog.physics.model.prediction import Computed
+from tirelog.physics.model import laws
+from tirelog.physics.model.laws import Computed
 from tirelog.physics.model.stages import (
     Active,
     Task,
@@ -518,10 +518,10 @@ class Model:
         result = np.empty((len(conditions), 1 if angles is None else angles.phi_rad.shape[1]))
         for rows, task, shares in self._parts(conditions, flat, observable, surface, each=each):
             part = None if angles is None else angles.take(rows)
-            waves, level = prediction.computed(task, observable, surface, part)
+            waves, level = laws.computed(task, observable, surface, part)
             if modes is not None:
                 waves = np.where(np.arange(MODES) <= modes, waves, 0.0)
-            result[rows] = prediction.evaluated((waves, level), part, shares)
+            result[rows] = laws.evaluated((waves, level), part, shares)
         return result
 
     def linearised(
@@ -553,10 +553,10 @@ class Model:
         base, slopes = np.empty((n, m)), np.empty((len(names), n, m))
         for rows, task, shares in self._parts(conditions, flat, observable, surface, also=names):
             part = None if angles is None else angles.take(rows)
-            here = prediction.computed(task, observable, surface, part)
-            base[rows] = prediction.evaluated(here, part, shares)
+            here = laws.computed(task, observable, surface, part)
+            base[rows] = laws.evaluated(here, part, shares)
             for i, name in enumerate(names):
-                slopes[i, rows] = prediction.evaluated(
+                slopes[i, rows] = laws.evaluated(
                     model._slope(
                         task, flat, name, observable, surface, part, here if rough else None
                     ),
@@ -583,7 +583,7 @@ class Model:
             """What is computed with the value moved by so many steps."""
             base, active = self._split({**flat, name: flat[name] + moved * step})
             end = replace(task, base=base, active=active, near=task)
-            return prediction.computed(end, observable, surface, angles)
+            return laws.computed(end, observable, surface, angles)
 
         width = 2.0 * step if beside is None else step
         high, low = at(1.0), at(-1.0) if beside is None else beside
@@ -632,17 +632,17 @@ class Model:
 
         That is if they tell the rows' strain; None for a task of the rows themselves.
         """
-        apart = each or observable != "strain" or len(conditions) < 2 * prediction.COUNTS[0]
-        for count in () if apart else prediction.COUNTS:
+        apart = each or observable != "strain" or len(conditions) < 2 * laws.COUNTS[0]
+        for count in () if apart else laws.COUNTS:
             task = self._task(conditions, flat, also)
             on = {a.effect.id for a in task.active} | {name.split(".")[0] for name in also}
             acting = [e.effect for e in self.effects if e.id in on]
-            few = prediction.few_speeds(task.drive, acting, count)
+            few = laws.few_speeds(task.drive, acting, count)
             if few is None:
                 break
             task = replace(task, drive=few[0])
-            modes, _ = waveform(task, observable, prediction.lever_arm(task, surface))
-            if prediction.told_by(modes):
+            modes, _ = waveform(task, observable, laws.lever_arm(task, surface))
+            if laws.told_by(modes):
                 yield slice(0, len(conditions)), task, few[1]
                 return
         for rows, task in self._tasks(conditions, flat, also):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
@@ -20,7 +20,7 @@ from tirelog.errors import ModelError
 from tirelog.physics.carcass import contact, structures
 from tirelog.physics.carcass.numbers import FASTEST_HZ
 from tirelog.physics.carcass.structures import hardened_load
-from tirelog.physics.effects import BY_ID
+from tirelog.physics.effects import conditions_read
 from tirelog.physics.effects.base import Drive, Effect, Site, Structure, Values
 from tirelog.physics.pressure import line, parabola, tilted_parabola
 from tirelog.physics.spectral import MODES, ComplexArray
@@ -107,30 +107,20 @@ class Task:
 def distinct(task: Task) -> tuple[Task, IntArray | None]:
     """The task with rows that are alike to belt and load once, and which of them each row is (n,).
 
-    None if none are alike. What the catalogue's effects follow and need is all they read of the
-    conditions; of an effect of the user's own nobody knows.
+    None if none are alike, or nobody knows what an effect of the user's own reads.
     """
     on = task.having("structure", *LOAD_HOOKS, *PRESSURE_HOOKS)
-    if any(BY_ID.get(a.effect.id) is not a.effect for a in on):
+    read = conditions_read(a.effect for a in on)
+    if read is None:
         return task, None
-    read = {"load_N", "inflation_pressure_Pa"}
-    for a in on:
-        read |= {*dict(a.effect.followed), *a.effect.needs, *a.effect.instead.values()}
+    read |= {"load_N", "inflation_pressure_Pa"}
     if task.carcass == "beam" or any(task.base[name] for name in DAMPING_NAMES):
         read.add("speed_m_s")
     key = tuple(sorted(read))
 
     def found() -> tuple[Drive, IntArray | None]:
-        drive = task.drive
-        columns = {f.name: getattr(drive, f.name) for f in fields(drive)}
-        n = max(column.shape[0] for column in columns.values())
-        apart = [columns[name] for name in key if columns[name].shape[0] > 1]
-        seen = np.hstack([np.nan_to_num(x, nan=-np.inf) for x in apart] or [np.zeros((n, 1))])
-        _, first, rows = np.unique(seen, axis=0, return_index=True, return_inverse=True)
-        if first.size == n:
-            return drive, None
-        few = {name: x if x.shape[0] == 1 else x[first] for name, x in columns.items()}
-        return Drive(**few), np.asarray(rows.ravel(), dtype=np.int64)
+        drive, rows = task.drive.distinct(key)  # which are all if no two are alike
+        return (task.drive, None) if rows.max(initial=-1) + 1 == rows.size else (drive, rows)
 
     drive, rows = task.once("distinct rows", key, found)
     return (task, None) if rows is None else (task.under("distinct rows", key, drive), rows)
