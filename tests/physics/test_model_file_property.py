@@ -86,6 +86,15 @@ def test_adding_and_removing_keeps_every_comment():
     assert as_toml(parse_model(text).without_effect("sensor_lag")).strip() == CONTRACT.strip()
 
 
+def test_another_word_of_an_effect_s_choice_is_written_over_the_old_one():
+    model = parse_model(as_toml(Model.new().with_effect("stiffening", cubic_1_m2=900.0)))
+    assert "hardens" in as_toml(model)
+    again = parse_model(as_toml(model.with_values({"stiffening.law": "softens"})))
+    assert again.effects[0].options == {"law": "softens"}
+    silent = parse_model(as_toml(model).replace('law = "hardens"', ""))
+    assert "law" not in as_toml(silent)
+
+
 def test_values_errors_and_the_users_own_effect_come_back():
     model = parse_model(CONTRACT).with_values(
         {"my_wedge.q": 7e3, "lever_arm_m": 4e-4}, se={"lever_arm_m": 1e-5}

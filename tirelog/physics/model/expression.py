@@ -20,10 +20,8 @@ from typing import Any
 import numpy as np
 
 from tirelog.errors import ModelError, nearest
-from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS
-from tirelog.vocabulary.observables import OBSERVABLES
 
 # ---- A user's formula in a model file.
 #
@@ -55,32 +53,14 @@ ARGUMENTS = {name: (getattr(function, "nin", 1),) for name, function in FUNCTION
     "clip": (2, 3),
 }
 CONSTANTS = {"pi": np.pi, "e": np.e}
-_BINARY: Mapping[type, Callable[..., Any]] = {
-    ast.Add: np.add,
-    ast.Sub: np.subtract,
-    ast.Mult: np.multiply,
-    ast.Div: np.divide,
-    ast.Pow: np.power,
-    ast.Mod: np.mod,
-    ast.BitAnd: np.logical_and,
-    ast.BitOr: np.logical_or,
-    ast.And: np.logical_and,
-    ast.Or: np.logical_or,
-}
-_UNARY: Mapping[type, Callable[..., Any]] = {
-    ast.USub: np.negative,
-    ast.UAdd: np.positive,
-    ast.Not: np.logical_not,
-    ast.Invert: np.logical_not,
-}
-_COMPARE: Mapping[type, Callable[..., Any]] = {
-    ast.Lt: np.less,
-    ast.LtE: np.less_equal,
-    ast.Gt: np.greater,
-    ast.GtE: np.greater_equal,
-    ast.Eq: np.equal,
-    ast.NotEq: np.not_equal,
-}
+_OPERATORS: Mapping[type, Callable[..., Any]] = {
+    ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide,
+    ast.Pow: np.power, ast.Mod: np.mod, ast.USub: np.negative, ast.UAdd: np.positive,
+    ast.BitAnd: np.logical_and, ast.BitOr: np.logical_or, ast.Invert: np.logical_not,
+    ast.And: np.logical_and, ast.Or: np.logical_or, ast.Not: np.logical_not,
+    ast.Lt: np.less, ast.LtE: np.less_equal, ast.Gt: np.greater, ast.GtE: np.greater_equal,
+    ast.Eq: np.equal, ast.NotEq: np.not_equal,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -151,83 +131,69 @@ def _check(
             )
         names.add(node.id)
         return
-    for part in _parts(node, text):
+    _refuse_other_node(node, text)
+    for part in _operands(node):
         _check(part, text, allowed, names, depth + 1)
 
 
-def _parts(node: ast.AST, text: str) -> list[ast.expr]:
-    """The operands of an allowed node."""
-    if (
-        isinstance(node, ast.Constant)
-        and isinstance(node.value, int | float)
-        and not isinstance(node.value, bool)
-        and abs(node.value) < 1e300
-    ):
-        return []
-    if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
-        return [node.left, node.right]
-    if isinstance(node, ast.UnaryOp) and type(node.op) in _UNARY:
-        return [node.operand]
-    if isinstance(node, ast.BoolOp):
-        return node.values
-    if isinstance(node, ast.Compare) and all(type(op) in _COMPARE for op in node.ops):
-        return [node.left, *node.comparators]
-    if isinstance(node, ast.IfExp):
-        return [node.test, node.body, node.orelse]
+def _operands(node: ast.AST) -> list[ast.expr]:
+    """The operands of a node, in their order."""
+    parts = node.args if isinstance(node, ast.Call) else ast.iter_child_nodes(node)
+    return [part for part in parts if isinstance(part, ast.expr)]
+
+
+def _refuse_other_node(node: ast.AST, text: str) -> None:
+    """ModelError for what is no number, operator, comparison, choice or call of a function."""
     called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
-    if isinstance(node, ast.Call) and called in FUNCTIONS and not node.keywords:
-        if len(node.args) not in ARGUMENTS[called]:
-            many = " or ".join(map(str, ARGUMENTS[called]))
-            raise ModelError(
-                f"expression {text!r} gives {called}() {len(node.args)} arguments",
-                allowed=f"allowed are {many}",
-                do="correct it",
-            )
-        return node.args  # a starred argument is refused as a node of its own
-    what = called or type(node).__name__
-    raise ModelError(
-        f"expression {text!r} uses {what}, which is not allowed",
-        allowed="allowed are finite numbers, names, + - * / ** %, comparisons, and/or/not, a if "
-        f"c else b, and the functions {', '.join(FUNCTIONS)}",
-        do="write it with these",
+    number = node.value if isinstance(node, ast.Constant) else None
+    operators = node.ops if isinstance(node, ast.Compare) else [getattr(node, "op", None)]
+    good = (
+        isinstance(node, ast.IfExp)
+        or (isinstance(number, int | float) and type(number) is not bool and abs(number) < 1e300)
+        or (isinstance(node, ast.Call) and called in FUNCTIONS and not node.keywords)
+        or all(type(operator) in _OPERATORS for operator in operators)
     )
+    if not good:
+        what = called or type(node).__name__
+        raise ModelError(
+            f"expression {text!r} uses {what}, which is not allowed",
+            allowed="allowed are finite numbers, names, + - * / ** %, comparisons, and/or/not, a "
+            f"if c else b, and the functions {', '.join(FUNCTIONS)}",
+            do="write it with these",
+        )
+    # a starred argument is refused as a node of its own
+    if isinstance(node, ast.Call) and len(node.args) not in ARGUMENTS[called]:
+        many = " or ".join(map(str, ARGUMENTS[called]))
+        raise ModelError(
+            f"expression {text!r} gives {called}() {len(node.args)} arguments",
+            allowed=f"allowed are {many}",
+            do="correct it",
+        )
 
 
 def _compute(node: ast.expr, values: Mapping[str, Any]) -> Any:
+    """The value of a part that `_check` let through."""
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
         return np.float64(node.value)
     if isinstance(node, ast.Name):
         return values[node.id] if node.id in values else CONSTANTS[node.id]
-    if isinstance(node, ast.BinOp):
-        left, right = _compute(node.left, values), _compute(node.right, values)
-        return _BINARY[type(node.op)](_float(left), _float(right))
-    if isinstance(node, ast.UnaryOp):
-        return _UNARY[type(node.op)](_float(_compute(node.operand, values)))
-    if isinstance(node, ast.BoolOp):
-        parts = (_compute(part, values) for part in node.values)
-        return functools.reduce(_BINARY[type(node.op)], parts)
+    terms = [_compute(part, values) for part in _operands(node)]
     if isinstance(node, ast.Compare):
-        terms = [_compute(part, values) for part in (node.left, *node.comparators)]
         pairs = zip(node.ops, terms, terms[1:])
-        return functools.reduce(np.logical_and, (_COMPARE[type(op)](a, b) for op, a, b in pairs))
-    if isinstance(node, ast.IfExp):
-        return np.where(
-            _compute(node.test, values), _compute(node.body, values), _compute(node.orelse, values)
-        )
-    call: Any = node  # `_check` let nothing but a call of an allowed function through
-    arguments = [_compute(part, values) for part in call.args]
+        return functools.reduce(np.logical_and, (_OPERATORS[type(op)](a, b) for op, a, b in pairs))
+    if isinstance(node, ast.BoolOp):
+        return functools.reduce(_OPERATORS[type(node.op)], terms)
+    if isinstance(node, ast.BinOp | ast.UnaryOp):
+        return _OPERATORS[type(node.op)](*(np.asarray(term, dtype=np.float64) for term in terms))
+    name = getattr(getattr(node, "func", None), "id", "where")  # a choice is where() of its parts
     try:
-        return FUNCTIONS[call.func.id](*arguments)
+        return FUNCTIONS[name](*terms)
     except (TypeError, ValueError):
         raise ModelError(
-            f"{call.func.id}() does not take {len(arguments)} arguments",
-            allowed=f"as many as numpy's {call.func.id} takes are allowed",
+            f"{name}() does not take {len(terms)} arguments",
+            allowed=f"as many as numpy's {name} takes are allowed",
             do="correct the expression",
         ) from None
-
-
-def _float(value: Any) -> Any:
-    return np.asarray(value, dtype=np.float64)
 
 
 #: units by their powers of m, kg, s, K
@@ -405,18 +371,3 @@ def disagreement(text: str, units: Mapping[str, str], result: str) -> str:
     if wanted is None or whole is None or np.abs(whole - wanted).max() < _SAME:
         return ""
     return f"the whole is {said(whole)}, and {said(wanted)} is wanted"
-
-
-def unit_disagreements(model: Model) -> dict[str, str]:
-    """What does not fit in the user's own formulas of a model, by effect."""
-    found = {}
-    for entry in model.effects:
-        if "expression" not in entry.source:
-            continue
-        acts_on = str(entry.source.get("acts_on", "contact_pressure"))
-        result = RESULT_UNITS.get(acts_on) or OBSERVABLES[model.observable].unit
-        units = {p.name: p.unit for p in entry.parameters}
-        wrong = disagreement(str(entry.source["expression"]), units, result)
-        if wrong:
-            found[entry.id] = wrong
-    return found

@@ -22,7 +22,7 @@ from tirelog.errors import ModelError, nearest
 from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS, carcass_parameters
 from tirelog.physics.effects import BY_ID, Effect
 from tirelog.physics.model import user_effects
-from tirelog.physics.model.expression import BASE, dimension_of, unit_disagreements
+from tirelog.physics.model.expression import BASE, RESULT_UNITS, dimension_of, disagreement
 from tirelog.physics.model.model import (
     BY_NAME,
     COUPLED_STANDS,
@@ -400,11 +400,18 @@ def unit_remarks(model: Model) -> list[str]:
     document = Document(model.document or "", ModelError, "a model", model.path or "model")
     named = [table["name"] for table in document.tables.get("effects", ())]
     remarks = []
-    for name, wrong in unit_disagreements(model).items():
-        at = named.index(name) if name in named else -1
-        line = document.line(("effects", at, "expression"))
-        place = f"{document.file}{f':{line}' if line else ''}"
-        remarks.append(f"{place}: the units of effect {name!r} do not agree: {wrong}")
+    for entry in model.effects:
+        if "expression" not in entry.source:
+            continue
+        acts_on = entry.source.get("acts_on", "contact_pressure")
+        result = RESULT_UNITS.get(acts_on) or OBSERVABLES[model.observable].unit
+        units = {p.name: p.unit for p in entry.parameters}
+        wrong = disagreement(entry.source["expression"], units, result)
+        if wrong:
+            at = named.index(entry.id) if entry.id in named else -1
+            line = document.line(("effects", at, "expression"))
+            place = f"{document.file}{f':{line}' if line else ''}"
+            remarks.append(f"{place}: the units of effect {entry.id!r} do not agree: {wrong}")
     return remarks
 
 
@@ -496,6 +503,9 @@ def _put_effects(document: Any, model: Model) -> None:
         table = held.get(name, tomlkit.table())
         if name not in held:
             table.update({"name": name, **effect.source, **effect.options})
+        for option, word in effect.options.items():
+            if table.get(option, effect.effect.options[option][0]) != word:
+                table[option] = word
         numbers = table
         if effect.source and effect.parameters:
             numbers = table.setdefault("parameters", tomlkit.inline_table())

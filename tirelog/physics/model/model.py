@@ -285,22 +285,18 @@ class Model:
         for name in words.keys() & values:
             _one_of(name, str(values[name]), words[name])
 
-        def changed(owner: str, parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
-            keys = [owner + p.name for p in parameters]
-            return tuple(
-                p.at(values[key], se=(se or {}).get(key)) if key in values else p
-                for key, p in zip(keys, parameters)
-            )
-
+        numbers = {name: p for name, p in self.parameters.items() if name in values}
+        moved = self.with_parameters(
+            {name: p.at(values[name], se=(se or {}).get(name)) for name, p in numbers.items()}
+        )
         effects = tuple(
             replace(
                 e,
-                parameters=changed(f"{e.id}.", e.parameters),
                 options={k: str(values.get(f"{e.id}.{k}", word)) for k, word in e.options.items()},
             )
-            for e in self.effects
+            for e in moved.effects
         )
-        return replace(self, base=changed("", self.base), effects=effects)
+        return replace(moved, effects=effects)
 
     def with_parameters(self, parameters: Mapping[str, Parameter]) -> Model:
         """Other parameters (bounds, free or fixed) by full name."""
@@ -691,10 +687,7 @@ class Model:
 
     def half_length_m(self, conditions: Conditions) -> FloatArray:
         """L of the patch, shape (n,), after the effects on the load."""
-        out = np.empty((len(conditions), 1))
-        for rows, task in self._tasks(conditions, self.values):
-            out[rows] = loaded_site(task)[0].half_length_m
-        return out[:, 0]
+        return self.predict(conditions, observable="patch_length")[:, 0] / 2.0
 
     def site_loads_N(self, conditions: Conditions) -> FloatArray:
         """F on the patch, shape (n,), after the effects on the load."""
