@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import gzip
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -50,27 +50,19 @@ class Simulated:
     """A simulated log.
 
     `channels` raw values (n,) in the file's unit, NaN if lost; `stamp_s` (n,) their stamps [s];
-    `world` the truth itself, to be asked for any instant.
+    `world` the truth itself, to be asked for any instant; `known` gives what stands in its file.
     """
 
     scenario: Scenario
     channels: Mapping[str, FloatArray]
     stamp_s: Mapping[str, FloatArray]
     world: World
-    pitch_rad: Mapping[str, FloatArray]
+    known: Callable[[], dict[str, Any]]
 
     @cached_property
     def truth(self) -> dict[str, Any]:
         """What is known of the log, ready for JSON."""
-        if self.scenario.truth == "coupled_ring":
-            from tirelog.simulation.rolling.world import (
-                RolledWorld,  # brings the compiler
-                truth_of_rolled,
-            )
-
-            if isinstance(self.world, RolledWorld):
-                return truth_of_rolled(self.world, self.pitch_rad)
-        return steady_truth(self.world, self.pitch_rad)
+        return self.known()
 
 
 def simulate(scenario: Scenario) -> Simulated:
@@ -91,14 +83,18 @@ def simulate(scenario: Scenario) -> Simulated:
     roughness = roughness_of(true, length, streams[1])
     stamps, moments = moments_of(true, streams[2])
     if scenario.truth == "coupled_ring":
-        from tirelog.simulation.rolling.world import RolledWorld  # brings the compiler
+        from tirelog.simulation.rolling.world import (
+            RolledWorld,  # brings the compiler
+            truth_of_rolled,
+        )
 
         world: World = (rolled := RolledWorld(true, drive, roughness))
-        clean = rolled.values(moments)
+        tables, clean = pitch_tables(world), rolled.values(moments)
+        known = partial(truth_of_rolled, rolled, tables)
     else:
         world = World(true, drive, roughness, wander_of(true, streams[-1]))
-        clean = riding_values(world, moments)
-    tables = pitch_tables(world)
+        tables, clean = pitch_tables(world), riding_values(world, moments)
+        known = partial(steady_truth, world, tables)
     channels = {}
     for (name, sensor), random in zip(true.channels.items(), streams[3:-1], strict=True):
         time, values = moments[name], clean.get(name)
@@ -106,7 +102,7 @@ def simulate(scenario: Scenario) -> Simulated:
             values = vehicle_values(world, sensor, time, tables.get(name))
         told = in_source_units(world, sensor, time, coupled(sensor, values))
         channels[name] = spoiled(sensor, told, flanks(world, sensor, time, told), random)
-    return Simulated(scenario, channels, stamps, world, tables)
+    return Simulated(scenario, channels, stamps, world, known)
 
 
 # ---- The setup of a simulated log, and the log as a Recording in memory.

@@ -11,6 +11,7 @@ carries it to 1e-7.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from scipy.fft import irfft, rfft
@@ -96,31 +97,11 @@ _STEPS = 80
 _ALIKE = 2.0
 
 
-@dataclass(frozen=True)
-class Slope:
-    """What a group of `rows` takes for the inverse of its slope.
-
-    `coupled` (2 K, 2 K) acts on real beside imaginary parts of the K longest waves, `short` on
-    the others.
-    """
-
-    rows: IntArray | slice
-    coupled: FloatArray
-    short: ComplexArray
-
-    def __call__(self, modes: ComplexArray) -> ComplexArray:
-        """The inverse times modes (n, all)."""
-        parts = np.hstack([modes[:, :_COUPLED].real, modes[:, :_COUPLED].imag]) @ self.coupled.T
-        long = parts[:, :_COUPLED] + 1j * parts[:, _COUPLED:]
-        return np.hstack([long, modes[:, _COUPLED:] * self.short])
-
-
-@dataclass(frozen=True)
-class Balance:
-    """A deflection that was found, modes (n, all) [m], and the slopes that led to it."""
-
-    modes: ComplexArray
-    slopes: tuple[Slope, ...]
+#: what a group of rows takes for the inverse of its slope: the rows; a matrix (2 K, 2 K) that acts
+#: on real beside imaginary parts of the K longest waves; factors of the others
+Slope: TypeAlias = tuple[IntArray | slice, FloatArray, ComplexArray]
+#: a deflection that was found, modes (n, all) [m], and the slopes that led to it
+Balance: TypeAlias = tuple[ComplexArray, list[Slope]]
 
 
 def hardened_load(
@@ -140,9 +121,9 @@ def hardened_load(
     P = p[:, :_MODES]
     H = np.broadcast_to(np.asarray(compliance, np.complex128), p.shape)[:, :_MODES]
     s = np.broadcast_to(np.asarray(stiffness, dtype=np.float64), (rows, 1))
-    slopes: tuple[Slope, ...] = ()
-    if start is not None and start.modes.shape == P.shape:
-        modes, slopes = start.modes, start.slopes
+    slopes: list[Slope] = []
+    if start is not None and start[0].shape == P.shape:
+        modes, slopes = start
     else:
         modes = _soft(P * H, H, s)
     ratio = _ALIKE
@@ -154,8 +135,11 @@ def hardened_load(
         reaction = s * rfft(w * w * w, axis=1, norm="forward")[:, :_MODES]
         missed = H * (P - reaction) - modes
         change = np.empty_like(missed)
-        for slope in slopes:
-            change[slope.rows] = slope(missed[slope.rows])
+        for rows_of, coupled, short in slopes:
+            left = missed[rows_of]
+            parts = np.hstack([left[:, :_COUPLED].real, left[:, :_COUPLED].imag]) @ coupled.T
+            long = parts[:, :_COUPLED] + 1j * parts[:, _COUPLED:]
+            change[rows_of] = np.hstack([long, left[:, _COUPLED:] * short])
         modes, farthest = modes + change, np.max(np.abs(change))
         # a change below this share of the largest mode is the last; twice as much is as far below
         # what a log tells
@@ -163,7 +147,7 @@ def hardened_load(
             _refuse_giving_way(w, H, s)
             hardened = np.array(p, dtype=np.complex128)
             hardened[:, :_MODES] -= reaction
-            return hardened, Balance(modes, slopes)
+            return hardened, (modes, slopes)
         # a change above so many of the soft foundation's largest mode leads nowhere; twice as many
         # only take longer to fail
         if not farthest < 1e3 * np.max(np.abs(P * H)):
@@ -192,7 +176,7 @@ def _soft(modes: ComplexArray, H: ComplexArray, s: FloatArray) -> ComplexArray:
     return np.asarray(g * modes)
 
 
-def _slopes(w: FloatArray, H: ComplexArray, s: FloatArray, ratio: float) -> tuple[Slope, ...]:
+def _slopes(w: FloatArray, H: ComplexArray, s: FloatArray, ratio: float) -> list[Slope]:
     """The slopes of groups of rows, each of the middle one: alike are slopes within the `ratio`."""
     steep = np.log1p(np.abs(3.0 * s * np.max(w * w, axis=1, keepdims=True) * H).max(axis=1))
     group = np.floor((steep - steep.min()) / np.log(ratio))
@@ -202,7 +186,7 @@ def _slopes(w: FloatArray, H: ComplexArray, s: FloatArray, ratio: float) -> tupl
         i = rows[np.argsort(steep[rows], kind="stable")[rows.size // 2]]
         every = slice(None) if rows.size == len(w) else rows
         found.append(_slope(every, w[i], H[i], float(s[i, 0])))
-    return tuple(found)
+    return found
 
 
 def _slope(rows: IntArray | slice, w: FloatArray, H: ComplexArray, s: float) -> Slope:
@@ -222,7 +206,7 @@ def _slope(rows: IntArray | slice, w: FloatArray, H: ComplexArray, s: float) -> 
     )
     inverse = np.linalg.inv(np.eye(2 * _COUPLED) + coupled)
     short = 1.0 / (1.0 + 1.5 * s * H[_COUPLED:] * np.max(w * w))
-    return Slope(rows, inverse, np.asarray(short, np.complex128))
+    return rows, inverse, np.asarray(short, np.complex128)
 
 
 def _refuse_giving_way(w: FloatArray, H: ComplexArray, s: FloatArray) -> None:

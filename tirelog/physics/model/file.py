@@ -9,7 +9,7 @@ fit (and `fixed = true` if it is held although it has bounds).
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PureWindowsPath
@@ -82,78 +82,74 @@ _NUMBER = Table(
 
 
 @dataclass(frozen=True)
-class _Number:
-    """A parameter: a plain number is fixed, a table is free; `own` ones may bring their unit."""
+class _Kind:
+    """What a key may hold, by the function that reads its value at a place of the file."""
 
-    known: Parameter
-    own: bool = False
+    allowed: str
+    read: Callable[[Any, FilePlace], Any]
+
+
+def _number(known: Parameter | None, own: bool = False) -> _Kind:
+    """A parameter: a plain number is fixed, a table is free.
+
+    The user's `own` may bring their unit; one that nobody knows also has no bounds but those that
+    it brings.
+    """
     allowed = "allowed is a finite number or { value, min, max }"
 
-    def read(self, value: Any, place: FilePlace) -> Parameter:
+    def read(value: Any, place: FilePlace) -> Parameter:
+        usual = _unknown(value, place) if known is None else known
         if isinstance(value, dict):
-            bare = {k: v for k, v in value.items() if k != "unit" or not self.own}
-            given = _NUMBER.read(bare, place)
+            given = _NUMBER.read({k: v for k, v in value.items() if k != "unit" or not own}, place)
         elif is_number(value):
             given = {"value": float(value), "fixed": True}
         else:
-            raise place.wrong(value, self.allowed)
+            raise place.wrong(value, allowed)
         free = not given.pop("fixed", False)
         try:
-            return replace(self.known, **{"se": None, **given}, free=free).checked()
+            return replace(usual, **{"se": None, **given}, free=free).checked()
         except ModelError as problem:
             raise place.moved(problem) from None
 
-
-class _Unknown:
-    """A user's own parameter, which has no bounds and no unit but those that it brings."""
-
-    allowed = _Number.allowed
-
-    def read(self, value: Any, place: FilePlace) -> Parameter:
-        brought = value if isinstance(value, dict) else {"value": value}
-        start, unit = brought.get("value", 0.0), brought.get("unit", "")
-        if not isinstance(unit, str) or (unit and dimension_of(unit) is None):
-            base = f"allowed are powers and products of {', '.join(BASE)}, such as N/m^2"
-            raise (place / "unit").wrong(unit, base, do="correct it, or leave it out")
-        size = max(1.0, abs(start)) if is_number(start) else 1.0
-        name, most = str(place.path[-1]), 1e9 * size
-        known = Parameter(name, unit, "the user's own", 0.0, -most, most, probe=1.0)
-        number = _Number(known, own=True).read(value, place)
-        probe = number.value or 0.01 * max(abs(number.min), abs(number.max))
-        return replace(number, probe=probe)
+    return _Kind(allowed, read)
 
 
-@dataclass(frozen=True)
-class _Use:
+def _unknown(value: Any, place: FilePlace) -> Parameter:
+    """A user's own parameter of the unit that it brings, and of about its size."""
+    brought = value if isinstance(value, dict) else {"value": value}
+    start, unit = brought.get("value", 0.0), brought.get("unit", "")
+    if not isinstance(unit, str) or (unit and dimension_of(unit) is None):
+        base = f"allowed are powers and products of {', '.join(BASE)}, such as N/m^2"
+        raise (place / "unit").wrong(unit, base, do="correct it, or leave it out")
+    most = 1e9 * max(1.0, abs(start) if is_number(start) else 1.0)
+    ends = [brought.get(end, most) for end in ("min", "max")]
+    size = max((abs(end) for end in ends if is_number(end)), default=most)
+    probe = float(start) if is_number(start) and start else 0.01 * size
+    return Parameter(str(place.path[-1]), unit, "the user's own", 0.0, -most, most, probe=probe)
+
+
+def _use(known: Nuisance) -> _Kind:
     """What the file says of a nuisance: a use, or a table of use and sizes."""
 
-    known: Nuisance
-    allowed = f"allowed are {', '.join(USES)}"
-
-    def read(self, value: Any, place: FilePlace) -> Nuisance:
+    def read(value: Any, place: FilePlace) -> Nuisance:
         if not isinstance(value, dict):
-            return self.known.used(words(*USES).read(value, place))
-        numbers = BY_ID[FORM].parameters if self.known.name == FORM else ()
-        kinds: dict[str, KeyKind] = {p.name: _Number(p) for p in (*self.known.sizes, *numbers)}
+            return known.used(words(*USES).read(value, place))
+        numbers = BY_ID[FORM].parameters if known.name == FORM else ()
+        kinds: dict[str, KeyKind] = {p.name: _number(p) for p in (*known.sizes, *numbers)}
         given = Table({"use": words(*USES), **kinds}).read(value, place)
-        known = tuple(replace(given.get(p.name, p), free=False) for p in self.known.sizes)
-        return replace(self.known, sizes=known, use=given.get("use", USES[0]))
+        sizes = tuple(replace(given.get(p.name, p), free=False) for p in known.sizes)
+        return replace(known, sizes=sizes, use=given.get("use", USES[0]))
+
+    return _Kind(f"allowed are {', '.join(USES)}", read)
 
 
-class _Observables:
+def _observables(value: Any, place: FilePlace) -> tuple[str, ...]:
     """What the model is of: one observable, or a list of those that are fitted together."""
-
-    one = words(*OBSERVABLES)
-    allowed = one.allowed
-
-    def read(self, value: Any, place: FilePlace) -> tuple[str, ...]:
-        if not isinstance(value, list):
-            return (self.one.read(value, place),)
-        names = [self.one.read(name, place) for name in value]
-        try:
-            return observables_known(names)
-        except ModelError as problem:
-            raise place.moved(problem) from None
+    names = [_OBSERVABLE.read(name, place) for name in (value if type(value) is list else [value])]
+    try:
+        return observables_known(names)
+    except ModelError as problem:
+        raise place.moved(problem) from None
 
 
 def _is_relative(name: Any) -> bool:
@@ -165,9 +161,10 @@ def _is_relative(name: Any) -> bool:
     )
 
 
+_OBSERVABLE = words(*OBSERVABLES)
 _HEAD = Table(
     {
-        "observable": _Observables(),
+        "observable": _Kind(_OBSERVABLE.allowed, _observables),
         "carcass": words(*CARCASSES),
         "contact": ANYTHING,
         EFFECTS_FILE: ValueKind("a path that starts from the model file's folder", _is_relative),
@@ -188,7 +185,7 @@ _BY_EXPRESSION = Table(
         "name": TEXT,
         "acts_on": words(*EXPRESSION_ACTS_ON),
         "expression": TEXT,
-        "parameters": Named(_Unknown()),
+        "parameters": Named(_number(None, own=True)),
     }
 )
 _BY_SHAPE = Table(
@@ -200,7 +197,7 @@ _BY_SHAPE = Table(
         "law": TEXT,
         "nodes": ANYTHING,
         "values": ANYTHING,
-        "parameters": Table({AMPLITUDE.name: _Number(AMPLITUDE, own=True)}),
+        "parameters": Table({AMPLITUDE.name: _number(AMPLITUDE, own=True)}),
     },
     needed=("frame",),
 )
@@ -305,7 +302,7 @@ def _nuisances(data: Mapping[str, Any], place: FilePlace) -> tuple[Nuisance, ...
     for table, at in wrong:
         allowed = 'a table [form] with use = "...", sizes and numbers is allowed'
         raise at.error(f"{FORM} is under {table}", allowed, "write it there")
-    uses: dict[str, KeyKind] = {known.name: _Use(known) for known in NUISANCES}
+    uses: dict[str, KeyKind] = {known.name: _use(known) for known in NUISANCES}
     given = Table(uses).read(said, place / "nuisances")
     given[FORM] = uses[FORM].read(data.get(FORM, {}), place / FORM)
     return tuple(given.get(known.name, known) for known in NUISANCES)
@@ -337,7 +334,7 @@ def _base(
     numbers: Mapping[str, Any], known: tuple[Parameter, ...], place: FilePlace
 ) -> tuple[Parameter, ...]:
     """The parameters of the carcass as the file gives them, the others fixed at their start."""
-    kinds = {p.name: _Number(p) for p in known}
+    kinds = {p.name: _number(p) for p in known}
     given = Table({"contact": ANYTHING, **kinds}).read(numbers, place)
     if "reference_load_N" in kinds and "reference_load_N" not in given and "load_N" in given:
         load = given["load_N"].value
@@ -364,7 +361,7 @@ def _effect(table: Any, catalogue: Mapping[str, Effect], place: FilePlace) -> Mo
         )
     effect = catalogue[name]
     options: dict[str, KeyKind] = {key: words(*choices) for key, choices in effect.options.items()}
-    numbers: dict[str, KeyKind] = {p.name: _Number(p) for p in effect.parameters}
+    numbers: dict[str, KeyKind] = {p.name: _number(p) for p in effect.parameters}
     given = Table({"name": TEXT, **numbers, **options}).read(table, place)
     return ModelEffect(
         effect,

@@ -451,11 +451,6 @@ class RolledWorld(World):
         """The hub's way forward from the log's start [m]."""
         return np.asarray(self._way.angle_at(time_s) * self._way.radius_m, float)
 
-    def fluctuation(self, time_s: FloatArray) -> FloatArray:
-        if not self.scenario.road.roughness:
-            return np.zeros_like(time_s)
-        return self.roughness(self.distance(time_s))
-
     def _orders(self, time_s: FloatArray) -> Records:
         """The drive at the steps, (n,) of DRIVE, with the distance at the steps' ends."""
         drive, tire = self._way, self.scenario.tire
@@ -545,8 +540,8 @@ class RolledWorld(World):
         v, w = -v' and the strain -y (v' + v''')/R^2 (y towards the axle).
         """
         radius, splines = self.belt.radius_m, self.belt.splines
-        gauge = self._sensor_effects(sensor)[0] or 0.0
-        length = gauge if isinstance(gauge, float) else gauge["length_m"]
+        gauge, _ = self.sensor_effects(sensor)
+        length = gauge["length_m"] if gauge is not None else 0.0
         bent = -self.lever(sensor) / radius**2 if sensor.kind != "radial_acceleration" else 0.0
         strain = splines.functional(angle_rad, {1: bent, 3: bent}, length / radius)
         return np.stack(
@@ -611,10 +606,10 @@ class RolledWorld(World):
 
         The bandwidth is a second-order magnitude without delay.
         """
-        _, lag = self._sensor_effects(sensor)
+        _, lag = self.sensor_effects(sensor)
         if lag is None and sensor.bandwidth_Hz is None:
             return series
-        tau = 0.0 if lag is None else lag if isinstance(lag, float) else lag["lag_s"]
+        tau = lag["lag_s"] if lag is not None else 0.0
         step = float(self.time_s[1] - self.time_s[0])
         size = 2 * series.size
         frequency = np.fft.rfftfreq(size, step)

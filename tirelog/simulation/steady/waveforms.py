@@ -139,11 +139,15 @@ class World:
             load = load + heavy["force_N"] * _of_imbalance(heavy, drive.speed_at(time_s))
         return load
 
+    def distance(self, time_s: FloatArray) -> FloatArray:
+        """The way driven from the log's start [m]."""
+        return self.drive.distance_at(time_s)
+
     def fluctuation(self, time_s: FloatArray) -> FloatArray:
         """What varies within the turn, relative to the load: the road, and the wheel's own."""
         total = np.zeros_like(time_s)
         if self.scenario.road.roughness:
-            total = self.roughness(self.drive.distance_at(time_s))
+            total = self.roughness(self.distance(time_s))
         force = self.scenario.nuisances.force_variation
         if any(force.shares):
             angle = self.drive.angle_at(time_s)
@@ -156,14 +160,14 @@ class World:
         if not any(run_out.amplitudes_microstrain):
             return np.zeros_like(time_s)
         angle, speed = self.drive.angle_at(time_s), self.drive.speed_at(time_s)
-        _, lag = self._sensor_effects(sensor)
-        tau = lag["lag_s"] if isinstance(lag, Planted) else lag or 0.0
+        _, lag = self.sensor_effects(sensor)
+        tau = lag["lag_s"] if lag is not None else 0.0
         spin = speed / self.drive.radius_at(speed)
         total = np.zeros_like(time_s)
         for order, size in enumerate(run_out.amplitudes_microstrain, 1):
             only = [0.0] * (order - 1) + [1e-6 * size]
             wave = wheel_harmonics(angle, only, run_out.phases_deg)
-            wave = wave / delaying(lag or 0.0, 1j * order * spin * tau)
+            wave = wave / delaying(lag, 1j * order * spin * tau)
             if sensor.bandwidth_Hz is not None:
                 frequency = order * spin / (2.0 * np.pi)
                 wave = wave / np.sqrt(1.0 + (frequency / sensor.bandwidth_Hz) ** 4)
@@ -380,7 +384,7 @@ class World:
         """
         at, radius = solution.at, self.drive.radius_m
         along = at.speed / at.stretch  # along the grid; a gauge is as long as its piece of the belt
-        gauge, lag = self._sensor_effects(sensor)
+        gauge, lag = self.sensor_effects(sensor)
         if sensor.kind == "radial_acceleration":
             spectrum = self.ring.transform(solution.w)
             spin2 = (along[:, None] / radius) ** 2
@@ -422,15 +426,14 @@ class World:
         course = (speed / 20.0) ** 2 if effect.apart else np.ones_like(speed)
         return effect["tilt_rad"] * course
 
-    def _sensor_effects(
-        self, sensor: Record
-    ) -> tuple[Planted | float | None, Planted | float | None]:
-        """(gauge length, lag) of the sensor.
-
-        The planted effect, else the sensor's own (known) number, else None.
-        """
-        gauge = self.scenario.planted("gauge_length") or sensor.gauge_length_m or None
-        return gauge, self.scenario.planted("sensor_lag") or sensor.lag_s or None
+    def sensor_effects(self, sensor: Record) -> tuple[Planted | None, Planted | None]:
+        """(gauge length, lag): what is planted, else the sensor's own (known) number, else None."""
+        own_gauge = Planted("gauge_length", parameters={"length_m": sensor.gauge_length_m})
+        own_lag = Planted("sensor_lag", parameters={"lag_s": sensor.lag_s})
+        return (
+            self.scenario.planted("gauge_length") or (own_gauge if sensor.gauge_length_m else None),
+            self.scenario.planted("sensor_lag") or (own_lag if sensor.lag_s else None),
+        )
 
     def baseline(self, time_s: FloatArray, sensor: Record) -> FloatArray:
         """The strain's slow baseline.
