@@ -186,9 +186,7 @@ SOURCE_UNITS = {
 }
 
 
-def _record(
-    name: str, meaning: str, keys: Mapping[str, tuple[KeyKind | None, Any]]
-) -> type[Record]:
+def _record(name: str, meaning: str, /, **keys: tuple[KeyKind | None, Any]) -> type[Record]:
     """The records of one table: their name, what the table means, its keys."""
     return type(name, (Record,), {"keys": keys, "__doc__": meaning, "__module__": __name__})
 
@@ -206,37 +204,35 @@ TrueTire = _record(
     (`hub_mass_kg`, `hub_inertia_kg_m2`), rubbing by `bristle_stiffness_N_m2` and `friction`; k_v
     resists its wind-up.
     """,
-    {
-        "name": (TEXT, "215/45 R17"),
-        "unloaded_radius_m": (number(0.05, 3.0), 0.3126),
-        "rolling_radius_m": (number(0.05, 3.0), 0.305),
-        "section_height_m": (number(1e-3, 0.2), 0.018),
-        "width_m": (number(0.01, 2.0), 0.215),
-        "section_area_m2": (number(1e-6, 1.0), 6.2e-4),
-        "viscosity_Pa_s": (number(0.0, 1e9), 2.0e3),
-        "static_footprint_length_m": (number(0.0, 2.0), None),
-        "flexural_stiffness_N_m2": (number(1e-3, 1e4), None),
-        "foundation_stiffness_N_m2": (number(1e3, 1e10), 2.0e6),
-        "line_mass_kg_m": (number(0.0, 1e3), 4.5),
-        "patch_half_length_m": (number(1e-3, 0.4), 0.058),
-        "reference_load_N": (number(1.0, 1e6), 3434.0),
-        "patch_load_exponent": (number(0.0, 3.0), 0.5),
-        "lever_arm_m": (number(0.0, 0.1), 3.0e-4),
-        "damping_rate_1_s": (number(0.0, 1e5), 0.0),
-        "contact": (words(*CONTACTS), "flat_road"),
-        "radial_stiffness_N_m2": (number(1e3, 1e9), 6.3e5),
-        "tangential_stiffness_N_m2": (number(1e3, 1e9), 6.3e5),
-        "radial_damping_N_s_m2": (number(0.0, 1e6), 0.0),
-        "tangential_damping_N_s_m2": (number(0.0, 1e6), 0.0),
-        "width_belt_m": (number(0.0, 2.0), 0.14),
-        "tread_stiffness_N_m2": (number(1e5, 1e11), 8.75e7),
-        "torsional_stiffness_N_m2": (number(1e3, 1e9), None),
-        "slip_stiffness_N": (number(1e3, 1e9), None),
-        "hub_mass_kg": (number(0.1, 1e4), 20.0),
-        "hub_inertia_kg_m2": (number(1e-3, 1e4), 0.8),
-        "bristle_stiffness_N_m2": (number(0.0, 1e10), 1.9e6),
-        "friction": (number(0.0, 5.0), 0.8),
-    },
+    name=(TEXT, "215/45 R17"),
+    unloaded_radius_m=(number(0.05, 3.0), 0.3126),
+    rolling_radius_m=(number(0.05, 3.0), 0.305),
+    section_height_m=(number(1e-3, 0.2), 0.018),
+    width_m=(number(0.01, 2.0), 0.215),
+    section_area_m2=(number(1e-6, 1.0), 6.2e-4),
+    viscosity_Pa_s=(number(0.0, 1e9), 2.0e3),
+    static_footprint_length_m=(number(0.0, 2.0), None),
+    flexural_stiffness_N_m2=(number(1e-3, 1e4), None),
+    foundation_stiffness_N_m2=(number(1e3, 1e10), 2.0e6),
+    line_mass_kg_m=(number(0.0, 1e3), 4.5),
+    patch_half_length_m=(number(1e-3, 0.4), 0.058),
+    reference_load_N=(number(1.0, 1e6), 3434.0),
+    patch_load_exponent=(number(0.0, 3.0), 0.5),
+    lever_arm_m=(number(0.0, 0.1), 3.0e-4),
+    damping_rate_1_s=(number(0.0, 1e5), 0.0),
+    contact=(words(*CONTACTS), "flat_road"),
+    radial_stiffness_N_m2=(number(1e3, 1e9), 6.3e5),
+    tangential_stiffness_N_m2=(number(1e3, 1e9), 6.3e5),
+    radial_damping_N_s_m2=(number(0.0, 1e6), 0.0),
+    tangential_damping_N_s_m2=(number(0.0, 1e6), 0.0),
+    width_belt_m=(number(0.0, 2.0), 0.14),
+    tread_stiffness_N_m2=(number(1e5, 1e11), 8.75e7),
+    torsional_stiffness_N_m2=(number(1e3, 1e9), None),
+    slip_stiffness_N=(number(1e3, 1e9), None),
+    hub_mass_kg=(number(0.1, 1e4), 20.0),
+    hub_inertia_kg_m2=(number(1e-3, 1e4), 0.8),
+    bristle_stiffness_N_m2=(number(0.0, 1e10), 1.9e6),
+    friction=(number(0.0, 5.0), 0.8),
 )
 
 
@@ -247,15 +243,13 @@ TrueConditions = _record(
     `warm_up_K` is the rise of the tire's temperature, first order with `warm_up_time_s`, from the
     log's start.
     """,
-    {
-        "load_N": (number(1.0, 1e6), 3434.0),
-        "inflation_pressure_Pa": (number(0.0, 1e8), 2.2e5),
-        "distance_km": (number(0.0, 1e6), 0.0),
-        "water_depth_mm": (number(0.0, 100.0), 0.0),
-        "driven": (FLAG, True),
-        "warm_up_K": (number(-100.0, 200.0), 0.0),
-        "warm_up_time_s": (number(0.1, 1e5), 60.0),
-    },
+    load_N=(number(1.0, 1e6), 3434.0),
+    inflation_pressure_Pa=(number(0.0, 1e8), 2.2e5),
+    distance_km=(number(0.0, 1e6), 0.0),
+    water_depth_mm=(number(0.0, 100.0), 0.0),
+    driven=(FLAG, True),
+    warm_up_K=(number(-100.0, 200.0), 0.0),
+    warm_up_time_s=(number(0.1, 1e5), 60.0),
 )
 
 
@@ -267,13 +261,11 @@ Vehicle = _record(
     braking, none in coasting. `suspension_damping_N_s_m` holds the coupled ring's hub against a
     body that stands still.
     """,
-    {
-        "mass_kg": (number(1.0, 1e5), 1500.0),
-        "brake_share": (number(0.0, 1.0), 0.25),
-        "rolling_drag": (number(0.0, 1.0), 0.012),
-        "air_drag_kg_m": (number(0.0, 100.0), 0.4),
-        "suspension_damping_N_s_m": (number(0.0, 1e6), 0.0),
-    },
+    mass_kg=(number(1.0, 1e5), 1500.0),
+    brake_share=(number(0.0, 1.0), 0.25),
+    rolling_drag=(number(0.0, 1.0), 0.012),
+    air_drag_kg_m=(number(0.0, 100.0), 0.4),
+    suspension_damping_N_s_m=(number(0.0, 1e6), 0.0),
 )
 
 
@@ -291,20 +283,18 @@ Road = _record(
     columns, distance and height, beside the scenario). It begins `position_m` after the log's
     start, and comes again every `spacing_m` (a cleat or a profile).
     """,
-    {
-        "roughness": (number(0.0, 0.2), 0.0),
-        "correlation_m": (number(0.2, 100.0), 2.0),
-        "load_scatter": (number(0.0, 0.2), 0.0),
-        "kind": (words(*ROADS), "flat"),
-        "height_m": (number(-1.0, 1.0), None),
-        "length_m": (number(0.0, 100.0), None),
-        "ramp_m": (number(0.0, 100.0), None),
-        "amplitude_m": (number(-1.0, 1.0), None),
-        "wavelength_m": (number(0.0, 1e4), None),
-        "file": (TEXT, None),
-        "position_m": (number(0.0, 1e6), None),
-        "spacing_m": (number(0.0, 1e6), None),
-    },
+    roughness=(number(0.0, 0.2), 0.0),
+    correlation_m=(number(0.2, 100.0), 2.0),
+    load_scatter=(number(0.0, 0.2), 0.0),
+    kind=(words(*ROADS), "flat"),
+    height_m=(number(-1.0, 1.0), None),
+    length_m=(number(0.0, 100.0), None),
+    ramp_m=(number(0.0, 100.0), None),
+    amplitude_m=(number(-1.0, 1.0), None),
+    wavelength_m=(number(0.0, 1e4), None),
+    file=(TEXT, None),
+    position_m=(number(0.0, 1e6), None),
+    spacing_m=(number(0.0, 1e6), None),
 )
 
 
@@ -314,11 +304,9 @@ LoadStep = _record(
 
     From `time_s` on the wheel carries `load_N`, reached within `rise_s`.
     """,
-    {
-        "time_s": (number(0.0, 1e5), 0.0),
-        "load_N": (number(1.0, 1e6), 3434.0),
-        "rise_s": (number(1e-3, 1e3), 0.02),
-    },
+    time_s=(number(0.0, 1e5), 0.0),
+    load_N=(number(1.0, 1e6), 3434.0),
+    rise_s=(number(1e-3, 1e3), 0.02),
 )
 
 
@@ -333,10 +321,8 @@ RunOut = _record(
     The h-th harmonic adds amplitude cos(h (wheel angle) - phase) to every strain channel, whatever
     the road does: a bent rim, a splice far away, an eccentric hub.
     """,
-    {
-        "amplitudes_microstrain": (numbers(0.0, 1e3, WHEEL_HARMONICS), ()),
-        "phases_deg": (numbers(-360.0, 360.0, WHEEL_HARMONICS), ()),
-    },
+    amplitudes_microstrain=(numbers(0.0, 1e3, WHEEL_HARMONICS), ()),
+    phases_deg=(numbers(-360.0, 360.0, WHEEL_HARMONICS), ()),
 )
 
 
@@ -346,10 +332,8 @@ ForceVariation = _record(
 
     The load is multiplied by 1 + sum of share cos(h (wheel angle) - phase).
     """,
-    {
-        "shares": (numbers(0.0, 0.1, WHEEL_HARMONICS), ()),
-        "phases_deg": (numbers(-360.0, 360.0, WHEEL_HARMONICS), ()),
-    },
+    shares=(numbers(0.0, 0.1, WHEEL_HARMONICS), ()),
+    phases_deg=(numbers(-360.0, 360.0, WHEEL_HARMONICS), ()),
 )
 
 
@@ -361,10 +345,8 @@ LoadWander = _record(
     which forgets within `time_constant_s`. Scatter from manoeuvre to manoeuvre is
     [road] load_scatter.
     """,
-    {
-        "share": (number(0.0, 0.1), 0.0),
-        "time_constant_s": (number(1.0, 1e4), 3.0),
-    },
+    share=(number(0.0, 0.1), 0.0),
+    time_constant_s=(number(1.0, 1e4), 3.0),
 )
 
 
@@ -377,13 +359,11 @@ Warming = _record(
     the baseline's. Setups tell the pressure of the log's start; a channel of kind
     inflation_pressure or temperature follows.
     """,
-    {
-        "stiffness_per_K": (number(-0.02, 0.02), 0.0),
-        "bending_per_K": (number(-0.02, 0.02), 0.0),
-        "patch_length_per_K": (number(-0.02, 0.02), 0.0),
-        "pressure_per_K": (number(-0.02, 0.02), 0.0),
-        "strain_per_K": (number(-1e-4, 1e-4), 0.0),
-    },
+    stiffness_per_K=(number(-0.02, 0.02), 0.0),
+    bending_per_K=(number(-0.02, 0.02), 0.0),
+    patch_length_per_K=(number(-0.02, 0.02), 0.0),
+    pressure_per_K=(number(-0.02, 0.02), 0.0),
+    strain_per_K=(number(-1e-4, 1e-4), 0.0),
 )
 
 
@@ -394,11 +374,9 @@ RollingRadius = _record(
     True rolling radius = the setup's (1 + `error`) (1 + `growth` (v/`at_speed_m_s`)^2): the belt is
     longer at speed, so that the wheel turns less.
     """,
-    {
-        "error": (number(-0.1, 0.1), 0.0),
-        "growth": (number(0.0, 0.1), 0.0),
-        "at_speed_m_s": (number(1.0, 120.0), 25.0),
-    },
+    error=(number(-0.1, 0.1), 0.0),
+    growth=(number(0.0, 0.1), 0.0),
+    at_speed_m_s=(number(1.0, 120.0), 25.0),
 )
 
 
@@ -409,13 +387,11 @@ Nuisances = _record(
     Absent: none. What an instrument does (coloured noise, hum, digits, lost peaks) stands with its
     channel, scatter of the load with the road, the patch's exponent with the tire.
     """,
-    {
-        "run_out": (table_of(RunOut), RunOut()),
-        "force_variation": (table_of(ForceVariation), ForceVariation()),
-        "load_wander": (table_of(LoadWander), LoadWander()),
-        "warming": (table_of(Warming), Warming()),
-        "rolling_radius": (table_of(RollingRadius), RollingRadius()),
-    },
+    run_out=(table_of(RunOut), RunOut()),
+    force_variation=(table_of(ForceVariation), ForceVariation()),
+    load_wander=(table_of(LoadWander), LoadWander()),
+    warming=(table_of(Warming), Warming()),
+    rolling_radius=(table_of(RollingRadius), RollingRadius()),
 )
 
 
@@ -427,11 +403,9 @@ Manoeuvre = _record(
     `Scenario.rounding_s`. Without `regime` the acceleration decides: |a| < 0.15 m/s^2 cruise, > 0
     drive, > -1.5 coast, else brake.
     """,
-    {
-        "duration_s": (number(0.05, 1e5), 5.0),
-        "speed_m_s": (number(0.0, 120.0), 10.0),
-        "regime": (words(*REGIMES), None),
-    },
+    duration_s=(number(0.05, 1e5), 5.0),
+    speed_m_s=(number(0.0, 120.0), 10.0),
+    regime=(words(*REGIMES), None),
 )
 
 
@@ -452,44 +426,42 @@ Sensor = _record(
     `steps`, `signal`, `amplitude`, `offset`, `pitch_error_deg` (drawn by `pitch_seed`),
     `missing_teeth`, `extra_teeth`.
     """,
-    {
-        "kind": (words(*SOURCE_UNITS), ""),
-        "source": (TEXT, ""),
-        "sampling_rate_Hz": (number(1.0, 1e6), 2500.0),
-        "angle_deg": (number(-360.0, 360.0), 0.0),
-        "surface": (words("outer", "inner"), "outer"),
-        "noise": (number(0.0, 1e6), 0.0),
-        "noise_correlation": (number(0.0, 0.999), 0.0),
-        "hum": (number(0.0, 1e6), 0.0),
-        "hum_Hz": (number(0.1, 1e5), 50.0),
-        "flicker": (number(0.0, 1e6), 0.0),
-        "quantisation": (number(0.0, 1e6), 0.0),
-        "lost_fraction": (number(0.0, 0.9), 0.0),
-        "lost_run": (number(1.0, 1e4), 1.0),
-        "lost_at_flanks": (number(0.0, 0.9), 0.0),
-        "jitter_s": (number(0.0, 0.1), 0.0),
-        "gauge_length_m": (number(0.0, 0.2), 0.0),
-        "lag_s": (number(0.0, 1.0), 0.0),
-        "delay_s": (number(0.0, 1.0), 0.0),
-        "bandwidth_Hz": (number(1.0, 1e6), None),
-        "coupling_Hz": (number(0.0, 100.0), 0.0),
-        "baseline": (number(-0.1, 0.1), 0.0),
-        "reference_wavelength_nm": (number(100.0, 1e5), 1550.0),
-        "strain_gain": (number(0.1, 100.0), 1.27),
-        "thermal_expansion_1_K": (number(-1.0, 1.0), 0.0),
-        "temperature_sensitivity_nm_K": (number(1e-6, 10.0), 0.010),
-        "temperature_channel": (TEXT, None),
-        "range": (number(1e-9, 1e9), None),
-        "bits": (number(4, 32, whole=True), None),
-        "steps": (number(2, 10000, whole=True), 48),
-        "signal": (words("sine", "square", "counter"), "sine"),
-        "amplitude": (number(1e-6, 1e3), 1.0),
-        "offset": (number(-1e3, 1e3), 0.0),
-        "pitch_error_deg": (number(0.0, 5.0), 0.0),
-        "pitch_seed": (number(0, 2**31, whole=True), 0),
-        "missing_teeth": (numbers(0, whole=True), ()),
-        "extra_teeth": (numbers(0, whole=True), ()),
-    },
+    kind=(words(*SOURCE_UNITS), ""),
+    source=(TEXT, ""),
+    sampling_rate_Hz=(number(1.0, 1e6), 2500.0),
+    angle_deg=(number(-360.0, 360.0), 0.0),
+    surface=(words("outer", "inner"), "outer"),
+    noise=(number(0.0, 1e6), 0.0),
+    noise_correlation=(number(0.0, 0.999), 0.0),
+    hum=(number(0.0, 1e6), 0.0),
+    hum_Hz=(number(0.1, 1e5), 50.0),
+    flicker=(number(0.0, 1e6), 0.0),
+    quantisation=(number(0.0, 1e6), 0.0),
+    lost_fraction=(number(0.0, 0.9), 0.0),
+    lost_run=(number(1.0, 1e4), 1.0),
+    lost_at_flanks=(number(0.0, 0.9), 0.0),
+    jitter_s=(number(0.0, 0.1), 0.0),
+    gauge_length_m=(number(0.0, 0.2), 0.0),
+    lag_s=(number(0.0, 1.0), 0.0),
+    delay_s=(number(0.0, 1.0), 0.0),
+    bandwidth_Hz=(number(1.0, 1e6), None),
+    coupling_Hz=(number(0.0, 100.0), 0.0),
+    baseline=(number(-0.1, 0.1), 0.0),
+    reference_wavelength_nm=(number(100.0, 1e5), 1550.0),
+    strain_gain=(number(0.1, 100.0), 1.27),
+    thermal_expansion_1_K=(number(-1.0, 1.0), 0.0),
+    temperature_sensitivity_nm_K=(number(1e-6, 10.0), 0.010),
+    temperature_channel=(TEXT, None),
+    range=(number(1e-9, 1e9), None),
+    bits=(number(4, 32, whole=True), None),
+    steps=(number(2, 10000, whole=True), 48),
+    signal=(words("sine", "square", "counter"), "sine"),
+    amplitude=(number(1e-6, 1e3), 1.0),
+    offset=(number(-1e3, 1e3), 0.0),
+    pitch_error_deg=(number(0.0, 5.0), 0.0),
+    pitch_seed=(number(0, 2**31, whole=True), 0),
+    missing_teeth=(numbers(0, whole=True), ()),
+    extra_teeth=(numbers(0, whole=True), ()),
 )
 
 
@@ -501,17 +473,15 @@ Ramp = _record(
     `stop_length_s` at which `leak_Pa` is lost; every grating's strain grows by `strain_per_Pa`,
     times 1 + bend x rise.
     """,
-    {
-        "start_Pa": (number(0.0, 1e8), 1.7e5),
-        "end_Pa": (number(0.0, 1e8), 2.3e5),
-        "begin_s": (number(0.0, 1e5), 1.0),
-        "end_s": (number(0.1, 1e5), 13.0),
-        "stops_s": (numbers(0.0), ()),
-        "stop_length_s": (number(0.05, 1e4), 1.0),
-        "leak_Pa": (number(0.0, 1e6), 0.0),
-        "strain_per_Pa": (number(-1e-5, 1e-5), 1.0e-8),
-        "bend_1_Pa": (number(-1e-4, 1e-4), 0.0),
-    },
+    start_Pa=(number(0.0, 1e8), 1.7e5),
+    end_Pa=(number(0.0, 1e8), 2.3e5),
+    begin_s=(number(0.0, 1e5), 1.0),
+    end_s=(number(0.1, 1e5), 13.0),
+    stops_s=(numbers(0.0), ()),
+    stop_length_s=(number(0.05, 1e4), 1.0),
+    leak_Pa=(number(0.0, 1e6), 0.0),
+    strain_per_Pa=(number(-1e-5, 1e-5), 1.0e-8),
+    bend_1_Pa=(number(-1e-4, 1e-4), 0.0),
 )
 
 
