@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.physics.commands import status
 from tests.physics.test_model_file_property import CONTRACT
-from tirelog.cli import run
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
@@ -334,15 +334,15 @@ def test_python_that_a_model_names_runs_only_if_the_user_has_let_it(own, tmp_pat
 
 def test_commands_write_along_where_own_effects_are(own, tmp_path, capsys):
     plain, model = tmp_path / "plain.toml", tmp_path / "m.toml"
-    assert run(["model", "new", "-o", str(plain), "--quiet"]) == 0
+    assert status("model new -o", str(plain), "--quiet") == 0
     given = ["--effects", str(own), "-o", str(model)]
-    assert run(["model", "add", str(plain), "mine", *given]) == 0
+    assert status("model add", str(plain), "mine", *given) == 0
     (tmp_path / "else").mkdir()
     bare = tmp_path / "else" / "bare.toml"
-    assert run(["model", "remove", str(model), "mine", "-o", str(bare)]) == 0
+    assert status("model remove", str(model), "mine", "-o", str(bare)) == 0
     again = bare.with_name("again.toml")
-    assert run(["model", "add", str(bare), "mine", "-o", str(again)]) == 0  # no --effects
-    assert run(["model", "show", str(again)]) == 0
+    assert status("model add", str(bare), "mine", "-o", str(again)) == 0  # no --effects
+    assert status("model show", str(again)) == 0
     assert f"own effects from {tmp_path}/else/../mine.py" in capsys.readouterr().out
 
 
@@ -486,7 +486,7 @@ def test_nuisances_are_kept_as_they_are_written() -> None:
 def test_model_nuisance_writes_the_use(tmp_path: Path) -> None:
     model, better = tmp_path / "m.toml", tmp_path / "better.toml"
     save_model(Model.new("beam"), model)
-    assert run(["model", "nuisance", str(model), "wheel", "on", "-o", str(better)]) == 0
+    assert status("model nuisance", str(model), "wheel", "on", "-o", str(better)) == 0
     assert [n.use for n in load_model(better).nuisances] == ["on", *["auto"] * 5]
-    assert run(["model", "nuisance", str(model), "whel", "on", "-o", str(better)]) == 2
-    assert run(["model", "nuisance", str(model), "wheel", "maybe", "-o", str(better)]) == 2
+    assert status("model nuisance", str(model), "whel", "on", "-o", str(better)) == 2
+    assert status("model nuisance", str(model), "wheel", "maybe", "-o", str(better)) == 2
