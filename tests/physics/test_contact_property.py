@@ -61,29 +61,6 @@ def test_springs_press_just_as_deep_as_the_ring_under_them_lies(load, damping):
     assert np.allclose(pressed, p[below], atol=1e-7 * p.max())
 
 
-def test_the_loaded_ring_touches_the_road_and_nowhere_passes_it():
-    """Geometry alone: predicted displacement of the ring and the road's height."""
-    load = 2500.0
-    contact = solve_contact(CARCASS, load)
-    model = Model.new(
-        "ring", flexural_stiffness_N_m2=2.0, radial_stiffness_N_m2=6.3e5,
-        tangential_stiffness_N_m2=6.3e5, inflation_pressure_Pa=1.2e5, width_m=0.14, radius_m=R,
-        load_N=load,
-    )  # fmt: skip
-    phi = np.arange(-400, 401) * STEP
-    w = -model.predict(Conditions.of(1, speed_m_s=1.0), phi, observable="displacement")[0]
-    whole = np.arange(-1536, 1536) * STEP
-    w_all = -model.predict(Conditions.of(1, speed_m_s=1.0), whole, observable="displacement")[0]
-    v_all = -np.cumsum(w_all) * STEP + 0.5 * STEP * w_all
-    v = np.interp(phi, whole, v_all - v_all[1536])
-    below = (R + w) * np.cos(phi) - v * np.sin(phi) - (R - contact.drop_m)
-    inside = np.abs(R * phi) < 0.95 * contact.half_length_m
-    outside = np.abs(R * phi) > 1.02 * contact.half_length_m
-    assert below[outside].max() < 1e-5
-    pressure = np.interp(phi, contact.phi_rad, contact.pressure_N_m)
-    assert np.allclose(below[inside] * 8.75e7, pressure[inside], rtol=0.02)
-
-
 def test_half_length_is_as_in_the_errata():
     """4.6 deg at 1000 N and 11.3 deg at 3500 N in space; the edge's material angle is smaller by
     the belt's own shift v / R.

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.physics.coupled_tire import TIRE, course, obstacle, strain
+from tests.physics.coupled_tire import TIRE, course, obstacle
 from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.road import RoadProfile
 from tirelog.physics.moving.transient import State, Stepper, stepped_motion
@@ -97,15 +97,3 @@ def test_friction_stays_within_its_limit():
 def test_a_long_wave_is_followed():
     motion = passage(1e-4, RoadProfile(amplitude_m=0.01, wavelength_m=8.0), 0.4)
     assert np.ptp(motion.hub_z_m) == pytest.approx(0.02, rel=0.15)
-
-
-def test_strain_of_a_resting_belt_follows_the_errata():
-    """eps = -(y / R^2) (w + w'') with y outward: by finite differences of w."""
-    motion = passage(1e-4, RoadProfile(), 0.01)
-    theta = np.linspace(-0.5, 0.5, 4001)
-    phi = theta + motion.psi_rad[-1]
-    n = TIRE.n
-    w = 2.0 * np.sum(-1j * n * motion.V[-1] * np.exp(1j * np.outer(phi, n)), axis=1).real
-    bent = w[1:-1] + np.diff(w, 2) / (theta[1] - theta[0]) ** 2
-    read = np.array([strain(TIRE, motion, angle, -2e-3)[-1] for angle in theta[1:-1:200]])
-    assert read == pytest.approx(-2e-3 / TIRE.R**2 * bent[::200], rel=1e-3, abs=1e-8)

@@ -34,25 +34,6 @@ def test_rigid_modes_feel_the_foundation_alone_at_every_speed():
         assert z == pytest.approx([KV, KV + KW], rel=1e-15)
 
 
-def test_rotation_cancels_mode_by_mode():
-    """P3's k_n (units as in the errata) with pre-tension, inertia and Coriolis terms, against the
-    form without rotation.
-    """
-    carcass = RingCarcass(EI, KW, KV, 0.0, 0.0, P0 * B, R)
-    n = np.arange(1.0, 60.0)
-    for omega in (10.0, 150.0):
-        sigma_a = P0 * B * R + RHO_A * R**2 * omega**2
-        k_n = (
-            (EI / R**4 * n**2 + sigma_a / R**2) * (1 - n**2) ** 2
-            - P0 * B / R * (1 - n**2)
-            + KV
-            + KW * n**2
-        )
-        k_n -= RHO_A * (1 + n**2) * omega**2
-        z = k_n - (n * omega) ** 2 * RHO_A * (1 + n**2) + 4 * RHO_A * n**2 * omega**2
-        assert np.allclose(z, modal_impedance(n, carcass, omega).real, rtol=1e-9)
-
-
 def test_no_speed_trend_without_damping():
     slow, fast = (ring().predict(drive(v), PHI) for v in (1.0, 90.0))
     assert np.array_equal(slow, fast)
