@@ -34,6 +34,22 @@ def steady_at(transient, model, theta, observable):
     return model.predict(AT_20, phi, observable=observable)[0]
 
 
+@pytest.mark.parametrize("observable", ["strain", "radial_acceleration", "patch_length"])
+def test_steady_rolling_is_the_ring(observable):
+    phi = None if observable == "patch_length" else np.linspace(-np.pi, np.pi, 400)
+    conditions = Conditions.of(3, speed_m_s=[5.0, 20.0, 30.0], load_N=[2000.0, 3000.0, 4000.0])
+    damped = {"radial_damping_N_s_m2": 60.0, "tangential_damping_N_s_m2": 60.0}
+    pair = [Model.new(name, observable, **damped) for name in ("ring", "coupled_ring")]
+    effects = {
+        "viscous_damping": {"damping_rate_1_s": 20.0},
+        "pressure_offset": {"offset": 0.2},
+        "gauge_length": {"length_m": 0.02},
+    }
+    for name, values in ({} if phi is None else effects).items():
+        pair = [model.with_effect(name, **values) for model in pair]
+    assert np.array_equal(*(model.predict(conditions, phi) for model in pair))
+
+
 def test_a_flat_road_gives_the_steady_ring():
     """4e-5 of the waveform's range rms; at single samples 2e-4, where nodes of the tread step on
     the road.

@@ -193,8 +193,19 @@ def test_impossible_conditions():
 def test_models_that_contradict_themselves():
     with pytest.raises(ModelError, match="flat_road"):
         Model.new("beam", contact="flat_road")
-    with pytest.raises(ModelError, match="ring already"):
-        Model.new("ring").with_effect("ring_curvature")
+    for carcass in ("ring", "coupled_ring"):
+        with pytest.raises(ModelError, match="ring already"):
+            Model.new(carcass).with_effect("ring_curvature")
+    with pytest.raises(ModelError, match="stands on its tread"):
+        Model.new("coupled_ring", contact="prescribed")
+    coupled = as_toml(Model.new("coupled_ring")).replace('contact = "flat_road"', "")
+    for line, said in (
+        ("hub_mas_kg = 3.0", "nearest: hub_mass_kg"),
+        ("patch_half_length_m = 0.05", "stands on its tread"),
+        ('contact = "prescribed"', "stands on its tread; .*flat_road.* is allowed"),
+    ):
+        with pytest.raises(ModelError, match=said):
+            parse_model(f"{coupled}\n{line}\n")
     with pytest.raises(ModelError, match="does nothing to strain"):
         Model.new("beam").with_effect("speed_trend")
     with pytest.raises(ModelError, match="nothing to phase_shift"):

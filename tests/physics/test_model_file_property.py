@@ -55,18 +55,16 @@ def test_what_is_not_changed_is_written_as_it_stood():
     assert as_toml(parse_model(CONTRACT)) == CONTRACT
 
 
-@pytest.mark.parametrize("carcass", ["beam", "ring"])
+@pytest.mark.parametrize("carcass", ["beam", "ring", "coupled_ring"])
 def test_every_effect_survives_writing_and_reading(carcass):
     model = Model.new(carcass)
     for effect in CATALOGUE:
-        if "strain" in effect.observables and not (
-            carcass == "ring" and effect.id == "ring_curvature"
-        ):
+        if "strain" in effect.observables and (carcass == "beam" or effect.id != "ring_curvature"):
             model = model.with_effect(effect)
             model = model.with_values({f"{effect.id}.{p.name}": p.probe for p in effect.parameters})
     again = parse_model(as_toml(model))
     assert same(again, model)
-    assert again.contact == model.contact
+    assert (again.carcass, again.contact) == (carcass, model.contact)
     assert [e.options for e in again.effects] == [e.options for e in model.effects]
     assert as_toml(again) == as_toml(model)
 
