@@ -19,13 +19,12 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from tirelog.errors import ModelError, nearest
-from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS, carcass_parameters
+from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS
 from tirelog.physics.effects import BY_ID, Effect
 from tirelog.physics.model import user_effects
 from tirelog.physics.model.expression import BASE, RESULT_UNITS, dimension_of, disagreement
 from tirelog.physics.model.model import (
     BY_NAME,
-    COUPLED_STANDS,
     FORM,
     NUISANCES,
     USES,
@@ -243,23 +242,13 @@ def parse_model(
             document.file, line
         ) from None
     head = _HEAD.read(data.get("model", {}), place / "model")
-    numbers, carcass = data.get("parameters", {}), head["carcass"]
-    lead, *beside = head["observable"]
-    contact = _contact(head, numbers, place)
-    known = carcass_parameters(
-        carcass,
-        *head["observable"],
-        flat_road=contact == "flat_road",
-        point=contact == "point",
-    )
-    model = Model(
-        lead,
-        carcass,
-        contact,
-        _base(numbers, known, place / "parameters"),
+    numbers = data.get("parameters", {})
+    model = _bare(head, numbers, place)
+    model = replace(
+        model,
+        base=_base(numbers, model.base, place / "parameters"),
         nuisances=_nuisances(data, place),
         document=text,
-        beside=tuple(beside),
     )
     if catalogue is None:
         asked, folder = own is not None, path.parent if path is not None else Path()
@@ -308,10 +297,10 @@ def _nuisances(data: Mapping[str, Any], place: FilePlace) -> tuple[Nuisance, ...
     return tuple(given.get(known.name, known) for known in NUISANCES)
 
 
-def _contact(head: Mapping[str, Any], numbers: Mapping[str, Any], place: FilePlace) -> str:
-    """The contact that the model's file asks for: prescribed, solved, or a point.
+def _bare(head: Mapping[str, Any], numbers: Mapping[str, Any], place: FilePlace) -> Model:
+    """The model of [model], at its start values.
 
-    `contact` stands in [model] or in [parameters]; without it a patch length means a prescribed
+    Its `contact` stands there or in [parameters]; without it a patch length means a prescribed
     patch.
     """
     prescribed = head["carcass"] == "beam" or "patch_half_length_m" in numbers
@@ -319,15 +308,11 @@ def _contact(head: Mapping[str, Any], numbers: Mapping[str, Any], place: FilePla
     at = place / table / "contact"
     usual = "prescribed" if prescribed else "flat_road"
     contact = words(*CONTACTS).read(given.get("contact", usual), at)
-    if head["carcass"] == "beam" and contact == "flat_road":
-        raise at.error(
-            'contact = "flat_road" needs a ring',
-            'allowed are "prescribed" and "point" for a beam',
-        )
-    if head["carcass"] == "coupled_ring" and contact != "flat_road":
+    try:
+        return Model.new(head["carcass"], head["observable"], contact)
+    except ModelError as problem:
         length = place / "parameters" / "patch_half_length_m"
-        raise (at if "contact" in given else length).moved(ModelError(COUPLED_STANDS))
-    return str(contact)
+        raise (at if "contact" in given else length).moved(problem) from None
 
 
 def _base(

@@ -192,10 +192,6 @@ BY_NAME = {nuisance.name: nuisance for nuisance in NUISANCES}
 #: Step of a central difference over a parameter's size; the stages are smooth, the error is its
 #: square. With twice as much it is four times as large, and rounding half as large.
 _STEP = 2e-5
-COUPLED_STANDS = (
-    'a coupled ring stands on its tread; contact = "flat_road" is allowed; leave contact out, or '
-    'take carcass = "ring"'
-)
 
 
 @dataclass(frozen=True)
@@ -265,7 +261,11 @@ class Model:
                 do='take carcass = "ring"',
             )
         if carcass == "coupled_ring" and contact != "flat_road":
-            raise ModelError(COUPLED_STANDS)
+            raise ModelError(
+                "a coupled ring stands on its tread",
+                allowed='contact = "flat_road" is allowed',
+                do='leave contact out, or take carcass = "ring"',
+            )
         base = carcass_parameters(
             carcass, *observables, flat_road=contact == "flat_road", point=contact == "point"
         )

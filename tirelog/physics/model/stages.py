@@ -186,12 +186,7 @@ def loads(task: Task) -> FloatArray:
         F = F * (1.0 + change())
     for added in task.hooks(lambda effect: effect.added_load).values():
         F = F + added()
-    if not np.all(F > 0.0):
-        raise ModelError(
-            f"load {float(np.min(F)):g} N does not press the tire on the road",
-            allowed="a load above zero is allowed",
-            do="correct load_N or the effects on load",
-        )
+    contact.check_load(float(F.min(initial=np.inf)))
     return F
 
 

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -29,16 +29,13 @@ from scipy.interpolate import CubicSpline
 from tirelog.data.recording import Conditions
 from tirelog.data.setup import RoadSetup
 from tirelog.errors import ModelError, UsageError
+from tirelog.physics.model.model import Model
 from tirelog.physics.model.stages import Task, loaded_site, loads, structure
 from tirelog.physics.moving.contact import RoadForces, Tread, steady_rolling
 from tirelog.physics.moving.ring import CoupledRing, of_model
 from tirelog.physics.moving.road import RoadProfile, road_of
 from tirelog.physics.spectral import ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from tirelog.physics.model.model import Model
-
 
 #: Belt modes and tread nodes of a motion, its longest step [s] and the grid on which it is kept
 #: [s].
