@@ -162,6 +162,7 @@ def test_expressions_compute_what_numpy_computes():
         "not (xi < 0 or xi > 1)": (~((xi < 0) | (xi > 1))).astype(float),
         "~(xi < 0) & (xi < 1)": ((xi >= 0) & (xi < 1)).astype(float),
         "2 ** -1 + pi % 3": np.full(9, 0.5 + np.pi % 3),
+        "exp(xi < 0) + sign(xi < 0)": np.where(xi < 0, np.e + 1.0, 1.0),
     }
     for text, wanted in cases.items():
         got = np.broadcast_to(parse_expression(text, {"xi", "v"})({"xi": xi, "v": v}), xi.shape)
@@ -456,6 +457,7 @@ def test_a_list_that_cannot_be_kept_serves_this_process(own, tmp_path):
         "exp()",
         "abs(xi, L)",
         "clip(xi)",
+        "clip(xi, 1)",
     ],
 )
 def test_a_function_with_another_number_of_arguments(text: str) -> None:

@@ -50,7 +50,7 @@ FUNCTIONS: Mapping[str, Callable[..., Any]] = {
 #: write into
 ARGUMENTS = {name: (getattr(function, "nin", 1),) for name, function in FUNCTIONS.items()} | {
     "where": (3,),
-    "clip": (2, 3),
+    "clip": (3,),
 }
 CONSTANTS = {"pi": np.pi, "e": np.e}
 _OPERATORS: Mapping[type, Callable[..., Any]] = {
@@ -171,29 +171,26 @@ def _refuse_other_node(node: ast.AST, text: str) -> None:
         )
 
 
+def _operation(node: Any) -> Callable[..., Any]:
+    """What a part applies to its operands; of a choice it is numpy's where()."""
+    if isinstance(node, ast.Call):
+        return FUNCTIONS[getattr(node.func, "id", "")]
+    return np.where if isinstance(node, ast.IfExp) else _OPERATORS[type(node.op)]
+
+
 def _compute(node: ast.expr, values: Mapping[str, Any]) -> Any:
     """The value of a part that `_check` let through."""
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
-        return np.float64(node.value)
+        return node.value
     if isinstance(node, ast.Name):
         return values[node.id] if node.id in values else CONSTANTS[node.id]
-    terms = [_compute(part, values) for part in _operands(node)]
+    terms = [np.asarray(_compute(part, values), dtype=np.float64) for part in _operands(node)]
     if isinstance(node, ast.Compare):
         pairs = zip(node.ops, terms, terms[1:])
         return functools.reduce(np.logical_and, (_OPERATORS[type(op)](a, b) for op, a, b in pairs))
     if isinstance(node, ast.BoolOp):
         return functools.reduce(_OPERATORS[type(node.op)], terms)
-    if isinstance(node, ast.BinOp | ast.UnaryOp):
-        return _OPERATORS[type(node.op)](*(np.asarray(term, dtype=np.float64) for term in terms))
-    name = getattr(getattr(node, "func", None), "id", "where")  # a choice is where() of its parts
-    try:
-        return FUNCTIONS[name](*terms)
-    except (TypeError, ValueError):
-        raise ModelError(
-            f"{name}() does not take {len(terms)} arguments",
-            allowed=f"as many as numpy's {name} takes are allowed",
-            do="correct the expression",
-        ) from None
+    return _operation(node)(*terms)
 
 
 #: units by their powers of m, kg, s, K
@@ -214,13 +211,24 @@ RESULT_UNITS = {
     "sensor": "1",
     "radial_acceleration": "m/s^2",
 }
-#: functions of a number that give a number, and those whose arguments and result are alike
-_PURE = (
-    "sin", "cos", "tan", "arcsin", "arccos", "arctan", "sinh", "cosh", "tanh", "arcsinh",
-    "arccosh", "arctanh", "exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "sinc",
-)  # fmt: skip
-_ALIKE = ("abs", "minimum", "maximum", "clip", "hypot", "floor", "ceil")
-_POWERS = {"sqrt": 0.5, "cbrt": 1.0 / 3.0, "square": 2.0}
+#: what an operation makes of its operands' units: operands alike and a result as they are; a number
+#: of a number; a product and a quotient; a power, fixed or as it is given. Of others it is a number
+_ALIKE, _OF_NUMBER, _PRODUCT, _QUOTIENT, _POWER = "alike", "number", "product", "quotient", "power"
+_RULES: Mapping[Callable[..., Any], str | float] = {
+    **dict.fromkeys((np.add, np.subtract, np.mod, np.negative, np.positive, np.where), _ALIKE),
+    **dict.fromkeys((np.abs, np.minimum, np.maximum, np.clip, np.hypot), _ALIKE),
+    **dict.fromkeys((np.floor, np.ceil, np.arctan2), _ALIKE),
+    **dict.fromkeys((np.sin, np.cos, np.tan, np.arcsin, np.arccos, np.arctan), _OF_NUMBER),
+    **dict.fromkeys((np.sinh, np.cosh, np.tanh, np.arcsinh, np.arccosh, np.arctanh), _OF_NUMBER),
+    **dict.fromkeys((np.exp, np.exp2, np.expm1, np.sinc), _OF_NUMBER),
+    **dict.fromkeys((np.log, np.log2, np.log10, np.log1p), _OF_NUMBER),
+    np.multiply: _PRODUCT,
+    np.divide: _QUOTIENT,
+    np.power: _POWER,
+    np.sqrt: 0.5,
+    np.cbrt: 1.0 / 3.0,
+    np.square: 2.0,
+}
 #: dimensions that differ by less than this are one
 _SAME = 1e-9
 
@@ -265,83 +273,51 @@ def _dimension(node: ast.expr, units: _Units) -> FloatArray | None:
     """
     if isinstance(node, ast.Name):
         return _NUMBER if node.id in CONSTANTS else units.get(node.id)
-    if isinstance(node, ast.UnaryOp):
-        plain = isinstance(node.op, ast.Not | ast.Invert)
-        return _NUMBER if plain else _dimension(node.operand, units)
-    if isinstance(node, ast.BinOp):
-        return _of_operation(node, units)
-    if isinstance(node, ast.IfExp):
-        _dimension(node.test, units)
-        return _alike([node.body, node.orelse], node, units)
-    if isinstance(node, ast.Call):
-        return _of_call(node, units)
-    if isinstance(node, ast.Compare):
-        _alike([node.left, *node.comparators], node, units)
-    if isinstance(node, ast.BoolOp):
-        for part in node.values:
-            _dimension(part, units)
-    return _NUMBER
-
-
-def _of_operation(node: ast.BinOp, units: _Units) -> FloatArray | None:
-    """The dimension of a sum, product or power."""
-    if isinstance(node.op, ast.Add | ast.Sub | ast.Mod):
-        return _alike([node.left, node.right], node, units)
-    if isinstance(node.op, ast.Pow):
-        _refuse_dimension(node.right, "a power of", units)
-        power = _value(node.right)
-        if power is None:
-            _refuse_dimension(node.left, "a fitted power of", units)
-            return _NUMBER
-        return _raised(_dimension(node.left, units), power)
-    left, right = _dimension(node.left, units), _dimension(node.right, units)
-    if not isinstance(node.op, ast.Mult | ast.Div):
+    parts = _operands(node)
+    found = [_dimension(part, units) for part in parts]
+    if _value(node) is not None or isinstance(node, ast.BoolOp):
         return _NUMBER
-    divided = isinstance(node.op, ast.Div)
-    if left is None or right is None or (divided and _value(node.right) is not None):
+    if isinstance(node, ast.Compare):
+        _one_dimension(node, parts, found)
+        return _NUMBER
+    operation = _operation(node)
+    rule = _RULES.get(operation)
+    if rule == _ALIKE:
+        first = 1 if operation is np.where else 0
+        alike = _one_dimension(node, parts[first:], found[first:])
+        return _NUMBER if operation is np.arctan2 else alike
+    if rule == _OF_NUMBER:
+        _refuse_dimension(f"{operation.__name__}() of", parts[0], found[0])
+    if rule == _POWER:
+        _refuse_dimension("a power of", parts[1], found[1])
+        rule = _value(parts[1])
+        if rule is None:
+            _refuse_dimension("a fitted power of", parts[0], found[0])
+    if isinstance(rule, float):
+        return None if found[0] is None else rule * found[0]
+    if rule not in (_PRODUCT, _QUOTIENT):
+        return _NUMBER
+    left, right = found
+    if left is None or right is None or (rule == _QUOTIENT and _value(parts[1]) is not None):
         return None
-    return left - right if divided else left + right
+    return left + right if rule == _PRODUCT else left - right
 
 
-def _of_call(node: ast.Call, units: _Units) -> FloatArray | None:
-    """The dimension of a function's value."""
-    name, parts = getattr(node.func, "id", ""), list(node.args)
-    if name in _POWERS:
-        return _raised(_dimension(parts[0], units), _POWERS[name])
-    if name in _ALIKE:
-        return _alike(parts, node, units)
-    if name == "where":
-        _dimension(parts[0], units)
-        return _alike(parts[1:], node, units)
-    if name in _PURE:
-        _refuse_dimension(parts[0], f"{name}() of", units)
-    elif name == "arctan2":
-        _alike(parts, node, units)
-    else:  # sign, heaviside
-        _dimension(parts[0], units)
-    return _NUMBER
-
-
-def _raised(dimension: FloatArray | None, power: float) -> FloatArray | None:
-    return None if dimension is None else power * dimension
-
-
-def _alike(nodes: list[ast.expr], whole: ast.expr, units: _Units) -> FloatArray | None:
+def _one_dimension(
+    whole: ast.expr, parts: list[ast.expr], found: list[FloatArray | None]
+) -> FloatArray | None:
     """The one dimension of some parts; plain numbers take it."""
-    first: FloatArray | None = None
-    for node in nodes:
-        found = _dimension(node, units) if _value(node) is None else None
-        if first is not None and found is not None and np.abs(first - found).max() > _SAME:
-            raise _Disagreement(f"{ast.unparse(whole)} mixes {said(first)} and {said(found)}")
-        first = found if first is None else first
-    return first
+    told = [f for part, f in zip(parts, found) if f is not None and _value(part) is None]
+    for other in told[1:]:
+        if np.abs(told[0] - other).max() > _SAME:
+            raise _Disagreement(f"{ast.unparse(whole)} mixes {said(told[0])} and {said(other)}")
+    return told[0] if told else None
 
 
-def _refuse_dimension(node: ast.expr, what: str, units: _Units) -> None:
+def _refuse_dimension(what: str, part: ast.expr, found: FloatArray | None) -> None:
     """_Disagreement: the part is no number."""
-    found = _dimension(node, units)
     if found is not None and np.abs(found).max() > _SAME:
-        raise _Disagreement(f"{what} {ast.unparse(node)}, which is {said(found)} and no number")
+        raise _Disagreement(f"{what} {ast.unparse(part)}, which is {said(found)} and no number")
 
 
 def _value(node: ast.expr) -> float | None:

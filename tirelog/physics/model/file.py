@@ -457,7 +457,9 @@ def _set(table: Any, key: str, value: Any, remark: str = "") -> None:
     old = table.get(key)
     if old == value:
         return
-    item = tomlkit.item(value)
+    item = tomlkit.inline_table() if isinstance(value, dict) else tomlkit.item(value)
+    if isinstance(value, dict):
+        item.update(value)
     if remark and old is None:
         item.comment(remark)
     table[key] = item
@@ -504,33 +506,23 @@ def _put_nuisances(document: Any, model: Model) -> None:
 
     [form] also has its numbers, if the model has them.
     """
+    form = next((e for e in model.effects if e.id == FORM), None)
     for nuisance in model.nuisances:
-        name, usual = nuisance.name, nuisance == BY_NAME[nuisance.name]
-        held = document.get("nuisances", {}).get(name)
-        if name == FORM:
-            _put_form(
-                document, nuisance.use, next((e for e in model.effects if e.id == FORM), None)
-            )
-        elif isinstance(held, dict):
-            if held.get("use", USES[0]) != nuisance.use:
-                held["use"] = nuisance.use
-        elif held is not None or not usual:
+        name, use, of_form = nuisance.name, nuisance.use, nuisance.name == FORM
+        held = (document if of_form else document.get("nuisances", {})).get(name)
+        if of_form and held is None and (form is not None or use != USES[0]):
+            held = document.setdefault(FORM, tomlkit.table())
+        if isinstance(held, dict):
+            if held.get("use", USES[0]) != use or (of_form and not held):
+                held["use"] = use
+        elif not of_form and (held is not None or nuisance != BY_NAME[name]):
             table = document.setdefault("nuisances", tomlkit.table())
-            _set(table, name, nuisance.use, nuisance.description)
-
-
-def _put_form(document: Any, use: str, form: ModelEffect | None) -> None:
-    """Writes [form]: its use, and its numbers if the model has them."""
-    if FORM not in document and use == USES[0] and form is None:
-        return
-    table = document.setdefault(FORM, tomlkit.table())
-    if table.get("use", USES[0]) != use or not len(table):
-        table["use"] = use
+            _set(table, name, use, nuisance.description)
     for parameter in BY_ID[FORM].parameters if form is None else form.parameters:
-        if form is None:
-            table.pop(parameter.name, None)
-        else:
-            _put(table, parameter)
+        if form is not None:
+            _put(document[FORM], parameter)
+        elif FORM in document:
+            document[FORM].pop(parameter.name, None)
 
 
 def _put(table: Any, parameter: Parameter, *, remark: bool = True) -> None:
@@ -552,9 +544,7 @@ def _put(table: Any, parameter: Parameter, *, remark: bool = True) -> None:
     }
     wanted = {key: value for key, value in wanted.items() if value is not None}
     if not isinstance(old, dict):
-        new = tomlkit.inline_table()
-        new.update(wanted)
-        _set(table, name, new, words)
+        _set(table, name, wanted, words)
         return
     for key in old.keys() - wanted.keys():
         del old[key]
