@@ -272,21 +272,6 @@ def modal_impedance(
     return stiff + 1j * n * omega_rad_s * (c.c_v + c.c_w * n**2)
 
 
-def road_loads(
-    pressure: ComplexArray, traction: ComplexArray | None = None
-) -> tuple[ComplexArray, ComplexArray]:
-    """Modes (Q_v, Q_w) of the road's load on the ring, each (n, K).
-
-    They come from the modes of the vertical pressure and of the traction along the road.
-    """
-    ahead, behind = _neighbours(pressure)
-    q_w, q_v = -0.5 * (behind + ahead), -0.5j * (behind - ahead)
-    if traction is not None:
-        ahead, behind = _neighbours(traction)
-        q_v, q_w = q_v + 0.5 * (behind + ahead), q_w - 0.5j * (behind - ahead)
-    return q_v, q_w
-
-
 #: n, and (1 + 1/n) / 2 and (1 - 1/n) / 2 for n = 1, 2, ...
 _N = np.arange(MODES, dtype=np.float64)
 _BEHIND, _AHEAD = (0.5 * (1.0 + sign / _N[1:]) for sign in (1.0, -1.0))
@@ -295,7 +280,7 @@ _BEHIND, _AHEAD = (0.5 * (1.0 + sign / _N[1:]) for sign in (1.0, -1.0))
 def equivalent_load(pressure: ComplexArray, traction: ComplexArray | None = None) -> ComplexArray:
     """Inward load on a belt without tangential freedom: E_n = i (Q_v + i n Q_w) / n, E_0 = 0.
 
-    Of `road_loads`, with what stands there twice taken together:
+    Of the loads of the road, with what stands in them twice taken together:
     E_n = (1 + 1/n) / 2 (p + i tau)_(n-1) + (1 - 1/n) / 2 (p - i tau)_(n+1).
     """
     behind = pressure if traction is None else pressure + 1j * traction
@@ -305,15 +290,6 @@ def equivalent_load(pressure: ComplexArray, traction: ComplexArray | None = None
     np.multiply(behind[:, :-1], _BEHIND, out=load[:, 1:])
     load[:, 1:-1] += ahead[:, 2:] * _AHEAD[:-1]
     return load
-
-
-def _neighbours(modes: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-    """Coefficients n + 1 and n - 1 of a real function."""
-    ahead, behind = np.zeros_like(modes), np.empty_like(modes)
-    ahead[:, :-1] = modes[:, 1:]
-    behind[:, 1:] = modes[:, :-1]
-    behind[:, 0] = np.conj(modes[:, 1])
-    return ahead, behind
 
 
 def ring_hub_forces(
@@ -326,10 +302,11 @@ def ring_hub_forces(
 
     F_z is up, F_x in the direction of passing (errata to P3).
 
-    F = R int (k_w w + c_w w_t) e_r + (k_v v + c_v v_t) e_t; only n = 1 has a resultant.
+    F = R int (k_w w + c_w w_t) e_r + (k_v v + c_v v_t) e_t; only n = 1 has a resultant, and
+    Q_v,1 + i Q_w,1 is tau_0 - i p_0.
     """
-    q_v, q_w = road_loads(pressure, traction)
-    v1 = (q_v[:, 1] + 1j * q_w[:, 1]) / modal_impedance(np.array([1.0]), carcass, omega_rad_s)
+    load = -1j * pressure[:, 0] if traction is None else traction[:, 0] - 1j * pressure[:, 0]
+    v1 = load / modal_impedance(np.array([1.0]), carcass, omega_rad_s)
     radial = (carcass.k_w + 1j * omega_rad_s * carcass.c_w) * (-1j * v1)
     tangential = (carcass.k_v + 1j * omega_rad_s * carcass.c_v) * v1
     # e_r = (sin, -cos), e_t = (cos, sin) in (along passing, up) at the angle phi from the patch

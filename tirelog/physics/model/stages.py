@@ -530,8 +530,10 @@ def tangential(task: Task) -> ComplexArray:
     v = np.zeros(inward.shape, np.complex128)
     v[:, 1:] = inward[:, 1:] / (1j * np.arange(1, MODES))
     pressed = pressure(task)
-    around, _ = structures.road_loads(pressed.normal, pressed.traction)
-    v[:, :1] = around[:, :1] / task.base["tangential_stiffness_N_m2"]
+    around = -pressed.normal[:, 1:2].imag  # p sin(phi) + tau cos(phi), on average
+    if pressed.traction is not None:
+        around = around + pressed.traction[:, 1:2].real
+    v[:, :1] = around / task.base["tangential_stiffness_N_m2"]
     return v
 
 
