@@ -70,18 +70,6 @@ def refuse_supercritical(
         )
 
 
-def impedance(
-    q: FloatArray, EJ: float, k: FloatArray | float, hoop_N: FloatArray, drag: FloatArray
-) -> FloatArray | ComplexArray:
-    """Impedance Z(q) [N/m^2] of the beam: EJ q^4 + hoop q^2 + k + i q drag.
-
-    `hoop_N` = T - mu c^2 and `drag` = 2 mu omega_d c, both (n, 1). Real if nothing dissipates (half
-    the work).
-    """
-    real = EJ * q**4 + hoop_N * q**2 + k
-    return real + 1j * (q * drag) if np.any(drag) else real
-
-
 #: modes of w, and points of the grid on which w^3 is taken: four for a mode, so that what the cube
 #: adds beyond the grid's last mode does not fold back onto these
 _MODES = 128

@@ -305,8 +305,7 @@ def _pressure(task: Task) -> ContactLoads:
         p = p + added(site)
     pulled = [pull(site) for pull in task.hooks(lambda effect: effect.traction).values()]
     shears = [shear for shear in pulled if shear is not None]
-    tau: ComplexArray | None = None
-    couple: ComplexArray | None = None
+    tau, couple = None, None
     if shears:
         tau = np.asarray(sum(own for own, _ in shears), np.complex128)
         couple = np.asarray(sum((1j * x * site.q) * own for own, x in shears), np.complex128)
@@ -359,7 +358,9 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
     """Z (n or 1, K) [N/m^2] of the carcass itself, load per length over inward displacement."""
     b, c = task.base, task.drive.speed_m_s
     R, EI = b["radius_m"], b["flexural_stiffness_N_m2"]
-    q = np.arange(MODES) / R
+    n = np.arange(MODES, dtype=np.float64)
+    q = n / R
+    yielding = 1.0 + s.shear * q**2  # EJ q^4 / (1 + l^2 q^2) in place of EJ q^4
     if task.carcass == "beam":
         mu = b["line_mass_kg_m"]
         k = b["foundation_stiffness_N_m2"] * (1.0 + s.stiffening) + s.added_stiffness
@@ -367,29 +368,20 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
         _positive_foundation(k)
         if s.ring < 1.0:
             structures.refuse_supercritical(c, hoop, EI, k, mu)
-        Z: FloatArray | ComplexArray = structures.impedance(
-            q, EI, k, hoop, 2.0 * mu * c * s.damping_rate
-        )
-        if np.any(s.shear):  # EJ q^4 / (1 + l^2 q^2) in place of EJ q^4
-            sheared = s.shear * q**2
-            Z = _holding(Z - EI * q**4 * (sheared / (1.0 + sheared)))
-        if np.any(s.by_waves):
-            Z = _holding(Z + np.expm1(s.by_waves) * (EI * q**4 + s.tension * q**2 + k))
-        if np.any(s.retardation):  # (1 + tau c d/dxi), P1 (22)
-            Z = Z + 1j * (s.retardation * c * q) * (EI * q**4)
-        # the mean deflection (n = 0) is not cycled
-        return Z + 1j * s.loss * k * (np.arange(MODES) > 0) if np.any(s.loss) else Z
-    n = np.arange(MODES, dtype=np.float64)
+        static = EI * q**4 / yielding + s.tension * q**2 + k
+        Z = _holding(s, static * np.exp(s.by_waves) - mu * c**2 * q**2)
+        # P1 (2), and (1 + tau c d/dxi) of (22); the mean deflection (n = 0) is not cycled
+        lost = 2.0 * mu * c * s.damping_rate * q + s.retardation * c * q * (EI * q**4)
+        lost = lost + s.loss * k * (n > 0)
+        return Z + 1j * lost if np.any(lost) else Z
     n[0] = 1.0  # the mode that an inextensible belt does not have; its load is zero
     k_w = b["radial_stiffness_N_m2"] * (1.0 + s.stiffening) + s.added_stiffness
     k_v = b["tangential_stiffness_N_m2"] * (1.0 + s.stiffening)
     _positive_foundation(k_w)
-    bending = (EI / R**4) * (1.0 - n**2) ** 2
-    if np.any(s.shear):
-        bending = bending / (1.0 + s.shear * q**2)
-    Z = bending + (n**2 - 1.0) * ((_inflation_pb(task) * R + s.tension) / R**2) + k_w + k_v / n**2
-    if np.any(s.by_waves):
-        Z = _holding(Z * np.exp(s.by_waves))
+    bending = (EI / R**4) * (1.0 - n**2) ** 2 / yielding
+    tension = (_inflation_pb(task) * R + s.tension) / R**2
+    static = bending + (n**2 - 1.0) * tension + k_w + k_v / n**2
+    Z = _holding(s, static * np.exp(s.by_waves))
     lost = ring_losses(task, s)
     if not any(np.any(x) for x in lost):
         return Z
@@ -398,9 +390,9 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
     return Z + 1j * (turning + radial * (np.arange(MODES) > 0))
 
 
-def _holding(Z: FloatArray | ComplexArray) -> FloatArray | ComplexArray:
-    """Z itself; ModelError if a wave runs as fast as the tire rolls."""
-    if not np.all(Z.real > 0.0):
+def _holding(s: Structure, Z: FloatArray) -> FloatArray:
+    """Z itself; ModelError if a wave runs as fast as the tire rolls, in a belt that yields."""
+    if (np.any(s.shear) or np.any(s.by_waves)) and not np.all(Z > 0.0):
         raise ModelError(
             "a belt that yields so in shear, or in its form, does not hold its waves at this speed",
             allowed="a speed below the belt's critical one is allowed",
