@@ -74,12 +74,9 @@ class ModelEffect:
             effect, effect.parameters, {name: words[0] for name, words in effect.options.items()}
         )
 
-    def values(self, flat: Mapping[str, float]) -> dict[str, float]:
-        """Its own values out of the model's, with its options as `option:word` switches."""
-        own = {p.name: flat[f"{self.id}.{p.name}"] for p in self.parameters}
-        for name, words in self.effect.options.items():
-            own |= {f"{name}:{word}": float(self.options[name] == word) for word in words}
-        return own
+    def values(self, flat: Mapping[str, float]) -> dict[str, Any]:
+        """Its own values out of the model's, and the words of its options."""
+        return {p.name: flat[f"{self.id}.{p.name}"] for p in self.parameters} | self.options
 
     def resolved(self, conditions: Conditions) -> ModelEffect:
         """The entry with `driver = "auto"` settled.
