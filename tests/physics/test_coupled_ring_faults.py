@@ -10,8 +10,8 @@ import pytest
 from tests.physics.coupled_tire import FLAT, course, obstacle
 from tests.physics.coupled_tire import TIRE as PASSENGER_TIRE
 from tirelog.errors import ModelError
+from tirelog.physics.moving.contact import RoadProfile, load_road
 from tirelog.physics.moving.ring import natural_modes
-from tirelog.physics.moving.road import RoadProfile, load_road
 from tirelog.physics.moving.transient import State, Stepper, stepped_motion
 
 TIRE = replace(PASSENGER_TIRE, modes=30)

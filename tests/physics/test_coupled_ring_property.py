@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tests.physics.coupled_tire import TIRE, course, obstacle
+from tirelog.physics.moving.contact import RoadProfile
 from tirelog.physics.moving.ring import CoupledRing
-from tirelog.physics.moving.road import RoadProfile
 from tirelog.physics.moving.transient import State, Stepper, stepped_motion
 
 LOAD, SPEED = 1000.0, 20.0

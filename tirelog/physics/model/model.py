@@ -76,7 +76,7 @@ class ModelEffect:
 
     def values(self, flat: Mapping[str, float]) -> dict[str, Any]:
         """Its own values out of the model's, and the words of its options."""
-        return {p.name: flat[f"{self.id}.{p.name}"] for p in self.parameters} | self.options
+        return {**{p.name: flat[f"{self.id}.{p.name}"] for p in self.parameters}, **self.options}
 
     def resolved(self, conditions: Conditions) -> ModelEffect:
         """The entry with `driver = "auto"` settled.

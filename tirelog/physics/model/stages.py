@@ -382,10 +382,10 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
     tension = (_inflation_pb(task) * R + s.tension) / R**2
     static = bending + (n**2 - 1.0) * tension + k_w + k_v / n**2
     Z = _holding(s, static * np.exp(s.by_waves))
-    lost = ring_losses(task, s)
-    if not any(np.any(x) for x in lost):
+    losses = ring_losses(task, s)
+    if not any(np.any(x) for x in losses):
         return Z
-    radial_rate, tangential_rate, radial, bending_rate = lost
+    radial_rate, tangential_rate, radial, bending_rate = losses
     turning = n * (radial_rate + bending_rate * (bending / EI)) + tangential_rate / n
     return Z + 1j * (turning + radial * (np.arange(MODES) > 0))
 
@@ -632,7 +632,7 @@ def baseline(task: Task) -> FloatArray | float:
 def hub_forces(task: Task) -> FloatArray:
     """(F_x, F_z) [N] of a ring, (2, n or 1).
 
-    `ring.ring_hub_forces` at the pressure and traction of the task.
+    `structures.ring_hub_forces` at the pressure and traction of the task.
     """
     pressed = pressure(task)
     carcass = ring_carcass(task)

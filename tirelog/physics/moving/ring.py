@@ -473,7 +473,7 @@ def _with_bristles(
     pressed = contact.solve_contact(tire, load_N)
     half = pressed.half_length_m / tire.R
     width = 2.0 * half / _CELLS
-    phi = -half + width * (np.arange(_CELLS) + 0.5)
+    phi = np.linspace(-half + 0.5 * width, half - 0.5 * width, _CELLS)
     n, size = tire.n[:, None], M.size
     # s = C_s + w sin phi + v cos phi + R psi;  w' - v = (n^2 - 1) v
     along = _by_places(phi, n, np.cos(phi) - 1j * n * np.sin(phi))

@@ -31,9 +31,8 @@ from tirelog.data.setup import RoadSetup
 from tirelog.errors import ModelError, UsageError
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.stages import Task, loaded_site, loads, structure
-from tirelog.physics.moving.contact import RoadForces, Tread, steady_rolling
+from tirelog.physics.moving.contact import RoadForces, RoadProfile, Tread, road_of, steady_rolling
 from tirelog.physics.moving.ring import CoupledRing, of_model
-from tirelog.physics.moving.road import RoadProfile, road_of
 from tirelog.physics.spectral import ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -337,7 +336,7 @@ def tire_of(task: Task) -> CoupledRing:
 # ---- What a coupled ring is driven over, put together from events, and its passage as rows of a
 # table.
 #
-# road, speed, load, load steps, speed ramps --`course_of`--> Course --`transient.drive`-->
+# road, speed, load, load steps, speed ramps --`course_of`--> Course --`driven`-->
 # Transient
 # --`passage_columns`--> a row per sensor and time
 
