@@ -25,7 +25,6 @@ import numpy as np
 from tirelog.data.recording import Recording, TimeAxis
 from tirelog.data.setup import LogConditions, parse_setup
 from tirelog.errors import UsageError
-from tirelog.simulation.scenario.drive import drive_of, roughness_of, wander_of
 from tirelog.simulation.scenario.schema import SOURCE_UNITS, Scenario, TrueConditions
 from tirelog.simulation.sensors.sampling import (
     coupled,
@@ -38,7 +37,7 @@ from tirelog.simulation.sensors.sampling import (
     steady_truth,
     vehicle_values,
 )
-from tirelog.simulation.steady.waveforms import World
+from tirelog.simulation.steady.waveforms import World, drive_of, roughness_of, wander_of
 from tirelog.storage.schema import Record
 from tirelog.storage.whole import all_or_none, whole_file
 from tirelog.vocabulary.arrays import FloatArray

@@ -34,10 +34,9 @@ from tirelog.errors import UsageError
 from tirelog.simulation.rolling import step_kernel as kernel
 from tirelog.simulation.rolling.belt import Belt, Splines
 from tirelog.simulation.rolling.step_kernel import DRIVE, MOMENT
-from tirelog.simulation.scenario.drive import Fluctuation, TrueDrive
 from tirelog.simulation.scenario.schema import Scenario
 from tirelog.simulation.sensors.sampling import RIDING, Times, lagrange, steady_truth
-from tirelog.simulation.steady.waveforms import World
+from tirelog.simulation.steady.waveforms import Fluctuation, TrueDrive, World
 from tirelog.storage.schema import Record
 from tirelog.vocabulary.arrays import FloatArray, Records
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
