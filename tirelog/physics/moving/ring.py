@@ -478,7 +478,7 @@ def _with_bristles(
     # s = C_s + w sin phi + v cos phi + R psi;  w' - v = (n^2 - 1) v
     along = _by_places(phi, n, np.cos(phi) - 1j * n * np.sin(phi))
     along[2], along[5] = 1.0, tire.R
-    turned = _by_places(phi, n, (n**2 - 1.0) * np.sin(phi) + 0j)
+    turned = _by_places(phi, n, np.asarray((n**2 - 1.0) * np.sin(phi), dtype=np.complex128))
     whole = np.zeros((system.shape[0] + _CELLS,) * 2)
     whole[: 2 * size, : 2 * size] = system
     whole[size : 2 * size, 2 * size :] = -tire.c_x * tire.R * width * along / M[:, None]
