@@ -11,7 +11,6 @@ from tests.physics.coupled_tire import FLAT, course, obstacle
 from tests.physics.coupled_tire import TIRE as PASSENGER_TIRE
 from tirelog.errors import ModelError
 from tirelog.physics.moving.contact import RoadProfile, load_road
-from tirelog.physics.moving.ring import natural_modes
 from tirelog.physics.moving.transient import State, Stepper, stepped_motion
 
 TIRE = replace(PASSENGER_TIRE, modes=30)
@@ -31,32 +30,6 @@ def test_what_has_no_mass_or_stiffness_does_not_move(name, value):
 def test_negative_damping():
     with pytest.raises(ModelError, match="c_w = -1"):
         replace(TIRE, c_w=-1.0)
-
-
-@pytest.mark.parametrize("step_s", [0.0, -1e-4, 1e-3, np.nan])
-def test_an_unstable_step(step_s):
-    with pytest.raises(
-        ModelError, match=r"not stable for this tire; .*allowed; give a shorter step"
-    ):
-        stepper(step_s=step_s)
-
-
-@pytest.mark.parametrize("speed", [150.0, -150.0, np.nan])
-def test_speed_beyond_the_critical_one(speed):
-    with pytest.raises(ModelError, match="beyond the critical one, 127"):
-        stepper(speed=speed)
-    with pytest.raises(ModelError, match="beyond the critical one"):
-        natural_modes(TIRE, speed_m_s=speed)
-
-
-def test_a_load_that_lifts():
-    with pytest.raises(ModelError, match="does not press"):
-        natural_modes(TIRE, load_N=-5.0)
-
-
-def test_no_range_of_frequencies():
-    with pytest.raises(ModelError, match="above zero"):
-        natural_modes(TIRE, to_Hz=0.0)
 
 
 def test_an_obstacle_larger_than_the_tire_takes():
