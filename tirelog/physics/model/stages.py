@@ -368,8 +368,10 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
         _positive_foundation(k)
         if s.ring < 1.0:
             structures.refuse_supercritical(c, hoop, EI, k, mu)
-        static = EI * q**4 / yielding + s.tension * q**2 + k
-        Z = _holding(s, static * np.exp(s.by_waves) - mu * c**2 * q**2)
+        Z = EI * q**4 / yielding + hoop * q**2 + k
+        if np.any(s.by_waves):
+            Z = Z + np.expm1(s.by_waves) * (EI * q**4 / yielding + s.tension * q**2 + k)
+        Z = _holding(s, Z)
         # P1 (2), and (1 + tau c d/dxi) of (22); the mean deflection (n = 0) is not cycled
         lost = 2.0 * mu * c * s.damping_rate * q + s.retardation * c * q * (EI * q**4)
         lost = lost + s.loss * k * (n > 0)
