@@ -79,11 +79,7 @@ def model(what: str, seconds: float):
     road = bar if what == "cleat" else RoadProfile()
     load = loads if what == "load step" else LOAD
     stepper = Stepper(
-        of,
-        State.rolling(of, LOAD, SPEED),
-        course(load, SPEED, road),
-        step_s=STEP,
-        nodes=2304,
+        of, State.rolling(of, LOAD, SPEED), course(load, SPEED, road), step_s=STEP, nodes=2304
     )
     return stepped_motion(stepper, seconds, every=1)
 

@@ -1,11 +1,8 @@
-"""Closed form: what holds exactly of the ring (P3 with the errata), and the ring against
-collocation of its equation.
-"""
+"""Closed form: what holds exactly of the ring (P3 with the errata)."""
 
 import numpy as np
 import pytest
 
-from tests.physics.collocation import solve_closed_line
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
 from tirelog.physics.carcass.structures import RingCarcass, modal_impedance
@@ -58,38 +55,6 @@ def test_braking_pulls_the_hub_back_and_winds_the_ring_up():
     slide = 0.6 * gamma * (L**2 * (L - x_s) - (L**3 - x_s**3) / 3)
     assert f_x[0] == pytest.approx(stick + slide, rel=1e-9)
     assert f_z[0] == pytest.approx(F, rel=1e-9)
-
-
-def collocated(load, extra_damping=0.0, omega=0.0):
-    """Z(d/dphi) v = q_v + q_w' with n^2 -> -d^2, i n -> d; w_out = -v'."""
-    e, t = EI / R**4, P0 * B / R
-    coefficients = [KV, omega * 0.0, -KW - e, -extra_damping * omega, t - 2 * e, 0.0, -e]
-    coefficients[2] += t
-    edge = L / R
-    phi, v = solve_closed_line(
-        coefficients, [-np.pi, -0.9, -edge, edge, 0.9, np.pi], load, scale=12.0, n=56
-    )
-    return phi.ravel(), [u.ravel() for u in v]
-
-
-@pytest.mark.parametrize(("damping", "speed"), [(0.0, 10.0), (300.0, 20.0)])
-def test_ring_against_collocation(damping, speed):
-    gamma = 0.75 * F / L**3
-
-    def load(phi, piece):
-        """q_v + q_w' for q_w = -p cos phi, q_v = p sin phi."""
-        if piece != 2:
-            return 0.0
-        p, slope = gamma * (L**2 - (R * phi) ** 2), -2 * gamma * R**2 * phi
-        return p * np.sin(phi) - (slope * np.cos(phi) - p * np.sin(phi))
-
-    phi, v = collocated(load, damping, speed / R)
-    model = ring(radial_damping_N_s_m2=damping)
-    w = model.predict(drive(speed), phi, observable="displacement")[0]
-    assert np.abs(w - v[1]).max() < 1e-5 * np.abs(v[1]).max()
-    # strain -(y_out / R^2)(w_out + w_out''), with w_out = -v'; the groove lies outward
-    strain = (Y / R**2) * (v[1] + v[3])
-    assert np.abs(model.predict(drive(speed), phi)[0] - strain).max() < 1e-4 * np.abs(strain).max()
 
 
 PATCH = {"load_N": F, "patch_half_length_m": L, "reference_load_N": F, "lever_arm_m": Y}
