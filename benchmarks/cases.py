@@ -29,6 +29,7 @@ from tirelog.simulation.scenario.schema import (
     TrueConditions,
     TrueTire,
 )
+from tirelog.storage.schema import Record
 
 #: ordinary strengths: the main parameter and what goes with it, so that the excess is some 3 to 6
 #: noise floors
@@ -126,7 +127,7 @@ class Case:
     surface: str = "outer"
     sampling_rate_Hz: float = 2500.0
     duration: float = 1.0
-    channels: Mapping[str, Sensor] = field(default_factory=dict)
+    channels: Mapping[str, Record] = field(default_factory=dict)
 
 
 def planted(
@@ -211,7 +212,7 @@ def case(
     return scenarios
 
 
-def _drive(how: Case, random: np.random.Generator) -> tuple[Manoeuvre, ...]:
+def _drive(how: Case, random: np.random.Generator) -> tuple[Record, ...]:
     """The plan with speeds and times varied by up to 6 %, so that no two logs lock to the same
     angles.
     """

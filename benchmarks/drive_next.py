@@ -25,6 +25,7 @@ from benchmarks.cases import Case, case
 from benchmarks.hidden import TWINS, diagnosed, one_speed, wilson
 from tirelog.diagnosis.candidates.separation import ALLOWED, CandidateManoeuvre
 from tirelog.simulation.scenario.schema import Manoeuvre, Scenario
+from tirelog.storage.schema import Record
 
 KINDS = ("one_speed", "dry", "one_load")
 #: effects that short cruises leave in doubt, in turn, at a fifth of their ordinary size
@@ -76,7 +77,7 @@ def driven_log(advised: CandidateManoeuvre, repeats: int, logs: list[Scenario]) 
     """One more log of the same tire: the manoeuvre, as often, with lifts of the foot between."""
     first, last = advised.speed_m_s
     long_s = advised.time_s + 20.0 if advised.time_s > 60.0 else 20.0
-    parts: list[Manoeuvre] = []
+    parts: list[Record] = []
     for _ in range(repeats):
         if first == last:
             parts += [Manoeuvre(long_s, first), Manoeuvre(1.5, first - 1.0), Manoeuvre(1.5, first)]

@@ -22,9 +22,8 @@ from tirelog.data.recording import Conditions
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
 from tirelog.simulation import scenario_of
-from tirelog.simulation.scenario.drive import drive_of, roughness_of
 from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
-from tirelog.simulation.steady.waveforms import World
+from tirelog.simulation.steady.waveforms import World, drive_of, roughness_of
 from tirelog.vocabulary.arrays import FloatArray
 
 #: the cruises of the drive [m/s], and points round the wheel

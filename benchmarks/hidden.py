@@ -28,6 +28,7 @@ from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import PLANTABLE, Manoeuvre, Scenario
+from tirelog.storage.schema import Record
 
 KINDS = (
     "null",
@@ -134,7 +135,7 @@ def scenarios(kind: str, planted: tuple[str, ...], seed: int) -> list[Scenario]:
     return logs
 
 
-def one_speed(seed: int) -> tuple[Manoeuvre, ...]:
+def one_speed(seed: int) -> tuple[Record, ...]:
     """Cruises at 15 m/s, parted by short lifts of the foot: many manoeuvres, one speed."""
     speed = 15.0 * (1.0 + 0.02 * (seed % 7 - 3) / 3.0)
     lift = (Manoeuvre(1.4, speed - 0.7), Manoeuvre(1.4, speed))

@@ -22,6 +22,7 @@ from tirelog.simulation.scenario.schema import (
     TrueConditions,
     TrueTire,
 )
+from tirelog.storage.schema import Record
 
 #: (seconds, speed at the end [m/s], regime or None)
 WHEEL_PLANS: dict[str, tuple[tuple[float, float, str | None], ...]] = {
@@ -50,7 +51,7 @@ class Instruments:
     forces: bool = False
 
 
-def wheel_channels(with_: Instruments) -> dict[str, Sensor]:
+def wheel_channels(with_: Instruments) -> dict[str, Record]:
     """10 kHz accelerometer (3 kHz, +-500 g, 16 bit) and encoder (48 steps, 12 bit); vehicle
     channels and, where asked, forces at 100 Hz.
     """

@@ -45,6 +45,7 @@ from tirelog.simulation.scenario.schema import (
     TrueConditions,
     TrueTire,
 )
+from tirelog.storage.schema import Record
 
 PRESSURES_PA = (2.0e5, 1.6e5)
 SPEEDS_M_S = (10.0, 20.0, 12.0, 22.0, 15.0, 24.0)
@@ -97,7 +98,7 @@ def scenarios(kind: str, seed: int) -> Iterator[Scenario]:
     """The two logs of a case."""
     draw = np.random.default_rng(seed)
     speeds = draw.uniform(0.95, 1.05, len(SPEEDS_M_S)) * SPEEDS_M_S
-    plan: list[Manoeuvre] = []
+    plan: list[Record] = []
     for i, speed in enumerate(speeds):
         if i:
             hurry = abs(speed - speeds[i - 1]) / draw.uniform(1.5, 3.0)

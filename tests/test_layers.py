@@ -68,17 +68,19 @@ def imported(path: Path, known: Iterable[str]) -> set[str]:
     """The modules of tirelog that a module imports, anywhere in it."""
     found = set()
     for node in imports(path):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tirelog."):
-            module = str(node.module).removeprefix("tirelog.")
-            found |= {
-                f"{module}.{a.name}" if f"{module}.{a.name}" in known else module
-                for a in node.names
-            }
+        if isinstance(node, ast.ImportFrom) and f"{node.module}.".startswith("tirelog."):
+            module = str(node.module).removeprefix("tirelog").removeprefix(".")
+            within = {a.name: f"{module}.{a.name}".removeprefix(".") for a in node.names}
+            found |= {name if name in known else module for name in within.values()} - {""}
         elif isinstance(node, ast.Import):
             found |= {
                 a.name.removeprefix("tirelog.") for a in node.names if a.name.startswith("tirelog.")
             }
     return found
+
+
+def test_no_import_is_relative() -> None:
+    assert [p for p in modules().values() for n in imports(p) if getattr(n, "level", 0)] == []
 
 
 def test_imports_point_down() -> None:

@@ -1,11 +1,7 @@
-"""The beam under a parabolic pressure, from the four roots of its characteristic equation.
-
-The second way to the same line: the package solves it in Fourier modes.
-"""
+"""The beam under a parabolic pressure by its four roots; the package solves it in Fourier modes."""
 
 import numpy as np
 
-from tirelog.physics.carcass.structures import refuse_supercritical
 from tirelog.vocabulary.arrays import FloatArray
 
 
@@ -22,16 +18,12 @@ def exact_displacement(
     damping_rate_1_s: float = 0.0,
     derivative: int = 0,
 ) -> FloatArray:
-    """Exact displacement w(xi) [m], or its derivative, under the parabolic pressure P2 (12).
+    """Exact displacement w(xi) [m], or its derivative, under the parabolic pressure P2 (12), (m,).
 
-    It comes from the four roots of the characteristic equation.
-
-    Shapes: xi (m,) to (m,). Superposition in closed form; the tread closes upon itself after
-    `circumference_m`, so the images of the patch one, two, ... turns away are added. Any alpha
-    below the critical speed, any damping (errata: prefer the roots to P1 (7)-(12)).
+    Superposition in closed form, with the images of the patch one, two, ... turns away: any speed
+    below the critical one, any damping (errata: prefer the roots to P1 (7)-(12)).
     """
     EJ, k, mu, c = flexural_stiffness_N_m2, foundation_stiffness_N_m2, line_mass_kg_m, speed_m_s
-    refuse_supercritical(np.array([[c]]), np.array([[-mu * c**2]]), EJ, np.array([[k]]), mu)
     roots = np.roots([EJ, 0.0, mu * c**2, 2.0 * mu * damping_rate_1_s * c, k])
     gamma, L = 0.75 * load_N / half_length_m**3, half_length_m
     total = np.zeros(xi_m.shape, dtype=np.complex128)

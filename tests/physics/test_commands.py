@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from tests.physics.commands import status
 from tirelog.cli import run
 from tirelog.physics import CATALOGUE
 from tirelog.physics.model.file import load_model
@@ -36,7 +37,7 @@ def here(tmp_path, monkeypatch):
 
 
 def test_new_takes_what_the_setup_knows(here, capsys):
-    assert run(["model", "new", "--carcass", "ring", "--setup", "s.toml", "-o", "r.toml"]) == 0
+    assert status("model new --carcass ring --setup s.toml -o r.toml") == 0
     ring = load_model(here / "r.toml")
     assert ring.contact == "flat_road"
     assert {ring.values[n] for n in ("load_N", "inflation_pressure_Pa", "width_m", "radius_m")} == {
@@ -45,9 +46,7 @@ def test_new_takes_what_the_setup_knows(here, capsys):
         0.215,
         0.305,
     }
-    assert (
-        run(["model", "new", "--setup", "s.toml", "--set", "line_mass_kg_m=5", "-o", "b.toml"]) == 0
-    )
+    assert status("model new --setup s.toml --set line_mass_kg_m=5 -o b.toml") == 0
     beam = load_model(here / "b.toml")
     assert beam.values["patch_half_length_m"] == 0.063
     assert beam.values["reference_load_N"] == 3434.0
@@ -56,49 +55,30 @@ def test_new_takes_what_the_setup_knows(here, capsys):
 
 
 def test_add_remove_and_show(here, capsys):
-    run(["model", "new", "--setup", "s.toml", "-o", "b.toml"])
-    assert (
-        run(
-            [
-                "model",
-                "add",
-                "b.toml",
-                "viscous_damping",
-                "--set",
-                "damping_rate_1_s=30",
-                "-o",
-                "b2.toml",
-            ]
-        )
-        == 0
-    )
+    status("model new --setup s.toml -o b.toml")
+    assert status("model add b.toml viscous_damping --set damping_rate_1_s=30 -o b2.toml") == 0
     assert load_model(here / "b2.toml").values["viscous_damping.damping_rate_1_s"] == 30.0
-    assert (
-        run(["model", "add", "b2.toml", "gauge_length", "--setup", "s.toml", "-o", "b3.toml"]) == 0
-    )
+    assert status("model add b2.toml gauge_length --setup s.toml -o b3.toml") == 0
     gauge = load_model(here / "b3.toml").parameters["gauge_length.length_m"]
     assert gauge.value == 0.02
     assert not gauge.free
-    assert run(["model", "remove", "b2.toml", "viscous_damping", "-o", "b4.toml"]) == 0
+    assert status("model remove b2.toml viscous_damping -o b4.toml") == 0
     assert (here / "b4.toml").read_text() == (here / "b.toml").read_text()
     capsys.readouterr()
-    assert run(["model", "show", "b2.toml"]) == 0
+    assert status("model show b2.toml") == 0
     assert "viscous_damping: damping of the foundation" in capsys.readouterr().out
-    assert run(["model", "show", "b2.toml", "-o", "p.json"]) == 0
+    assert status("model show b2.toml -o p.json") == 0
     rows = json.loads((here / "p.json").read_text())
     assert [r["value"] for r in rows if r["parameter"] == "viscous_damping.damping_rate_1_s"] == [
         30.0
     ]
-    assert run(["model", "show", "b2.toml", "--against", "b.toml"]) == 0
+    assert status("model show b2.toml --against b.toml") == 0
     assert "difference in sigma" in capsys.readouterr().out
 
 
 def test_predict_gives_the_contracts_columns(here):
-    run(["model", "new", "--setup", "s.toml", "-o", "b.toml"])
-    assert (
-        run(["model", "predict", "b.toml", "--setup", "s.toml", "--speed", "14", "-o", "w.csv"])
-        == 0
-    )
+    status("model new --setup s.toml -o b.toml")
+    assert status("model predict b.toml --setup s.toml --speed 14 -o w.csv") == 0
     header, *lines = (here / "w.csv").read_text().splitlines()
     assert header == (
         "xi_m,phi_deg,displacement_m,strain,radial_acceleration_m_s2,contact_pressure_N_m,"
@@ -124,8 +104,8 @@ def test_predict_gives_the_contracts_columns(here):
     ],
 )
 def test_conditions_that_no_tire_is_driven_under_are_refused(here, capsys, option):
-    run(["model", "new", "--setup", "s.toml", "-o", "b.toml", "--quiet"])
-    assert run(["model", "predict", "b.toml", *option, "-o", "w.csv"]) == 2
+    status("model new --setup s.toml -o b.toml --quiet")
+    assert status("model predict b.toml", *option, "-o", "w.csv") == 2
     assert f"{option[-2]} {float(option[-1]):g}; " in capsys.readouterr().err
     assert not (here / "w.csv").exists()
 
@@ -139,38 +119,35 @@ def test_bar_taken_for_pascal_is_refused(here, capsys):
         ),
         (["--set", "inflation_pressure_Pa=32"], "no tire's pressure in Pa"),
     ):
-        assert run(["model", "new", "--carcass", "ring", *given, "-o", "r.toml"]) == 2
+        assert status("model new --carcass ring", *given, "-o", "r.toml") == 2
         assert says in capsys.readouterr().err
         assert not (here / "r.toml").exists()
-    run(["model", "new", "--carcass", "ring", "--setup", "s.toml", "-o", "r.toml", "--quiet"])
-    assert (
-        run(["model", "predict", "r.toml", "--setup", "bar.toml", "--speed", "9", "-o", "w.csv"])
-        == 2
-    )
+    status("model new --carcass ring --setup s.toml -o r.toml --quiet")
+    assert status("model predict r.toml --setup bar.toml --speed 9 -o w.csv") == 2
     (here / "r.toml").write_text(
         (here / "r.toml")
         .read_text()
         .replace("inflation_pressure_Pa = 220000.0", "inflation_pressure_Pa = 2.2")
     )
-    assert run(["model", "predict", "r.toml", "--speed", "9", "-o", "w.csv"]) == 2
+    assert status("model predict r.toml --speed 9 -o w.csv") == 2
     assert not (here / "w.csv").exists()
 
 
 def test_new_says_what_it_had_to_guess(here, capsys):
-    run(["model", "new", "-o", "b.toml"])
+    status("model new -o b.toml")
     assert (
         "neither the setup nor --set gives load_N = 3600, radius_m = 0.3126: a guess"
         in capsys.readouterr().err
     )
-    run(["model", "new", "--carcass", "ring", "--setup", "s.toml", "-o", "r.toml"])
-    run(["model", "new", "--set", "load_N=3000", "--set", "radius_m=0.3", "-o", "c.toml"])
+    status("model new --carcass ring --setup s.toml -o r.toml")
+    status("model new --set load_N=3000 --set radius_m=0.3 -o c.toml")
     assert "guess" not in capsys.readouterr().err
 
 
 def test_new_says_that_a_beam_does_not_lie_flat_under_an_accelerometer(here, capsys):
     for carcass in ("beam", "ring"):
         made = ["--observable", "radial_acceleration", "--carcass", carcass, "-o", "a.toml"]
-        run(["model", "new", "--setup", "s.toml", *made])
+        status("model new --setup s.toml", *made)
         told = capsys.readouterr().err
         assert ("does not lie flat" in told) == (carcass == "beam")
 
@@ -181,21 +158,9 @@ def test_new_predicts_what_the_setups_channels_measure(here):
         + '[channels.a]\nkind = "radial_acceleration"\nsource = "a"\nunit = "g"\n'
     )
     (here / "wheel.toml").write_text(wheel)
-    run(["model", "new", "--setup", "wheel.toml", "-o", "a.toml", "--quiet"])
-    run(
-        [
-            "model",
-            "new",
-            "--setup",
-            "wheel.toml",
-            "--observable",
-            "strain",
-            "-o",
-            "s1.toml",
-            "--quiet",
-        ]
-    )
-    run(["model", "new", "--setup", "s.toml", "-o", "s2.toml", "--quiet"])
+    status("model new --setup wheel.toml -o a.toml --quiet")
+    status("model new --setup wheel.toml --observable strain -o s1.toml --quiet")
+    status("model new --setup s.toml -o s2.toml --quiet")
     assert [load_model(here / f).observable for f in ("a.toml", "s1.toml", "s2.toml")] == [
         "radial_acceleration",
         "strain",
@@ -204,21 +169,21 @@ def test_new_predicts_what_the_setups_channels_measure(here):
 
 
 def test_a_users_effect_on_nothing_is_refused_with_what_acts(here, capsys):
-    run(["model", "new", "--observable", "radial_acceleration", "-o", "a.toml", "--quiet"])
+    status("model new --observable radial_acceleration -o a.toml --quiet")
     with (here / "a.toml").open("a") as text:
         text.write(
             '\n[[effects]]\nname = "mine"\nacts_on = "baseline"\nexpression = "q"\n'
             "parameters = { q = 0.1 }\n"
         )
-    assert run(["model", "show", "a.toml"]) == 2
+    assert status("model show a.toml") == 2
     told = capsys.readouterr().err
     assert "a.toml:" in told
     assert (
         "what acts on radial_acceleration: load, contact_pressure, structure "
         "(foundation_stiffness), sensor, radial_acceleration" in told
     )
-    run(["model", "new", "--observable", "patch_length", "-o", "l.toml", "--quiet"])
-    assert run(["model", "add", "l.toml", "viscous_damping", "-o", "l2.toml"]) == 2
+    status("model new --observable patch_length -o l.toml --quiet")
+    assert status("model add l.toml viscous_damping -o l2.toml") == 2
     assert "does nothing to patch_length" in capsys.readouterr().err
 
 
@@ -226,14 +191,14 @@ def test_effects_lists_the_catalogue(here, capsys):
     assert run(["effects"]) == 0
     out = capsys.readouterr().out
     assert all(f"{e.id}: " in out for e in CATALOGUE)
-    assert run(["effects", "wear"]) == 0
+    assert status("effects wear") == 0
     assert "distance_km" in capsys.readouterr().out
-    assert run(["effects", "-o", "e.json"]) == 0
+    assert status("effects -o e.json") == 0
     assert [row["effect"] for row in json.loads((here / "e.json").read_text())] == [
         e.id for e in CATALOGUE
     ]
     pytest.importorskip("matplotlib")
-    assert run(["effects", "traction", "--plot", "t.png"]) == 0
+    assert status("effects traction --plot t.png") == 0
     assert (here / "t.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -258,7 +223,7 @@ def test_effects_lists_the_catalogue(here, capsys):
     ],
 )
 def test_mistakes_are_status_2_and_leave_nothing(here, capsys, command, says):
-    run(["model", "new", "--setup", "s.toml", "-o", "b.toml", "--quiet"])
+    status("model new --setup s.toml -o b.toml --quiet")
     capsys.readouterr()
     assert run(command) == 2
     error = capsys.readouterr().err
@@ -282,9 +247,9 @@ def test_mistakes_are_status_2_and_leave_nothing(here, capsys, command, says):
     ids=lambda words: " ".join(words[:2]),
 )
 def test_every_command_refuses_an_effect_that_acts_on_nothing(here, capsys, command):
-    run(["model", "new", "--observable", "phase_shift", "-o", "q.toml"])
-    run(["model", "add", "q.toml", "load_crosstalk", "-o", "c.toml"])
-    run(["model", "add", "c.toml", "load_transfer", "-o", "b.toml"])
+    status("model new --observable phase_shift -o q.toml")
+    status("model add q.toml load_crosstalk -o c.toml")
+    status("model add c.toml load_transfer -o b.toml")
     plain = (here / "q.toml").read_text()
     (here / "p.toml").write_text(plain + '[[effects]]\nname = "load_transfer"\n')
     (here / "LOG.csv").write_text("time_s,a\n")

@@ -1,5 +1,5 @@
 """Property: one-sided contact with a flat road carries the load, never pulls, and what it presses
-follows its own law.
+follows its own law; losses make the pressure lean to the entry edge.
 """
 
 from dataclasses import replace
@@ -10,64 +10,55 @@ import pytest
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.carcass.contact import (
-    solve_contact,
-)
+from tirelog.physics.carcass.contact import LOSSES, NONE, solve_contact
 from tirelog.physics.carcass.structures import RingCarcass, modal_impedance
 
-R, STEP = 0.3, 2 * np.pi / 3072
+R, STEP, SPIN = 0.3, 2 * np.pi / 3072, 60.0
 CARCASS = RingCarcass(
     EI=2.0, k_w=6.3e5, k_v=6.3e5, c_w=0.0, c_v=0.0, pb=1.2e5 * 0.14, R=R, k_t=8.75e7
 )
+#: of the foundation, radially and along [N s/m^2]; with a loss of 0.15, a belt that lags by 20 us
+DAMPERS = (540.0, 200.0)
+DAMPED = (540.0 * SPIN, 200.0 * SPIN, 0.15 * 6.3e5, 2e-5 * SPIN * 2.0)
 
 
-@pytest.mark.parametrize("load", [20.0, 250.0, 1000.0, 3500.0, 9000.0])
-def test_carries_the_load_and_never_pulls(load):
-    contact = solve_contact(CARCASS, load)
-    assert contact.pressure_N_m.sum() * R * STEP == pytest.approx(load, rel=1e-6)
-    assert contact.pressure_N_m.min() >= 0.0
-    assert np.allclose(contact.pressure_N_m, contact.pressure_N_m[::-1], rtol=1e-6)
-    assert contact.phi_rad.mean() == pytest.approx(0.0, abs=1e-9)
+def test_without_losses_the_pressure_is_even_and_none_of_them_is_no_loss():
+    even, none = (solve_contact(CARCASS, 3500.0, losses) for losses in ((), NONE))
+    assert np.allclose(even.pressure_N_m, even.pressure_N_m[::-1], rtol=1e-6)
+    assert even.phi_rad.mean() == pytest.approx(0.0, abs=1e-9)
+    assert np.allclose(none.pressure_N_m, even.pressure_N_m, rtol=0.0, atol=1e-7 * 3e4)
+    assert none.half_length_m == pytest.approx(even.half_length_m, rel=1e-9)
 
 
-@pytest.mark.parametrize("load", [20.0, 1000.0, 9000.0])
-def test_springs_press_just_as_deep_as_the_ring_under_them_lies(load):
+@pytest.mark.parametrize(
+    ("load", "damping"),
+    [
+        (20.0, ()),
+        (1000.0, ()),
+        (9000.0, ()),
+        (250.0, DAMPERS),
+        (3500.0, DAMPERS),
+        (6000.0, DAMPERS),
+    ],
+)
+def test_springs_press_just_as_deep_as_the_ring_under_them_lies(load, damping):
     """By the ring's modes, without the solver's matrix: p = k_t max(0, depth) at every angle."""
-    contact = solve_contact(CARCASS, load)
-    phi = np.arange(3072) * STEP
-    p = np.zeros(3072)
-    p[np.round(contact.phi_rad / STEP).astype(int)] = contact.pressure_N_m
+    c_w, c_v = damping or (0.0, 0.0)
+    contact = solve_contact(CARCASS, load, (c_w * SPIN, c_v * SPIN, 0.0, 0.0) if damping else ())
+    assert contact.pressure_N_m.sum() * R * STEP == pytest.approx(load, rel=1e-9)
+    assert contact.pressure_N_m.min() >= 0.0
+    phi, p = np.arange(3072) * STEP, np.zeros(3072)
+    p[contact.on] = contact.pressure_N_m
     n = np.arange(1537.0)
     q_v, q_w = np.fft.rfft(p * np.sin(phi)), np.fft.rfft(-p * np.cos(phi))
-    modes = (q_v + 1j * n * q_w) / modal_impedance(n, CARCASS)
+    modes = (q_v + 1j * n * q_w) / modal_impedance(n, replace(CARCASS, c_w=c_w, c_v=c_v), SPIN)
     v, w = np.fft.irfft(modes), np.fft.irfft(-1j * n * modes)
     depth = contact.drop_m - R + (R + w) * np.cos(phi) - v * np.sin(phi)
+    if damping:  # the mean of the wind-up, which the contact has no part of, is not in its drop
+        depth += p[contact.on[0]] / CARCASS.k_t - depth[contact.on[0]]
     below = np.abs(np.arctan2(np.sin(phi), np.cos(phi))) < 0.8
-    pressed = 8.75e7 * np.maximum(depth, 0.0)[below]
+    pressed = CARCASS.k_t * np.maximum(depth, 0.0)[below]
     assert np.allclose(pressed, p[below], atol=1e-7 * p.max())
-
-
-def test_the_loaded_ring_touches_the_road_and_nowhere_passes_it():
-    """Geometry alone: predicted displacement of the ring and the road's height."""
-    load = 2500.0
-    contact = solve_contact(CARCASS, load)
-    model = Model.new(
-        "ring", flexural_stiffness_N_m2=2.0, radial_stiffness_N_m2=6.3e5,
-        tangential_stiffness_N_m2=6.3e5, inflation_pressure_Pa=1.2e5, width_m=0.14, radius_m=R,
-        load_N=load,
-    )  # fmt: skip
-    phi = np.arange(-400, 401) * STEP
-    w = -model.predict(Conditions.of(1, speed_m_s=1.0), phi, observable="displacement")[0]
-    whole = np.arange(-1536, 1536) * STEP
-    w_all = -model.predict(Conditions.of(1, speed_m_s=1.0), whole, observable="displacement")[0]
-    v_all = -np.cumsum(w_all) * STEP + 0.5 * STEP * w_all
-    v = np.interp(phi, whole, v_all - v_all[1536])
-    below = (R + w) * np.cos(phi) - v * np.sin(phi) - (R - contact.drop_m)
-    inside = np.abs(R * phi) < 0.95 * contact.half_length_m
-    outside = np.abs(R * phi) > 1.02 * contact.half_length_m
-    assert below[outside].max() < 1e-5
-    pressure = np.interp(phi, contact.phi_rad, contact.pressure_N_m)
-    assert np.allclose(below[inside] * 8.75e7, pressure[inside], rtol=0.02)
 
 
 def test_half_length_is_as_in_the_errata():
@@ -176,3 +167,30 @@ def test_derivatives_with_losses_and_stiffened_sidewalls_are_differences(observa
         )
         wanted = (up - down) / (2.0 * step)
         assert np.allclose(slope, wanted, rtol=0.0, atol=1e-5 * np.abs(wanted).max()), name
+
+
+@pytest.mark.parametrize("which", range(len(LOSSES)))
+def test_every_loss_makes_the_pressure_lean_to_the_entry_edge(which):
+    """What takes power needs a moment that brakes: more pressure where the tread arrives."""
+    losses = tuple(x if i == which else 0.0 for i, x in enumerate(DAMPED))
+    contact = solve_contact(CARCASS, 3500.0, losses)
+    assert contact.pressure_N_m @ contact.on < 0.0
+
+
+def test_rows_of_other_speeds_are_a_step_away_to_its_square():
+    """Contacts are solved at one row's losses; of what losses do, the others miss 3 % at most at
+    two thirds and four thirds of that speed, and a quarter of it at half the distance."""
+    phi = np.linspace(-0.5, 0.5, 401)
+    plain = Model.new("ring", radius_m=R, load_N=3500.0)
+    model = plain.with_effect("viscous_damping", damping_rate_1_s=90.0)
+
+    def missed(speeds):
+        conditions = Conditions.of(3, speed_m_s=speeds)
+        many, without = model.predict(conditions, phi), plain.predict(conditions, phi)
+        alone = [model.predict(conditions.take(slice(i, i + 1)), phi)[0] for i in (0, 2)]
+        off, whole = many[[0, 2]] - alone, alone - without[[0, 2]]
+        return np.linalg.norm(off, axis=1) / np.linalg.norm(whole, axis=1)
+
+    far, near = missed([12.0, 18.0, 24.0]), missed([15.0, 18.0, 21.0])
+    assert far.max() < 0.03
+    assert np.all(near < 0.5 * far)

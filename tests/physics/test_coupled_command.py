@@ -7,7 +7,7 @@ import numpy as np
 import pandas
 import pytest
 
-from tirelog.cli import run
+from tests.physics.commands import status
 
 SETUP = """
 [tire]
@@ -28,30 +28,13 @@ CLEAT = ("--road", "cleat,height_m=0.008,length_m=0.04,position_m=0.5", "--durat
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "s.toml").write_text(SETUP)
-    assert (
-        run(
-            [
-                "model",
-                "new",
-                "--carcass",
-                "coupled_ring",
-                "--setup",
-                "s.toml",
-                "-o",
-                "m.toml",
-                "--quiet",
-            ]
-        )
-        == 0
-    )
+    assert status("model new --carcass coupled_ring --setup s.toml -o m.toml --quiet") == 0
     return tmp_path
 
 
 def table(capsys, *arguments, speed="20"):
     capsys.readouterr()
-    assert (
-        run(["model", "predict", "m.toml", "--setup", "s.toml", "--speed", speed, *arguments]) == 0
-    )
+    assert status("model predict m.toml --setup s.toml --speed", speed, *arguments) == 0
     return pandas.read_csv(io.StringIO(capsys.readouterr().out))
 
 
@@ -124,20 +107,18 @@ def test_a_step_of_load_and_a_ramp_of_speed(folder, capsys):
     ],
 )
 def test_what_cannot_be_driven(folder, capsys, arguments, said):
-    assert (
-        run(["model", "predict", "m.toml", "--setup", "s.toml", "--speed", "20", *arguments]) == 2
-    )
+    assert status("model predict m.toml --setup s.toml --speed 20", *arguments) == 2
     assert re.search(r"tirelog: error: .*" + said + ".*; ", capsys.readouterr().err)
 
 
 def test_a_speed_beyond_the_critical_one_and_a_mass_that_is_none(folder, capsys):
-    assert run(["model", "predict", "m.toml", "--speed", "150", "--road", "flat"]) == 2
+    assert status("model predict m.toml --speed 150 --road flat") == 2
     assert "beyond the critical one, 136.4 m/s" in capsys.readouterr().err
     text = (folder / "m.toml").read_text()
     for mass in ("hub_mass_kg = 20.0", "line_mass_kg_m = 3.15"):
         name = mass.split()[0]
         (folder / "none.toml").write_text(text.replace(mass, f"{name} = 0.0"))
-        assert run(["model", "predict", "none.toml", "--speed", "20", "--road", "flat"]) == 2
+        assert status("model predict none.toml --speed 20 --road flat") == 2
         assert re.search(
             rf"none\.toml:\d+: {name} = 0 .*lies outside its bounds; allowed is",
             capsys.readouterr().err,
@@ -145,6 +126,6 @@ def test_a_speed_beyond_the_critical_one_and_a_mass_that_is_none(folder, capsys)
 
 
 def test_a_ring_does_not_move(folder, capsys):
-    run(["model", "new", "--carcass", "ring", "-o", "ring.toml", "--quiet"])
-    assert run(["model", "predict", "ring.toml", "--speed", "20", *CLEAT]) == 2
+    status("model new --carcass ring -o ring.toml --quiet")
+    assert status("model predict ring.toml --speed 20", *CLEAT) == 2
     assert "--carcass coupled_ring" in capsys.readouterr().err

@@ -8,28 +8,14 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve
 
-from tirelog.data.recording import Conditions
-from tirelog.physics import Model
+from tests.physics.coupled_tire import TIRE as PASSENGER
+from tests.physics.coupled_tire import course
 from tirelog.physics.carcass import contact
 from tirelog.physics.carcass.structures import modal_impedance
 from tirelog.physics.moving.ring import CoupledRing, matrices
-from tirelog.physics.moving.transient import HubMotion, State, Stepper, stepped_motion
+from tirelog.physics.moving.transient import State, Stepper, stepped_motion
 
-TIRE = CoupledRing(
-    EI=2.0,
-    k_w=6.3e5,
-    k_v=5.1e5,
-    c_w=600.0,
-    c_v=600.0,
-    pb=1.2e5 * 0.14,
-    R=0.3,
-    k_t=8.75e7,
-    rho_A=3.15,
-    m_h=1.0,
-    J_h=0.1,
-    c_x=0.0,
-    modes=40,
-)
+TIRE = replace(PASSENGER, c_w=600.0, c_v=600.0, m_h=1.0, J_h=0.1, c_x=0.0)
 LOAD, SPEED = 1000.0, 20.0
 
 
@@ -40,8 +26,8 @@ def rolling(
     nodes: int = 3072,
     start: State | None = None,
 ) -> Stepper:
-    drive = HubMotion(lambda time: LOAD, lambda time: speed, lambda time: torque)
-    return Stepper(tire, start or State.rolling(tire, LOAD, speed), drive, step_s=1e-4, nodes=nodes)
+    begin, drive = start or State.rolling(tire, LOAD, speed), course(LOAD, speed, torque=torque)
+    return Stepper(tire, begin, drive, step_s=1e-4, nodes=nodes)
 
 
 def steady_ring(tire: CoupledRing, omega: float) -> tuple[np.ndarray, np.ndarray]:
@@ -84,7 +70,7 @@ def test_free_vibration_in_the_air_is_the_matrix_exponential():
     start.hub = start.centre
     start.V = 1e-6 * np.array([1.0, 2j, 1 - 1j, 0.5, 0.1j])
     V = start.V
-    air = Stepper(tire, start, HubMotion(lambda time: 0.0), step_s=1e-4)
+    air = Stepper(tire, start, course(0.0), step_s=1e-4)
     for _ in range(200):
         air.step()
     M, damping, stiffness = matrices(tire, SPEED / tire.R)
@@ -100,9 +86,7 @@ def test_free_vibration_in_the_air_is_the_matrix_exponential():
 
 def test_rest_on_the_road_is_the_contact_with_the_flat_road():
     tire = replace(TIRE, modes=60)
-    rest = Stepper(
-        tire, State.rolling(tire, LOAD, 0.0), HubMotion(lambda time: LOAD), step_s=5e-5, nodes=3072
-    )
+    rest = Stepper(tire, State.rolling(tire, LOAD, 0.0), course(LOAD), step_s=5e-5, nodes=3072)
     motion = stepped_motion(rest, 0.5)
     touching = contact.solve_contact(tire, LOAD)
     pressure = np.interp(touching.phi_rad, rest.road_forces.phi, rest.road_forces.pressure)
@@ -155,28 +139,3 @@ def test_what_tows_the_tire_is_what_it_dissipates():
     sidewall, slip = TIRE.c_s * omega**2 * abs(a) ** 2, (stepper.tread.lost - lost) / 0.1
     assert belt > 50.0
     assert motion.spindle_s_N.mean() * SPEED == pytest.approx(belt + sidewall + slip, rel=2e-3)
-
-
-def test_strain_through_a_turn_is_what_the_steady_model_predicts():
-    """One grating on the liner through the patch, against `Model.predict` of a ring of the same
-    numbers.
-    """
-    tire = replace(TIRE, c_w=2.0, c_v=2.0, m_h=20.0, J_h=1e3, modes=60)
-    model = Model.new(
-        "ring", load_N=LOAD, radius_m=tire.R, flexural_stiffness_N_m2=tire.EI,
-        radial_stiffness_N_m2=tire.k_w, width_m=0.14, tangential_stiffness_N_m2=tire.k_v,
-        inflation_pressure_Pa=1.2e5, tread_stiffness_N_m2=tire.k_t, line_mass_kg_m=tire.rho_A,
-        radial_damping_N_s_m2=2.0, tangential_damping_N_s_m2=2.0, lever_arm_m=2e-3,
-    )  # fmt: skip
-    drive = HubMotion(lambda time: LOAD, lambda time: SPEED)
-    motion = stepped_motion(
-        Stepper(tire, State.rolling(tire, LOAD, SPEED), drive, step_s=5e-5, nodes=3072),
-        0.06,
-        every=4,
-    )
-    measured = motion.strain(-2.0, 2e-3)
-    predicted = model.predict(
-        Conditions.of(1, speed_m_s=SPEED), motion.psi_rad - 2.0, surface="inner"
-    )[0]
-    assert predicted.max() > 2e-4
-    assert np.abs(measured - predicted).max() < 0.02 * np.ptp(predicted)

@@ -7,22 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.physics.coupled_tire import FLAT, course, obstacle
 from tests.physics.coupled_tire import TIRE as PASSENGER_TIRE
 from tirelog.errors import ModelError
-from tirelog.physics.moving.ring import natural_modes
-from tirelog.physics.moving.road import RoadProfile, cleat, load_road, step
-from tirelog.physics.moving.transient import HubMotion, State, Stepper, stepped_motion
+from tirelog.physics.moving.contact import RoadProfile, load_road
+from tirelog.physics.moving.transient import State, Stepper, stepped_motion
 
 TIRE = replace(PASSENGER_TIRE, modes=30)
 
 
-def stepper(tire=TIRE, speed=20.0, **more):
-    return Stepper(
-        tire,
-        State.rolling(tire, 1000.0, speed),
-        HubMotion(lambda time: 1000.0, lambda time: speed),
-        **more,
-    )
+def stepper(tire=TIRE, speed=20.0, road=FLAT, **more):
+    return Stepper(tire, State.rolling(tire, 1000.0, speed), course(1000.0, speed, road), **more)
 
 
 @pytest.mark.parametrize("name", ["rho_A", "m_h", "J_h", "EI", "k_w", "k_t", "R"])
@@ -37,50 +32,24 @@ def test_negative_damping():
         replace(TIRE, c_w=-1.0)
 
 
-@pytest.mark.parametrize("step_s", [0.0, -1e-4, 1e-3, np.nan])
-def test_an_unstable_step(step_s):
-    with pytest.raises(
-        ModelError, match=r"not stable for this tire; .*allowed; give a shorter step"
-    ):
-        stepper(step_s=step_s)
-
-
-@pytest.mark.parametrize("speed", [150.0, -150.0, np.nan])
-def test_speed_beyond_the_critical_one(speed):
-    with pytest.raises(ModelError, match="beyond the critical one, 127"):
-        stepper(speed=speed)
-    with pytest.raises(ModelError, match="beyond the critical one"):
-        natural_modes(TIRE, speed_m_s=speed)
-
-
-def test_a_load_that_lifts():
-    with pytest.raises(ModelError, match="does not press"):
-        natural_modes(TIRE, load_N=-5.0)
-
-
-def test_no_range_of_frequencies():
-    with pytest.raises(ModelError, match="above zero"):
-        natural_modes(TIRE, to_Hz=0.0)
-
-
 def test_an_obstacle_larger_than_the_tire_takes():
     for road in (
-        step(1.0, 0.4, 0.3),
-        cleat(1.0, 0.1, 0.3, 0.1),
+        obstacle("step", 1.0, height_m=0.4, ramp_m=0.3),
+        obstacle("cleat", 1.0, height_m=0.1, length_m=0.3, ramp_m=0.1),
         RoadProfile(amplitude_m=0.05, wavelength_m=0.7),
     ):
         with pytest.raises(
             ModelError, match=r"rises .* m within one tire diameter; up to .*; give a lower"
         ):
             stepper(road=road)
-    stepper(road=cleat(1.0, 0.02, 0.05))
+    stepper(road=obstacle("cleat", 1.0, height_m=0.02, length_m=0.05))
 
 
 def test_a_wall():
     with pytest.raises(ModelError, match="slope of 40; up to 3 is allowed"):
-        step(1.0, 0.04, 0.001)
+        obstacle("step", 1.0, height_m=0.04, ramp_m=0.001)
     with pytest.raises(ModelError, match="ramps"):
-        cleat(1.0, 0.01, 0.02, 0.02)
+        obstacle("cleat", 1.0, height_m=0.01, length_m=0.02, ramp_m=0.02)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
+from tests.physics.coupled_tire import course, obstacle, strain
 from tests.simulation.rolls import (
     EI,
     K_V,
@@ -29,9 +30,9 @@ from tests.simulation.rolls import (
     rolling,
     strain_rider,
 )
+from tirelog.physics.moving.contact import RoadProfile
 from tirelog.physics.moving.ring import CoupledRing, natural_modes
-from tirelog.physics.moving.road import RoadProfile, cleat
-from tirelog.physics.moving.transient import HubMotion, State, Stepper, stepped_motion
+from tirelog.physics.moving.transient import State, Stepper, stepped_motion
 from tirelog.simulation.rolling.world import TrueProfile
 
 pytestmark = pytest.mark.xdist_group("coupled truth")  # one worker makes what these tests share
@@ -74,15 +75,11 @@ def truth(what: str, seconds: float):
 @cache
 def model(what: str, seconds: float):
     of = tire()
-    road = cleat(BEGIN, HEIGHT, LENGTH) if what == "cleat" else RoadProfile()
-    load = loads if what == "load step" else lambda time: LOAD
+    bar = obstacle("cleat", BEGIN, height_m=HEIGHT, length_m=LENGTH)
+    road = bar if what == "cleat" else RoadProfile()
+    load = loads if what == "load step" else LOAD
     stepper = Stepper(
-        of,
-        State.rolling(of, LOAD, SPEED),
-        HubMotion(load, lambda time: SPEED),
-        road,
-        step_s=STEP,
-        nodes=2304,
+        of, State.rolling(of, LOAD, SPEED), course(load, SPEED, road), step_s=STEP, nodes=2304
     )
     return stepped_motion(stepper, seconds, every=1)
 
@@ -98,7 +95,7 @@ def apart(what: str, seconds: float, frequency_Hz: float | None = None) -> dict[
         "spindle": (true.spindle_z_N, modal.spindle_z_N),
         "hub": (true.hub_z_m, modal.hub_z_m),
         "force": (true.force_z_N, modal.force_z_N),
-        "strain": (true.read[:, 0], modal.strain(THETA, LEVER)),
+        "strain": (true.read[:, 0], strain(tire(), modal, THETA, LEVER)),
     }
     inside = (true.time_s > 0.01) & (true.time_s < seconds - 0.01)
     out = {}
@@ -116,7 +113,7 @@ def apart(what: str, seconds: float, frequency_Hz: float | None = None) -> dict[
 def test_flat_road():
     """Strain through a turn, the forces' means, and the drag that the damping makes."""
     true, modal = truth("flat", 0.1), model("flat", 0.1)
-    assert np.ptp(modal.strain(THETA, LEVER)) > 1e-3
+    assert np.ptp(strain(tire(), modal, THETA, LEVER)) > 1e-3
     assert apart("flat", 0.1)["strain"] < 0.008
     assert true.force_z_N.mean() == pytest.approx(modal.force_z_N.mean(), rel=5e-4)
     assert true.hub_z_m.mean() == pytest.approx(modal.hub_z_m.mean(), abs=2e-5)

@@ -7,7 +7,7 @@ import pytest
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.model import prediction, stages
+from tirelog.physics.model import laws, stages
 from tirelog.physics.spectral import Angles
 
 N = 90
@@ -83,7 +83,7 @@ def test_so_are_their_derivatives(monkeypatch):
     names = ("foundation_stiffness_N_m2", "patch_half_length_m", "stiffening.cubic_1_m2")
     given = conditions()
     few = model.linearised(given, Angles(PHI, SPREAD), names)
-    monkeypatch.setattr("tirelog.physics.model.prediction.COUNTS", (N,))
+    monkeypatch.setattr("tirelog.physics.model.laws.COUNTS", (N,))
     each = model.linearised(given, PHI, names, phi_variance=SPREAD)
     for a, b in zip([few[0], *few[1]], [each[0], *each[1]], strict=True):
         assert np.abs(a - b).max() < 1e-5 * np.abs(b).max()
@@ -93,7 +93,7 @@ def test_a_speed_near_the_critical_one_takes_more_speeds_and_one_above_is_refuse
     model, given = Model.new("beam"), conditions(speed_m_s=np.linspace(8.0, 34.5, N))
     many, one = model.predict(given, PHI, phi_variance=SPREAD), alone(model, given)
     assert np.abs(many - one).max() < 1e-8 * np.abs(one).max()
-    assert max(computed) > prediction.COUNTS[0]
+    assert max(computed) > laws.COUNTS[0]
     above = np.append(SPEED[1:], 60.0)
     with pytest.raises(ModelError):
         model.predict(conditions(speed_m_s=above), PHI)

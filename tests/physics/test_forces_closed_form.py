@@ -43,25 +43,6 @@ def test_a_beam_dissipates_what_its_foundation_takes():
     assert moment == pytest.approx(drained * model.values["radius_m"] / speed, rel=1e-3)
 
 
-def test_kinetic_and_elastic_energy_return():
-    """P1 (24), (25): what is undamped rolls for nothing, stiffened, taut or pulled along alike."""
-    beam = preset_model("P2").with_effect("belt_tension", tension_N=300.0)
-    beam = beam.with_effect("stiffening", cubic_1_m2=1e3).with_effect("traction", lever_m=0.018)
-    ring = preset_model("P3").with_effect("traction", lever_m=0.005)
-    for model in (beam, ring):
-        told = forces(model, {"speed_m_s": 25.0, "slip": 0.1})
-        # of the power that the load would have at that speed
-        assert abs(told["dissipated_power_W"][0]) < 1e-9 * told["load_N"][0] * 25.0
-
-
-def test_rolling_resistance_follows_the_load():
-    """P3: the more load, the more is lost."""
-    ring = preset_model("P3").with_values({"radial_damping_N_s_m2": 60.0})
-    told = forces(ring, {"speed_m_s": 20.0, "load_N": np.array([1000.0, 2000.0, 4000.0])})
-    resistance = told["rolling_resistance_N"]
-    assert (np.diff(resistance) > 0.0).all()
-
-
 def test_the_hub_carries_the_load_and_the_traction():
     """Errata to P3: a road load of 1000 N gives (0, 1000), where (-500, 500) would be printed."""
     ring = preset_model("P3")
@@ -70,13 +51,6 @@ def test_the_hub_carries_the_load_and_the_traction():
     assert abs(free["hub_longitudinal_N"][0]) < 1e-9
     pulled = forces(ring.with_effect("traction", lever_m=0.0), {"speed_m_s": 10.0, "slip": 0.1})
     assert pulled["hub_longitudinal_N"][0] == pytest.approx(pulled["road_longitudinal_N"][0], 2e-3)
-
-
-def test_a_tilted_pressure_acts_ahead():
-    """p (1 - a xi / L): the centre lies at -a L / 5, to the last of 1024 modes."""
-    model = preset_model("P2").with_effect("pressure_offset", offset=0.3)
-    told = forces(model, {"speed_m_s": 10.0})
-    assert told["pressure_centre_m"][0] == pytest.approx(-0.3 * 0.05 / 5.0, rel=1e-5)
 
 
 def test_the_brush_without_angles_is_p2_s_and_adheres_as_15_says():

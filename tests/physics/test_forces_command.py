@@ -5,6 +5,7 @@ import shutil
 
 import pytest
 
+from tests.physics.commands import status
 from tirelog.cli import run
 from tirelog.physics import CATALOGUE
 from tirelog.physics.model.file import load_model
@@ -15,7 +16,7 @@ def models(tmp_path_factory):
     folder = tmp_path_factory.mktemp("models")
     for preset, name in (("P3", "ring"), ("P2", "beam")):
         path = folder / f"{name}.toml"
-        assert run(["model", "new", "--preset", preset, "-o", str(path), "--quiet"]) == 0
+        assert status("model new --preset", preset, "-o", str(path), "--quiet") == 0
     return folder
 
 
@@ -79,17 +80,17 @@ def test_ten_waves_do_not_reach_the_peak(here, capsys):
     ],
 )
 def test_what_is_no_condition_is_refused(here, capsys, words, said):
-    for command in ("forces", "predict"):
-        if "--slip-angle" in words and command == "predict":
+    for told in ("forces", "predict"):
+        if "--slip-angle" in words and told == "predict":
             continue
-        assert run(["model", command, "ring.toml", *words, "-o", "t.csv"]) == 2
+        assert status(f"model {told} ring.toml -o t.csv", *words) == 2
         assert said in capsys.readouterr().err
         assert not (here / "t.csv").exists()
 
 
 def test_more_rows_than_memory_is_meant_for_are_refused(here, capsys):
     words = ["--speed", "1:50:0.1", "--points", "100000", "-o", "t.csv"]
-    assert run(["model", "predict", "ring.toml", *words]) == 2
+    assert status("model predict ring.toml", *words) == 2
     assert "49100000 rows" in capsys.readouterr().err
     assert not (here / "t.csv").exists()
 
@@ -103,16 +104,16 @@ def test_a_standing_wheel_has_no_rolling_resistance(here, capsys):
 def test_a_drive_in_time_is_one(here, capsys):
     made = ["model", "new", "--carcass", "coupled_ring", "-o", "c.toml", "--quiet"]
     assert run(made) == 0
-    assert run(["model", "predict", "c.toml", "--speed", "5,6", "--load-step", "0.1:4000"]) == 2
+    assert status("model predict c.toml --speed 5,6 --load-step 0.1:4000") == 2
     assert "several conditions" in capsys.readouterr().err
 
 
 def test_a_page_of_a_beam_tells_its_critical_speed(here, capsys):
-    assert run(["model", "show", "beam.toml"]) == 0
+    assert status("model show beam.toml") == 0
     page = capsys.readouterr().out
     assert "critical_speed  86.73" in page
     assert "lambda" in page
-    assert run(["model", "show", "ring.toml"]) == 0
+    assert status("model show ring.toml") == 0
     assert "critical" not in capsys.readouterr().out
 
 
@@ -128,7 +129,7 @@ def test_a_worn_tread_is_stiffer_and_nearer_to_the_grating(here, capsys):
     }
     for depths in (("8", "4"), ("0.004", "0.008"), ("0.008", "nan")):
         words = ["--new-depth", depths[0], "--depth", depths[1], "-o", "none.toml"]
-        assert run(["model", "worn", "ring.toml", *words]) == 2
+        assert status("model worn ring.toml", *words) == 2
         assert not (here / "none.toml").exists()
 
 
@@ -137,12 +138,12 @@ def test_a_point_load_keeps_its_place_in_the_file(here, capsys):
     assert run([*made, "-o", "point.toml"]) == 0
     assert load_model(here / "point.toml").contact == "point"
     assert not load_model(here / "point.toml").parameters["patch_half_length_m"].free
-    assert run(["model", "show", "point.toml"]) == 0
+    assert status("model show point.toml") == 0
     assert "under a point load" in capsys.readouterr().out
     (here / "point.toml").write_text(
         (here / "point.toml").read_text().replace("beam", "coupled_ring")
     )
-    assert run(["model", "show", "point.toml"]) == 2
+    assert status("model show point.toml") == 2
 
 
 @pytest.mark.parametrize(
@@ -155,8 +156,7 @@ def test_a_point_load_keeps_its_place_in_the_file(here, capsys):
     ],
 )
 def test_a_model_of_a_number_gives_that_number_of_each_condition(here, capsys, observable, column):
-    assert run(["model", "new", "--carcass", "ring", "--observable", observable, "-o", "m.toml",
-                "--quiet"]) == 0  # fmt: skip
+    assert status(f"model new --carcass ring --observable {observable} -o m.toml --quiet") == 0
     if observable == "phase_shift":
         words = ["model", "add", "m.toml", "telemetry_delay", "--set", "delay_s=0.0004"]
         assert run([*words, "-o", "late.toml"]) == 0

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from tests.physics.coupled_tire import TIRE as ROLLING
+from tests.physics.coupled_tire import course
 from tirelog.physics import Model
-from tirelog.physics.moving.ring import CoupledRing, first_order, natural_modes, of_model
-from tirelog.physics.moving.transient import HubMotion, State, Stepper, stepped_motion
+from tirelog.physics.moving.ring import first_order, natural_modes, of_model
+from tirelog.physics.moving.transient import State, Stepper, stepped_motion
 
-TIRE = CoupledRing(
-    EI=2.0, k_w=6.3e5, k_v=5.1e5, c_w=60.0, c_v=60.0, pb=1.2e5 * 0.14, R=0.3, k_t=8.75e7,
-    rho_A=3.15, modes=20, mu=50.0,
-)  # fmt: skip
+TIRE = replace(ROLLING, modes=20, mu=50.0)
 LOAD, STEP, WOUND = 3000.0, 5e-5, 2e-4
 
 
@@ -28,7 +27,7 @@ def test_a_small_wind_up_swings_as_the_linear_system_says(speed):
         start.psi_hub += wound
         spins.append(
             stepped_motion(
-                Stepper(TIRE, start, HubMotion(lambda time: LOAD), step_s=STEP), 0.05, every=1
+                Stepper(TIRE, start, course(LOAD), step_s=STEP), 0.05, every=1
             ).omega_rad_s
         )
     swing = spins[1] - spins[0]

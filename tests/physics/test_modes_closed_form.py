@@ -5,22 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.physics.coupled_tire import TIRE as DAMPED
 from tirelog.physics.carcass import contact
-from tirelog.physics.moving.ring import CoupledRing, natural_modes
+from tirelog.physics.moving.ring import natural_modes
 
-TIRE = CoupledRing(
-    EI=2.0,
-    k_w=6.3e5,
-    k_v=5.1e5,
-    c_w=0.0,
-    c_v=0.0,
-    pb=1.2e5 * 0.14,
-    R=0.3,
-    k_t=8.75e7,
-    rho_A=3.15,
-    m_h=20.0,
-    J_h=0.8,
-)
+TIRE = replace(DAMPED, c_w=0.0, c_v=0.0, modes=60)
 TWO_PI = 2.0 * np.pi
 
 
@@ -33,15 +22,13 @@ def test_rigid_modes_are_two_masses_on_the_sidewall():
     ring = TWO_PI * 0.3 * 3.15
     vertical = np.sqrt(np.pi * 0.3 * (6.3e5 + 5.1e5) * (1.0 / ring + 1.0 / 20.0)) / TWO_PI
     turning = np.sqrt(TWO_PI * 0.3**3 * 5.1e5 * (1.0 / (ring * 0.3**2) + 1.0 / 0.8)) / TWO_PI
-    assert [m.frequency_Hz for m in by_shape(modes, "rigid vertical")] == pytest.approx(
-        [vertical], rel=1e-6
-    )
-    assert [m.frequency_Hz for m in by_shape(modes, "rigid longitudinal")] == pytest.approx(
-        [vertical], rel=1e-6
-    )
-    assert [m.frequency_Hz for m in by_shape(modes, "rotational")] == pytest.approx(
-        [turning], rel=1e-6
-    )
+    for shape, expected in (
+        ("rigid vertical", vertical),
+        ("rigid longitudinal", vertical),
+        ("rotational", turning),
+    ):
+        found = [mode.frequency_Hz for mode in by_shape(modes, shape)]
+        assert found == pytest.approx([expected], rel=1e-6)
 
 
 def test_a_bare_ring_rings_as_hoppe_and_love_say():

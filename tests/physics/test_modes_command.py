@@ -6,33 +6,19 @@ import re
 import pytest
 
 from tests.cli.conftest import SETUP, pulse_rows
-from tirelog.cli import run
+from tests.physics.commands import status
 
 
 @pytest.fixture
 def ring(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    run(
-        [
-            "model",
-            "new",
-            "--carcass",
-            "ring",
-            "--set",
-            "load_N=1000",
-            "--set",
-            "radius_m=0.3",
-            "-o",
-            "ring.toml",
-            "--quiet",
-        ]
-    )
+    status("model new --carcass ring --set load_N=1000 --set radius_m=0.3 -o ring.toml --quiet")
     return "ring.toml"
 
 
 def rows(capsys, *arguments):
     capsys.readouterr()
-    assert run(["model", "modes", *arguments, "--format", "json"]) == 0
+    assert status("model modes", *arguments, "--format", "json") == 0
     return json.loads(capsys.readouterr().out)
 
 
@@ -75,7 +61,7 @@ def test_speed_splits_and_load_stiffens(ring, capsys):
 
 def test_no_mode_so_low_is_a_table_without_rows(ring, capsys):
     capsys.readouterr()
-    assert run(["model", "modes", ring, "--to-frequency", "1"]) == 0
+    assert status("model modes", ring, "--to-frequency", "1") == 0
     assert capsys.readouterr().out.strip().count("\n") == 0
 
 
@@ -89,41 +75,29 @@ def test_no_mode_so_low_is_a_table_without_rows(ring, capsys):
     ],
 )
 def test_what_cannot_ring(ring, capsys, arguments, said):
-    assert run(["model", "modes", ring, *arguments]) == 2
+    assert status("model modes", ring, *arguments) == 2
     assert re.search(r"tirelog: error: .*" + said + ".*; ", capsys.readouterr().err)
 
 
 def test_a_beam_has_none_and_a_ring_without_tread_only_the_air(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    run(["model", "new", "-o", "beam.toml", "--quiet"])
-    assert run(["model", "modes", "beam.toml"]) == 2
+    status("model new -o beam.toml --quiet")
+    assert status("model modes beam.toml") == 2
     assert "a beam has no natural modes" in capsys.readouterr().err
-    run(
-        [
-            "model",
-            "new",
-            "--carcass",
-            "ring",
-            "--contact",
-            "prescribed",
-            "-o",
-            "bare.toml",
-            "--quiet",
-        ]
-    )
+    status("model new --carcass ring --contact prescribed -o bare.toml --quiet")
     assert {row["support"] for row in rows(capsys, "bare.toml")} == {"air"}
-    assert run(["model", "modes", "bare.toml", "--load", "1000"]) == 2
+    assert status("model modes bare.toml --load 1000") == 2
 
 
 def test_modes_are_drawn_over_speed_and_over_a_log(ring, tmp_path, capsys):
     (tmp_path / "log.csv").write_text("\n".join(["time_s,CH1,CH2", *pulse_rows()]) + "\n")
     (tmp_path / "log.toml").write_text(SETUP)
     few = ["--to-frequency", "60", "-o", "modes.csv", "--quiet"]
-    assert run(["model", "modes", ring, "--plot", "modes.svg", *few]) == 0
-    assert run(["model", "modes", ring, "--plot", "map.svg", "--log", "log.csv", *few]) == 0
+    assert status("model modes", ring, "--plot", "modes.svg", *few) == 0
+    assert status("model modes", ring, "--plot", "map.svg", "--log", "log.csv", *few) == 0
     alone, below = ((tmp_path / f"{name}.svg").read_bytes() for name in ("modes", "map"))
     assert b"<image" not in alone
     assert b"<image" in below  # the map's colours
     capsys.readouterr()
-    assert run(["model", "modes", ring, "--log", "log.csv"]) == 2
+    assert status("model modes", ring, "--log", "log.csv") == 2
     assert "--log without --plot" in capsys.readouterr().err

@@ -10,9 +10,9 @@ import pytest
 from scipy import signal
 
 from tirelog.simulation import Simulated, setup_text, simulate
-from tirelog.simulation.scenario.drive import WANDER_STEP_S, drive_of, stretch_of, wander_of
 from tirelog.simulation.scenario.schema import Sensor
 from tirelog.simulation.sensors.sampling import noise_of
+from tirelog.simulation.steady.waveforms import WANDER_STEP_S, drive_of, stretch_of, wander_of
 
 from .worlds import instants, scenario, world
 

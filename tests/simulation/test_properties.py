@@ -199,7 +199,7 @@ def test_roughness_has_its_size_and_reach() -> None:
             manoeuvres=[{"duration_s": 400.0, "speed_m_s": 20.0}], road={"roughness": 0.02}, seed=3
         )
     )
-    from tirelog.simulation.scenario.drive import roughness_of
+    from tirelog.simulation.steady.waveforms import roughness_of
 
     rough = roughness_of(made, 8000.0, np.random.default_rng(3))
     distance = np.arange(0.0, 7990.0, 0.25)

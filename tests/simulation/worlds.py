@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from tirelog.simulation import Scenario, scenario_of
-from tirelog.simulation.scenario.drive import drive_of, roughness_of
 from tirelog.simulation.steady.loads import Instants
-from tirelog.simulation.steady.waveforms import World
+from tirelog.simulation.steady.waveforms import World, drive_of, roughness_of
 
 REFERENCE_LOAD_N = 3434.0
 

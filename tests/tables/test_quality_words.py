@@ -46,7 +46,7 @@ NAMESAKES = {
         "api/tables.py",
         "cli/app.py",
     },
-    "standstill": {"simulation/scenario/schema.py", "simulation/scenario/drive.py"},
+    "standstill": {"simulation/scenario/schema.py", "simulation/steady/waveforms.py"},
     "clock_set_back": {"runs/clock.py"},
 }
 COMPARED = {"compare --by revolution", "compare --by hit"}

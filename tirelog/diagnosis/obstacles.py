@@ -22,7 +22,7 @@ from tirelog.inference.obstacle_log import DISTURBED, WINDOW_S, TransientLog, ar
 from tirelog.inference.stacks.align import split_turns
 from tirelog.physics.carcass.numbers import MOTION
 from tirelog.physics.model.model import Model
-from tirelog.physics.moving.road import road_of
+from tirelog.physics.moving.contact import road_of
 from tirelog.physics.moving.transient import (
     Course,
     Schedule,

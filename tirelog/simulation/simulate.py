@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import gzip
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -25,8 +25,7 @@ import numpy as np
 from tirelog.data.recording import Recording, TimeAxis
 from tirelog.data.setup import LogConditions, parse_setup
 from tirelog.errors import UsageError
-from tirelog.simulation.scenario.drive import drive_of, roughness_of, wander_of
-from tirelog.simulation.scenario.schema import SOURCE_UNITS, Scenario, Sensor, TrueConditions
+from tirelog.simulation.scenario.schema import SOURCE_UNITS, Scenario, TrueConditions
 from tirelog.simulation.sensors.sampling import (
     coupled,
     flanks,
@@ -38,7 +37,8 @@ from tirelog.simulation.sensors.sampling import (
     steady_truth,
     vehicle_values,
 )
-from tirelog.simulation.steady.waveforms import World
+from tirelog.simulation.steady.waveforms import World, drive_of, roughness_of, wander_of
+from tirelog.storage.schema import Record
 from tirelog.storage.whole import all_or_none, whole_file
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import STRAIN_KINDS, WAVELENGTH_KINDS
@@ -49,27 +49,19 @@ class Simulated:
     """A simulated log.
 
     `channels` raw values (n,) in the file's unit, NaN if lost; `stamp_s` (n,) their stamps [s];
-    `world` the truth itself, to be asked for any instant.
+    `world` the truth itself, to be asked for any instant; `known` gives what stands in its file.
     """
 
     scenario: Scenario
     channels: Mapping[str, FloatArray]
     stamp_s: Mapping[str, FloatArray]
     world: World
-    pitch_rad: Mapping[str, FloatArray]
+    known: Callable[[], dict[str, Any]]
 
     @cached_property
     def truth(self) -> dict[str, Any]:
         """What is known of the log, ready for JSON."""
-        if self.scenario.truth == "coupled_ring":
-            from tirelog.simulation.rolling.world import (
-                RolledWorld,  # brings the compiler
-                truth_of_rolled,
-            )
-
-            if isinstance(self.world, RolledWorld):
-                return truth_of_rolled(self.world, self.pitch_rad)
-        return steady_truth(self.world, self.pitch_rad)
+        return self.known()
 
 
 def simulate(scenario: Scenario) -> Simulated:
@@ -90,14 +82,18 @@ def simulate(scenario: Scenario) -> Simulated:
     roughness = roughness_of(true, length, streams[1])
     stamps, moments = moments_of(true, streams[2])
     if scenario.truth == "coupled_ring":
-        from tirelog.simulation.rolling.world import RolledWorld  # brings the compiler
+        from tirelog.simulation.rolling.world import (
+            RolledWorld,  # brings the compiler
+            truth_of_rolled,
+        )
 
         world: World = (rolled := RolledWorld(true, drive, roughness))
-        clean = rolled.values(moments)
+        tables, clean = pitch_tables(world), rolled.values(moments)
+        known = partial(truth_of_rolled, rolled, tables)
     else:
         world = World(true, drive, roughness, wander_of(true, streams[-1]))
-        clean = riding_values(world, moments)
-    tables = pitch_tables(world)
+        tables, clean = pitch_tables(world), riding_values(world, moments)
+        known = partial(steady_truth, world, tables)
     channels = {}
     for (name, sensor), random in zip(true.channels.items(), streams[3:-1], strict=True):
         time, values = moments[name], clean.get(name)
@@ -105,7 +101,7 @@ def simulate(scenario: Scenario) -> Simulated:
             values = vehicle_values(world, sensor, time, tables.get(name))
         told = in_source_units(world, sensor, time, coupled(sensor, values))
         channels[name] = spoiled(sensor, told, flanks(world, sensor, time, told), random)
-    return Simulated(scenario, channels, stamps, world, tables)
+    return Simulated(scenario, channels, stamps, world, known)
 
 
 # ---- The setup of a simulated log, and the log as a Recording in memory.
@@ -278,7 +274,7 @@ def _sources(simulated: Simulated) -> dict[str, str]:
     return {name: s.source or name for name, s in simulated.scenario.channels.items()}
 
 
-def _digits(sensor: Sensor) -> int:
+def _digits(sensor: Record) -> int:
     """Digits behind the point in the file's unit; gratings are written to 0.01 pm."""
     if sensor.quantisation:
         power = np.log10(sensor.quantisation)

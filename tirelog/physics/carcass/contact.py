@@ -21,10 +21,9 @@ pressure is left out.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -300,9 +299,8 @@ def _among(carcass: RingCarcass, losses: tuple[float, ...], farthest: int) -> Fl
 
 # ---- Modes of the contact pressure for the rows of a prediction, between solved contacts.
 #
-#     ContactState --pressure_modes--> L, modes of p
-#                  --pressure_modes_near--> the same a small step away, by derivatives: the angles
-#                                           that touch stay, and of them all is linear
+#     ContactState --pressure_modes--> L, modes of p; a small step away by derivatives: the angles
+#                                      that touch stay, and of them all is linear
 #
 # Loads and tensions are few or nodes of a table. Losses follow the speed and are small beside the
 # ring's stiffness: contacts are solved with those of one row between, and the other rows are a step
@@ -350,79 +348,48 @@ _Solved = tuple[RingCarcass, tuple[float, ...], tuple[float, ...]]
 
 
 def pressure_modes(
-    state: ContactState, *, tilted: bool
+    state: ContactState, near: ContactState | None = None, *, tilted: bool
 ) -> tuple[FloatArray, ComplexArray, ComplexArray | None]:
-    """(L, modes of p, if asked for modes of p xi / L), between solved loads and tensions."""
-    solved, share = _solved_at(state, state)
-    found = share @ _tables(solved, tilted)
-    steps = state.losses - np.array(solved[0][1])
-    if np.any(steps):
-        of_losses = [_Step(0.0, step) for step in steps.T[..., None]]
-        found = found + _stepped(solved, share, [_Step(0.0, 0.0)] * BY + of_losses, tilted)
-    return _apart(found)
+    """(L, modes of p, if asked for modes of p xi / L), between solved loads and tensions.
 
-
-def pressure_modes_near(
-    near: ContactState, state: ContactState, *, tilted: bool
-) -> tuple[FloatArray, ComplexArray, ComplexArray | None] | None:
-    """`pressure_modes` of a state a small step from another, by the derivatives there.
-
-    None if a step of the radius parts them.
+    Of a state a small step from another, `near`, the contacts are those of this one, moved on by
+    their derivatives; unless a step of the radius parts them.
     """
-    if near.carcass.R != state.carcass.R:
-        return None
-    solved, share = _solved_at(near, state)
-    at = [carcass for carcass, _, loads_N in solved for _ in loads_N]
-    before, after = near.carcass, state.carcass
-    # a solved one moves by its own constants, as far as its sidewalls are stiffer; a row between
-    # the solved ones has moved along with its share
-    stiffer = np.array([carcass.k_w for carcass in at])[:, None] / before.k_w
-    stiffened: FloatArray | float = 0.0
-    if np.any(state.stiffer != 1.0) or np.any(near.stiffer != 1.0):
-        stiffened = state.stiffer - share @ stiffer
-    steps = [
-        _Step(
-            (getattr(after, name) - getattr(before, name))
-            * (stiffer if name in SIDEWALLS else 1.0),
-            getattr(after, name) * stiffened if name in SIDEWALLS else 0.0,
-        )
-        for name in STIFFNESSES
-    ]
-    steps += [
-        _Step(0.0, column - share @ np.array(nodes)[:, None])
-        for column, nodes in (
-            (state.pb_N_m, [carcass.pb for carcass in at]),
-            (state.load_N, [load_N for _, _, loads_N in solved for load_N in loads_N]),
-        )
-    ]
-    steps += [_Step(0.0, step) for step in (state.losses - np.array(solved[0][1])).T[..., None]]
-    return _apart(share @ _tables(solved, tilted) + _stepped(solved, share, steps, tilted))
-
-
-class _Step(NamedTuple):
-    """How far a constant moves: of each solved contact (k, 1), and of each row besides (n, 1)."""
-
-    of_node: FloatArray | float
-    of_row: FloatArray | float
-
-
-def _stepped(
-    solved: list[_Solved], share: FloatArray, steps: Sequence[_Step], tilted: bool
-) -> ComplexArray:
-    """What steps by stiffnesses, p0 b, load and losses do to L and the modes, as of `_table`."""
-    total: ComplexArray = np.zeros((share.shape[0], 1), np.complex128)
-    lossy = any(bool(np.any(step.of_row)) for step in steps[BY:])
-    for i, step in enumerate(steps):
-        if np.any(step.of_node) or np.any(step.of_row):
+    stepped = near is not None and near.carcass.R == state.carcass.R
+    around = near if near is not None and stepped else state
+    solved, share = _solved_at(around, state)
+    found = share @ np.concatenate([_table(*one, tilted) for one in solved])
+    moves = _moves(around, state, solved, share)
+    lossy = any(bool(np.any(far)) for _, far in moves[BY:])
+    for i, (unit, far) in enumerate(moves):
+        if np.any(far) and (stepped or i >= BY):
             slope = np.concatenate([_slopes(*one, tilted, lossy)[i] for one in solved])
-            total = total + share @ (step.of_node * slope) + step.of_row * (share @ slope)
-    return total
-
-
-def _apart(found: ComplexArray) -> tuple[FloatArray, ComplexArray, ComplexArray | None]:
-    """L, modes of p and of p xi / L, which stand side by side; None for what is not there."""
+            found = found + far * (share @ (unit * slope))
     tilt = found[:, MODES + 1 :]
     return found[:, :1].real, found[:, 1 : MODES + 1], tilt if tilt.size else None
+
+
+def _moves(
+    near: ContactState, state: ContactState, solved: list[_Solved], share: FloatArray
+) -> list[tuple[FloatArray | float, FloatArray | float]]:
+    """How far each of STIFFNESSES, p0 b, the load and the losses moves from the solved contacts.
+
+    As (its unit, steps of each row in that unit (n, 1)); a stiffness moves in units of itself, so
+    that a row between contacts of stiffer and softer sidewalls moves along with its share of them.
+    """
+    own = [carcass for carcass, _, loads_N in solved for _ in loads_N]
+    before, after = near.carcass, state.carcass
+    stiffer = np.array([[carcass.k_w / before.k_w] for carcass in own])
+    sidewalls = state.stiffer / (1.0 + share @ (stiffer - 1.0))
+    moves: list[tuple[FloatArray | float, FloatArray | float]] = []
+    for name in STIFFNESSES:
+        ratio = getattr(after, name) / getattr(before, name)
+        unit = np.array([[getattr(carcass, name)] for carcass in own])
+        moves.append((unit, ratio * (sidewalls if name in SIDEWALLS else 1.0) - 1.0))
+    loads = [[load_N] for _, _, loads_N in solved for load_N in loads_N]
+    moves.append((1.0, state.pb_N_m - share @ np.array([[carcass.pb] for carcass in own])))
+    moves.append((1.0, state.load_N - share @ np.array(loads)))
+    return moves + [(1.0, step) for step in (state.losses - np.array(solved[0][1])).T[..., None]]
 
 
 def _solved_at(state: ContactState, rows_of: ContactState) -> tuple[list[_Solved], FloatArray]:
@@ -466,11 +433,6 @@ def _between(losses: FloatArray) -> tuple[float, ...]:
     size = np.maximum(np.abs(mean), 1e-300)
     rounded = np.sign(mean) * 2.0 ** (np.round(_PER_OCTAVE * np.log2(size)) / _PER_OCTAVE)
     return tuple(np.where(differ, rounded, mean).tolist())
-
-
-def _tables(solved: list[_Solved], tilted: bool) -> ComplexArray:
-    """Those of all solved contacts under each other."""
-    return np.concatenate([_table(*one, tilted) for one in solved])
 
 
 @lru_cache(maxsize=128)

@@ -11,6 +11,7 @@ carries it to 1e-7.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from scipy.fft import irfft, rfft
@@ -69,18 +70,6 @@ def refuse_supercritical(
         )
 
 
-def impedance(
-    q: FloatArray, EJ: float, k: FloatArray | float, hoop_N: FloatArray, drag: FloatArray
-) -> FloatArray | ComplexArray:
-    """Impedance Z(q) [N/m^2] of the beam: EJ q^4 + hoop q^2 + k + i q drag.
-
-    `hoop_N` = T - mu c^2 and `drag` = 2 mu omega_d c, both (n, 1). Real if nothing dissipates (half
-    the work).
-    """
-    real = EJ * q**4 + hoop_N * q**2 + k
-    return real + 1j * (q * drag) if np.any(drag) else real
-
-
 #: modes of w, and points of the grid on which w^3 is taken: four for a mode, so that what the cube
 #: adds beyond the grid's last mode does not fold back onto these
 _MODES = 128
@@ -96,31 +85,11 @@ _STEPS = 80
 _ALIKE = 2.0
 
 
-@dataclass(frozen=True)
-class Slope:
-    """What a group of `rows` takes for the inverse of its slope.
-
-    `coupled` (2 K, 2 K) acts on real beside imaginary parts of the K longest waves, `short` on
-    the others.
-    """
-
-    rows: IntArray | slice
-    coupled: FloatArray
-    short: ComplexArray
-
-    def __call__(self, modes: ComplexArray) -> ComplexArray:
-        """The inverse times modes (n, all)."""
-        parts = np.hstack([modes[:, :_COUPLED].real, modes[:, :_COUPLED].imag]) @ self.coupled.T
-        long = parts[:, :_COUPLED] + 1j * parts[:, _COUPLED:]
-        return np.hstack([long, modes[:, _COUPLED:] * self.short])
-
-
-@dataclass(frozen=True)
-class Balance:
-    """A deflection that was found, modes (n, all) [m], and the slopes that led to it."""
-
-    modes: ComplexArray
-    slopes: tuple[Slope, ...]
+#: what a group of rows takes for the inverse of its slope: the rows; a matrix (2 K, 2 K) that acts
+#: on real beside imaginary parts of the K longest waves; factors of the others
+Slope: TypeAlias = tuple[IntArray | slice, FloatArray, ComplexArray]
+#: a deflection that was found, modes (n, all) [m], and the slopes that led to it
+Balance: TypeAlias = tuple[ComplexArray, list[Slope]]
 
 
 def hardened_load(
@@ -140,9 +109,9 @@ def hardened_load(
     P = p[:, :_MODES]
     H = np.broadcast_to(np.asarray(compliance, np.complex128), p.shape)[:, :_MODES]
     s = np.broadcast_to(np.asarray(stiffness, dtype=np.float64), (rows, 1))
-    slopes: tuple[Slope, ...] = ()
-    if start is not None and start.modes.shape == P.shape:
-        modes, slopes = start.modes, start.slopes
+    slopes: list[Slope] = []
+    if start is not None and start[0].shape == P.shape:
+        modes, slopes = start
     else:
         modes = _soft(P * H, H, s)
     ratio = _ALIKE
@@ -154,8 +123,11 @@ def hardened_load(
         reaction = s * rfft(w * w * w, axis=1, norm="forward")[:, :_MODES]
         missed = H * (P - reaction) - modes
         change = np.empty_like(missed)
-        for slope in slopes:
-            change[slope.rows] = slope(missed[slope.rows])
+        for rows_of, coupled, short in slopes:
+            left = missed[rows_of]
+            parts = np.hstack([left[:, :_COUPLED].real, left[:, :_COUPLED].imag]) @ coupled.T
+            long = parts[:, :_COUPLED] + 1j * parts[:, _COUPLED:]
+            change[rows_of] = np.hstack([long, left[:, _COUPLED:] * short])
         modes, farthest = modes + change, np.max(np.abs(change))
         # a change below this share of the largest mode is the last; twice as much is as far below
         # what a log tells
@@ -163,7 +135,7 @@ def hardened_load(
             _refuse_giving_way(w, H, s)
             hardened = np.array(p, dtype=np.complex128)
             hardened[:, :_MODES] -= reaction
-            return hardened, Balance(modes, slopes)
+            return hardened, (modes, slopes)
         # a change above so many of the soft foundation's largest mode leads nowhere; twice as many
         # only take longer to fail
         if not farthest < 1e3 * np.max(np.abs(P * H)):
@@ -192,7 +164,7 @@ def _soft(modes: ComplexArray, H: ComplexArray, s: FloatArray) -> ComplexArray:
     return np.asarray(g * modes)
 
 
-def _slopes(w: FloatArray, H: ComplexArray, s: FloatArray, ratio: float) -> tuple[Slope, ...]:
+def _slopes(w: FloatArray, H: ComplexArray, s: FloatArray, ratio: float) -> list[Slope]:
     """The slopes of groups of rows, each of the middle one: alike are slopes within the `ratio`."""
     steep = np.log1p(np.abs(3.0 * s * np.max(w * w, axis=1, keepdims=True) * H).max(axis=1))
     group = np.floor((steep - steep.min()) / np.log(ratio))
@@ -202,7 +174,7 @@ def _slopes(w: FloatArray, H: ComplexArray, s: FloatArray, ratio: float) -> tupl
         i = rows[np.argsort(steep[rows], kind="stable")[rows.size // 2]]
         every = slice(None) if rows.size == len(w) else rows
         found.append(_slope(every, w[i], H[i], float(s[i, 0])))
-    return tuple(found)
+    return found
 
 
 def _slope(rows: IntArray | slice, w: FloatArray, H: ComplexArray, s: float) -> Slope:
@@ -222,7 +194,7 @@ def _slope(rows: IntArray | slice, w: FloatArray, H: ComplexArray, s: float) -> 
     )
     inverse = np.linalg.inv(np.eye(2 * _COUPLED) + coupled)
     short = 1.0 / (1.0 + 1.5 * s * H[_COUPLED:] * np.max(w * w))
-    return Slope(rows, inverse, np.asarray(short, np.complex128))
+    return rows, inverse, np.asarray(short, np.complex128)
 
 
 def _refuse_giving_way(w: FloatArray, H: ComplexArray, s: FloatArray) -> None:
@@ -288,21 +260,6 @@ def modal_impedance(
     return stiff + 1j * n * omega_rad_s * (c.c_v + c.c_w * n**2)
 
 
-def road_loads(
-    pressure: ComplexArray, traction: ComplexArray | None = None
-) -> tuple[ComplexArray, ComplexArray]:
-    """Modes (Q_v, Q_w) of the road's load on the ring, each (n, K).
-
-    They come from the modes of the vertical pressure and of the traction along the road.
-    """
-    ahead, behind = _neighbours(pressure)
-    q_w, q_v = -0.5 * (behind + ahead), -0.5j * (behind - ahead)
-    if traction is not None:
-        ahead, behind = _neighbours(traction)
-        q_v, q_w = q_v + 0.5 * (behind + ahead), q_w - 0.5j * (behind - ahead)
-    return q_v, q_w
-
-
 #: n, and (1 + 1/n) / 2 and (1 - 1/n) / 2 for n = 1, 2, ...
 _N = np.arange(MODES, dtype=np.float64)
 _BEHIND, _AHEAD = (0.5 * (1.0 + sign / _N[1:]) for sign in (1.0, -1.0))
@@ -311,7 +268,7 @@ _BEHIND, _AHEAD = (0.5 * (1.0 + sign / _N[1:]) for sign in (1.0, -1.0))
 def equivalent_load(pressure: ComplexArray, traction: ComplexArray | None = None) -> ComplexArray:
     """Inward load on a belt without tangential freedom: E_n = i (Q_v + i n Q_w) / n, E_0 = 0.
 
-    Of `road_loads`, with what stands there twice taken together:
+    Of the loads of the road, with what stands in them twice taken together:
     E_n = (1 + 1/n) / 2 (p + i tau)_(n-1) + (1 - 1/n) / 2 (p - i tau)_(n+1).
     """
     behind = pressure if traction is None else pressure + 1j * traction
@@ -321,15 +278,6 @@ def equivalent_load(pressure: ComplexArray, traction: ComplexArray | None = None
     np.multiply(behind[:, :-1], _BEHIND, out=load[:, 1:])
     load[:, 1:-1] += ahead[:, 2:] * _AHEAD[:-1]
     return load
-
-
-def _neighbours(modes: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-    """Coefficients n + 1 and n - 1 of a real function."""
-    ahead, behind = np.zeros_like(modes), np.empty_like(modes)
-    ahead[:, :-1] = modes[:, 1:]
-    behind[:, 1:] = modes[:, :-1]
-    behind[:, 0] = np.conj(modes[:, 1])
-    return ahead, behind
 
 
 def ring_hub_forces(
@@ -342,10 +290,11 @@ def ring_hub_forces(
 
     F_z is up, F_x in the direction of passing (errata to P3).
 
-    F = R int (k_w w + c_w w_t) e_r + (k_v v + c_v v_t) e_t; only n = 1 has a resultant.
+    F = R int (k_w w + c_w w_t) e_r + (k_v v + c_v v_t) e_t; only n = 1 has a resultant, and
+    Q_v,1 + i Q_w,1 is tau_0 - i p_0.
     """
-    q_v, q_w = road_loads(pressure, traction)
-    v1 = (q_v[:, 1] + 1j * q_w[:, 1]) / modal_impedance(np.array([1.0]), carcass, omega_rad_s)
+    load = -1j * pressure[:, 0] if traction is None else traction[:, 0] - 1j * pressure[:, 0]
+    v1 = load / modal_impedance(np.array([1.0]), carcass, omega_rad_s)
     radial = (carcass.k_w + 1j * omega_rad_s * carcass.c_w) * (-1j * v1)
     tangential = (carcass.k_v + 1j * omega_rad_s * carcass.c_v) * v1
     # e_r = (sin, -cos), e_t = (cos, sin) in (along passing, up) at the angle phi from the patch

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import copyreg
 import pickle
+from collections.abc import Iterable
 from typing import Any
 
 from tirelog.physics.effects import contact, form, structure, waveform
@@ -39,6 +40,19 @@ def _pickled(effect: Effect) -> str | tuple[Any, ...]:
 copyreg.pickle(Effect, _pickled)
 
 
+def conditions_read(effects: Iterable[Effect]) -> set[str] | None:
+    """All that effects of the catalogue read of the conditions: what they follow and need.
+
+    None if one is the user's own, of which nobody knows.
+    """
+    read = set[str]()
+    for effect in effects:
+        if BY_ID.get(effect.id) is not effect:
+            return None
+        read |= {*dict(effect.followed), *effect.needs, *effect.instead.values()}
+    return read
+
+
 def readers(effect: Effect, observable: str) -> list[Effect]:
     """The effects of the catalogue beside which `effect` acts on an observable.
 
@@ -65,4 +79,14 @@ def serves(effect: Effect) -> dict[str, str]:
     return said
 
 
-__all__ = ["BY_ID", "CATALOGUE", "Drive", "Effect", "Site", "Structure", "readers", "serves"]
+__all__ = [
+    "BY_ID",
+    "CATALOGUE",
+    "Drive",
+    "Effect",
+    "Site",
+    "Structure",
+    "conditions_read",
+    "readers",
+    "serves",
+]

@@ -21,11 +21,12 @@ from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, refuse_unknown
 from tirelog.physics.pressure import legendre_modes
 from tirelog.physics.spectral import ComplexArray, Parameter, grid_angles, wave_numbers
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.conditions import CONDITIONS, ConditionValues, condition_named
 from tirelog.vocabulary.observables import OBSERVABLES, computed_from
 
-Values = Mapping[str, float]
+#: numbers by name, and the words of options
+Values = Mapping[str, Any]
 #: The 9.81 in the forms "a acceleration/9.81" of the catalogue: a scale by convention, not gravity
 #: (that is `units.STANDARD_GRAVITY_M_S2`); coefficients in model files are per this.
 CATALOGUE_G_M_S2 = 9.81
@@ -79,10 +80,18 @@ class Drive(ConditionValues):
     def of(cls, conditions: Conditions) -> Drive:
         return cls(**{f.name: _column(getattr(conditions, f.name)) for f in fields(cls)})
 
-    def take(self, rows: slice) -> Drive:
+    def take(self, rows: slice | IntArray) -> Drive:
         """Some of the revolutions; shared columns stay shared."""
         columns = {f.name: getattr(self, f.name) for f in fields(self)}
         return Drive(**{name: c if c.shape[0] == 1 else c[rows] for name, c in columns.items()})
+
+    def distinct(self, names: Iterable[str]) -> tuple[Drive, IntArray]:
+        """Revolutions that differ in these columns, each once, and which of them each is (n,)."""
+        n = max(getattr(self, f.name).shape[0] for f in fields(self))
+        apart = [column for name in names if (column := getattr(self, name)).shape[0] > 1]
+        seen = np.hstack([np.nan_to_num(x, nan=-np.inf) for x in apart] or [np.zeros((n, 1))])
+        _, first, rows = np.unique(seen, axis=0, return_index=True, return_inverse=True)
+        return self.take(first), np.asarray(rows.ravel(), dtype=np.int64)
 
 
 def _column(values: FloatArray) -> FloatArray:
@@ -409,9 +418,6 @@ def _named_in(text: str) -> Follows:
 # The function's name is the effect's id. The first paragraph of its docstring is the mechanism. A
 # text after a label goes on in lines that are indented.
 
-#: option -> the words that a model file may choose from
-Options = Mapping[str, tuple[str, ...]]
-
 
 def number(
     value: float,
@@ -437,20 +443,16 @@ def number(
 class KeywordHook:
     """A hook of `Effect`, by a function that takes its values by keyword.
 
-    `names` are the numbers and `options` that the function reads; `home` is where another process
+    `names` are the numbers and options that the function reads; `home` is where another process
     finds the hook: module:effect.hook.
     """
 
     function: Callable[..., Any]
     names: Sequence[str]
-    options: Options
     home: str
 
     def __call__(self, v: Values, drive: Drive, *more: Any) -> Any:
-        own: dict[str, Any] = {name: v[name] for name in self.names if name not in self.options}
-        for option in self.options.keys() & self.names:
-            own[option] = next(word for word in self.options[option] if v[f"{option}:{word}"])
-        return self.function(drive, *more, **own)
+        return self.function(drive, *more, **{name: v[name] for name in self.names})
 
     def __reduce__(self) -> tuple[Callable[[str], Any], tuple[str]]:
         """How it goes to another process: there the function's name is the effect's."""
@@ -483,8 +485,7 @@ def effect(
         if isinstance(value, Parameter)
     }
     fields = {name: value for name, value in given.items() if name not in numbers}
-    options = fields.get("options", {})
-    known = [*numbers, *options]
+    known = [*numbers, *fields.get("options", {})]
     if strength is None:
         strength = tuple(p.name for p in numbers.values() if p.value == 0.0 and p.free)
 
@@ -495,7 +496,7 @@ def effect(
         for name, each in functions.items():
             spec = getfullargspec(each)
             names = known if spec.varkw else spec.kwonlyargs
-            hooks[name] = KeywordHook(each, names, options, f"{home}.{name}")
+            hooks[name] = KeywordHook(each, names, f"{home}.{name}")
         read = {name for each in hooks.values() for name in each.names}
         if read != set(known):
             raise ModelError(

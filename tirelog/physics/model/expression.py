@@ -20,10 +20,8 @@ from typing import Any
 import numpy as np
 
 from tirelog.errors import ModelError, nearest
-from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS
-from tirelog.vocabulary.observables import OBSERVABLES
 
 # ---- A user's formula in a model file.
 #
@@ -52,35 +50,17 @@ FUNCTIONS: Mapping[str, Callable[..., Any]] = {
 #: write into
 ARGUMENTS = {name: (getattr(function, "nin", 1),) for name, function in FUNCTIONS.items()} | {
     "where": (3,),
-    "clip": (2, 3),
+    "clip": (3,),
 }
 CONSTANTS = {"pi": np.pi, "e": np.e}
-_BINARY: Mapping[type, Callable[..., Any]] = {
-    ast.Add: np.add,
-    ast.Sub: np.subtract,
-    ast.Mult: np.multiply,
-    ast.Div: np.divide,
-    ast.Pow: np.power,
-    ast.Mod: np.mod,
-    ast.BitAnd: np.logical_and,
-    ast.BitOr: np.logical_or,
-    ast.And: np.logical_and,
-    ast.Or: np.logical_or,
-}
-_UNARY: Mapping[type, Callable[..., Any]] = {
-    ast.USub: np.negative,
-    ast.UAdd: np.positive,
-    ast.Not: np.logical_not,
-    ast.Invert: np.logical_not,
-}
-_COMPARE: Mapping[type, Callable[..., Any]] = {
-    ast.Lt: np.less,
-    ast.LtE: np.less_equal,
-    ast.Gt: np.greater,
-    ast.GtE: np.greater_equal,
-    ast.Eq: np.equal,
-    ast.NotEq: np.not_equal,
-}
+_OPERATORS: Mapping[type, Callable[..., Any]] = {
+    ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide,
+    ast.Pow: np.power, ast.Mod: np.mod, ast.USub: np.negative, ast.UAdd: np.positive,
+    ast.BitAnd: np.logical_and, ast.BitOr: np.logical_or, ast.Invert: np.logical_not,
+    ast.And: np.logical_and, ast.Or: np.logical_or, ast.Not: np.logical_not,
+    ast.Lt: np.less, ast.LtE: np.less_equal, ast.Gt: np.greater, ast.GtE: np.greater_equal,
+    ast.Eq: np.equal, ast.NotEq: np.not_equal,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -151,83 +131,66 @@ def _check(
             )
         names.add(node.id)
         return
-    for part in _parts(node, text):
+    _refuse_other_node(node, text)
+    for part in _operands(node):
         _check(part, text, allowed, names, depth + 1)
 
 
-def _parts(node: ast.AST, text: str) -> list[ast.expr]:
-    """The operands of an allowed node."""
-    if (
-        isinstance(node, ast.Constant)
-        and isinstance(node.value, int | float)
-        and not isinstance(node.value, bool)
-        and abs(node.value) < 1e300
-    ):
-        return []
-    if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
-        return [node.left, node.right]
-    if isinstance(node, ast.UnaryOp) and type(node.op) in _UNARY:
-        return [node.operand]
-    if isinstance(node, ast.BoolOp):
-        return node.values
-    if isinstance(node, ast.Compare) and all(type(op) in _COMPARE for op in node.ops):
-        return [node.left, *node.comparators]
-    if isinstance(node, ast.IfExp):
-        return [node.test, node.body, node.orelse]
+def _operands(node: ast.AST) -> list[ast.expr]:
+    """The operands of a node, in their order."""
+    parts = node.args if isinstance(node, ast.Call) else ast.iter_child_nodes(node)
+    return [part for part in parts if isinstance(part, ast.expr)]
+
+
+def _refuse_other_node(node: ast.AST, text: str) -> None:
+    """ModelError for what is no number, operator, comparison, choice or call of a function."""
     called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
-    if isinstance(node, ast.Call) and called in FUNCTIONS and not node.keywords:
-        if len(node.args) not in ARGUMENTS[called]:
-            many = " or ".join(map(str, ARGUMENTS[called]))
-            raise ModelError(
-                f"expression {text!r} gives {called}() {len(node.args)} arguments",
-                allowed=f"allowed are {many}",
-                do="correct it",
-            )
-        return node.args  # a starred argument is refused as a node of its own
-    what = called or type(node).__name__
-    raise ModelError(
-        f"expression {text!r} uses {what}, which is not allowed",
-        allowed="allowed are finite numbers, names, + - * / ** %, comparisons, and/or/not, a if "
-        f"c else b, and the functions {', '.join(FUNCTIONS)}",
-        do="write it with these",
+    number = node.value if isinstance(node, ast.Constant) else None
+    operators = node.ops if isinstance(node, ast.Compare) else [getattr(node, "op", None)]
+    good = (
+        isinstance(node, ast.IfExp)
+        or (isinstance(number, int | float) and type(number) is not bool and abs(number) < 1e300)
+        or (isinstance(node, ast.Call) and called in FUNCTIONS and not node.keywords)
+        or all(type(operator) in _OPERATORS for operator in operators)
     )
+    if not good:
+        what = called or type(node).__name__
+        raise ModelError(
+            f"expression {text!r} uses {what}, which is not allowed",
+            allowed="allowed are finite numbers, names, + - * / ** %, comparisons, and/or/not, a "
+            f"if c else b, and the functions {', '.join(FUNCTIONS)}",
+            do="write it with these",
+        )
+    # a starred argument is refused as a node of its own
+    if isinstance(node, ast.Call) and len(node.args) not in ARGUMENTS[called]:
+        many = " or ".join(map(str, ARGUMENTS[called]))
+        raise ModelError(
+            f"expression {text!r} gives {called}() {len(node.args)} arguments",
+            allowed=f"allowed are {many}",
+            do="correct it",
+        )
+
+
+def _operation(node: Any) -> Callable[..., Any]:
+    """What a part applies to its operands; of a choice it is numpy's where()."""
+    if isinstance(node, ast.Call):
+        return FUNCTIONS[getattr(node.func, "id", "")]
+    return np.where if isinstance(node, ast.IfExp) else _OPERATORS[type(node.op)]
 
 
 def _compute(node: ast.expr, values: Mapping[str, Any]) -> Any:
+    """The value of a part that `_check` let through."""
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
-        return np.float64(node.value)
+        return node.value
     if isinstance(node, ast.Name):
         return values[node.id] if node.id in values else CONSTANTS[node.id]
-    if isinstance(node, ast.BinOp):
-        left, right = _compute(node.left, values), _compute(node.right, values)
-        return _BINARY[type(node.op)](_float(left), _float(right))
-    if isinstance(node, ast.UnaryOp):
-        return _UNARY[type(node.op)](_float(_compute(node.operand, values)))
-    if isinstance(node, ast.BoolOp):
-        parts = (_compute(part, values) for part in node.values)
-        return functools.reduce(_BINARY[type(node.op)], parts)
+    terms = [np.asarray(_compute(part, values), dtype=np.float64) for part in _operands(node)]
     if isinstance(node, ast.Compare):
-        terms = [_compute(part, values) for part in (node.left, *node.comparators)]
         pairs = zip(node.ops, terms, terms[1:])
-        return functools.reduce(np.logical_and, (_COMPARE[type(op)](a, b) for op, a, b in pairs))
-    if isinstance(node, ast.IfExp):
-        return np.where(
-            _compute(node.test, values), _compute(node.body, values), _compute(node.orelse, values)
-        )
-    call: Any = node  # `_check` let nothing but a call of an allowed function through
-    arguments = [_compute(part, values) for part in call.args]
-    try:
-        return FUNCTIONS[call.func.id](*arguments)
-    except (TypeError, ValueError):
-        raise ModelError(
-            f"{call.func.id}() does not take {len(arguments)} arguments",
-            allowed=f"as many as numpy's {call.func.id} takes are allowed",
-            do="correct the expression",
-        ) from None
-
-
-def _float(value: Any) -> Any:
-    return np.asarray(value, dtype=np.float64)
+        return functools.reduce(np.logical_and, (_OPERATORS[type(op)](a, b) for op, a, b in pairs))
+    if isinstance(node, ast.BoolOp):
+        return functools.reduce(_OPERATORS[type(node.op)], terms)
+    return _operation(node)(*terms)
 
 
 #: units by their powers of m, kg, s, K
@@ -248,13 +211,24 @@ RESULT_UNITS = {
     "sensor": "1",
     "radial_acceleration": "m/s^2",
 }
-#: functions of a number that give a number, and those whose arguments and result are alike
-_PURE = (
-    "sin", "cos", "tan", "arcsin", "arccos", "arctan", "sinh", "cosh", "tanh", "arcsinh",
-    "arccosh", "arctanh", "exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "sinc",
-)  # fmt: skip
-_ALIKE = ("abs", "minimum", "maximum", "clip", "hypot", "floor", "ceil")
-_POWERS = {"sqrt": 0.5, "cbrt": 1.0 / 3.0, "square": 2.0}
+#: what an operation makes of its operands' units: operands alike and a result as they are; a number
+#: of a number; a product and a quotient; a power, fixed or as it is given. Of others it is a number
+_ALIKE, _OF_NUMBER, _PRODUCT, _QUOTIENT, _POWER = "alike", "number", "product", "quotient", "power"
+_RULES: Mapping[Callable[..., Any], str | float] = {
+    **dict.fromkeys((np.add, np.subtract, np.mod, np.negative, np.positive, np.where), _ALIKE),
+    **dict.fromkeys((np.abs, np.minimum, np.maximum, np.clip, np.hypot), _ALIKE),
+    **dict.fromkeys((np.floor, np.ceil, np.arctan2), _ALIKE),
+    **dict.fromkeys((np.sin, np.cos, np.tan, np.arcsin, np.arccos, np.arctan), _OF_NUMBER),
+    **dict.fromkeys((np.sinh, np.cosh, np.tanh, np.arcsinh, np.arccosh, np.arctanh), _OF_NUMBER),
+    **dict.fromkeys((np.exp, np.exp2, np.expm1, np.sinc), _OF_NUMBER),
+    **dict.fromkeys((np.log, np.log2, np.log10, np.log1p), _OF_NUMBER),
+    np.multiply: _PRODUCT,
+    np.divide: _QUOTIENT,
+    np.power: _POWER,
+    np.sqrt: 0.5,
+    np.cbrt: 1.0 / 3.0,
+    np.square: 2.0,
+}
 #: dimensions that differ by less than this are one
 _SAME = 1e-9
 
@@ -299,83 +273,51 @@ def _dimension(node: ast.expr, units: _Units) -> FloatArray | None:
     """
     if isinstance(node, ast.Name):
         return _NUMBER if node.id in CONSTANTS else units.get(node.id)
-    if isinstance(node, ast.UnaryOp):
-        plain = isinstance(node.op, ast.Not | ast.Invert)
-        return _NUMBER if plain else _dimension(node.operand, units)
-    if isinstance(node, ast.BinOp):
-        return _of_operation(node, units)
-    if isinstance(node, ast.IfExp):
-        _dimension(node.test, units)
-        return _alike([node.body, node.orelse], node, units)
-    if isinstance(node, ast.Call):
-        return _of_call(node, units)
-    if isinstance(node, ast.Compare):
-        _alike([node.left, *node.comparators], node, units)
-    if isinstance(node, ast.BoolOp):
-        for part in node.values:
-            _dimension(part, units)
-    return _NUMBER
-
-
-def _of_operation(node: ast.BinOp, units: _Units) -> FloatArray | None:
-    """The dimension of a sum, product or power."""
-    if isinstance(node.op, ast.Add | ast.Sub | ast.Mod):
-        return _alike([node.left, node.right], node, units)
-    if isinstance(node.op, ast.Pow):
-        _refuse_dimension(node.right, "a power of", units)
-        power = _value(node.right)
-        if power is None:
-            _refuse_dimension(node.left, "a fitted power of", units)
-            return _NUMBER
-        return _raised(_dimension(node.left, units), power)
-    left, right = _dimension(node.left, units), _dimension(node.right, units)
-    if not isinstance(node.op, ast.Mult | ast.Div):
+    parts = _operands(node)
+    found = [_dimension(part, units) for part in parts]
+    if _value(node) is not None or isinstance(node, ast.BoolOp):
         return _NUMBER
-    divided = isinstance(node.op, ast.Div)
-    if left is None or right is None or (divided and _value(node.right) is not None):
+    if isinstance(node, ast.Compare):
+        _one_dimension(node, parts, found)
+        return _NUMBER
+    operation = _operation(node)
+    rule = _RULES.get(operation)
+    if rule == _ALIKE:
+        first = 1 if operation is np.where else 0
+        alike = _one_dimension(node, parts[first:], found[first:])
+        return _NUMBER if operation is np.arctan2 else alike
+    if rule == _OF_NUMBER:
+        _refuse_dimension(f"{operation.__name__}() of", parts[0], found[0])
+    if rule == _POWER:
+        _refuse_dimension("a power of", parts[1], found[1])
+        rule = _value(parts[1])
+        if rule is None:
+            _refuse_dimension("a fitted power of", parts[0], found[0])
+    if isinstance(rule, float):
+        return None if found[0] is None else rule * found[0]
+    if rule not in (_PRODUCT, _QUOTIENT):
+        return _NUMBER
+    left, right = found
+    if left is None or right is None or (rule == _QUOTIENT and _value(parts[1]) is not None):
         return None
-    return left - right if divided else left + right
+    return left + right if rule == _PRODUCT else left - right
 
 
-def _of_call(node: ast.Call, units: _Units) -> FloatArray | None:
-    """The dimension of a function's value."""
-    name, parts = getattr(node.func, "id", ""), list(node.args)
-    if name in _POWERS:
-        return _raised(_dimension(parts[0], units), _POWERS[name])
-    if name in _ALIKE:
-        return _alike(parts, node, units)
-    if name == "where":
-        _dimension(parts[0], units)
-        return _alike(parts[1:], node, units)
-    if name in _PURE:
-        _refuse_dimension(parts[0], f"{name}() of", units)
-    elif name == "arctan2":
-        _alike(parts, node, units)
-    else:  # sign, heaviside
-        _dimension(parts[0], units)
-    return _NUMBER
-
-
-def _raised(dimension: FloatArray | None, power: float) -> FloatArray | None:
-    return None if dimension is None else power * dimension
-
-
-def _alike(nodes: list[ast.expr], whole: ast.expr, units: _Units) -> FloatArray | None:
+def _one_dimension(
+    whole: ast.expr, parts: list[ast.expr], found: list[FloatArray | None]
+) -> FloatArray | None:
     """The one dimension of some parts; plain numbers take it."""
-    first: FloatArray | None = None
-    for node in nodes:
-        found = _dimension(node, units) if _value(node) is None else None
-        if first is not None and found is not None and np.abs(first - found).max() > _SAME:
-            raise _Disagreement(f"{ast.unparse(whole)} mixes {said(first)} and {said(found)}")
-        first = found if first is None else first
-    return first
+    told = [f for part, f in zip(parts, found) if f is not None and _value(part) is None]
+    for other in told[1:]:
+        if np.abs(told[0] - other).max() > _SAME:
+            raise _Disagreement(f"{ast.unparse(whole)} mixes {said(told[0])} and {said(other)}")
+    return told[0] if told else None
 
 
-def _refuse_dimension(node: ast.expr, what: str, units: _Units) -> None:
+def _refuse_dimension(what: str, part: ast.expr, found: FloatArray | None) -> None:
     """_Disagreement: the part is no number."""
-    found = _dimension(node, units)
     if found is not None and np.abs(found).max() > _SAME:
-        raise _Disagreement(f"{what} {ast.unparse(node)}, which is {said(found)} and no number")
+        raise _Disagreement(f"{what} {ast.unparse(part)}, which is {said(found)} and no number")
 
 
 def _value(node: ast.expr) -> float | None:
@@ -405,18 +347,3 @@ def disagreement(text: str, units: Mapping[str, str], result: str) -> str:
     if wanted is None or whole is None or np.abs(whole - wanted).max() < _SAME:
         return ""
     return f"the whole is {said(whole)}, and {said(wanted)} is wanted"
-
-
-def unit_disagreements(model: Model) -> dict[str, str]:
-    """What does not fit in the user's own formulas of a model, by effect."""
-    found = {}
-    for entry in model.effects:
-        if "expression" not in entry.source:
-            continue
-        acts_on = str(entry.source.get("acts_on", "contact_pressure"))
-        result = RESULT_UNITS.get(acts_on) or OBSERVABLES[model.observable].unit
-        units = {p.name: p.unit for p in entry.parameters}
-        wrong = disagreement(str(entry.source["expression"]), units, result)
-        if wrong:
-            found[entry.id] = wrong
-    return found

@@ -9,7 +9,7 @@ fit (and `fixed = true` if it is held although it has bounds).
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PureWindowsPath
@@ -19,13 +19,12 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from tirelog.errors import ModelError, nearest
-from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS, carcass_parameters
+from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS
 from tirelog.physics.effects import BY_ID, Effect
 from tirelog.physics.model import user_effects
-from tirelog.physics.model.expression import BASE, dimension_of, unit_disagreements
+from tirelog.physics.model.expression import BASE, RESULT_UNITS, dimension_of, disagreement
 from tirelog.physics.model.model import (
     BY_NAME,
-    COUPLED_STANDS,
     FORM,
     NUISANCES,
     USES,
@@ -82,78 +81,74 @@ _NUMBER = Table(
 
 
 @dataclass(frozen=True)
-class _Number:
-    """A parameter: a plain number is fixed, a table is free; `own` ones may bring their unit."""
+class _Kind:
+    """What a key may hold, by the function that reads its value at a place of the file."""
 
-    known: Parameter
-    own: bool = False
+    allowed: str
+    read: Callable[[Any, FilePlace], Any]
+
+
+def _number(known: Parameter | None, own: bool = False) -> _Kind:
+    """A parameter: a plain number is fixed, a table is free.
+
+    The user's `own` may bring their unit; one that nobody knows also has no bounds but those that
+    it brings.
+    """
     allowed = "allowed is a finite number or { value, min, max }"
 
-    def read(self, value: Any, place: FilePlace) -> Parameter:
+    def read(value: Any, place: FilePlace) -> Parameter:
+        usual = _unknown(value, place) if known is None else known
         if isinstance(value, dict):
-            bare = {k: v for k, v in value.items() if k != "unit" or not self.own}
-            given = _NUMBER.read(bare, place)
+            given = _NUMBER.read({k: v for k, v in value.items() if k != "unit" or not own}, place)
         elif is_number(value):
             given = {"value": float(value), "fixed": True}
         else:
-            raise place.wrong(value, self.allowed)
+            raise place.wrong(value, allowed)
         free = not given.pop("fixed", False)
         try:
-            return replace(self.known, **{"se": None, **given}, free=free).checked()
+            return replace(usual, **{"se": None, **given}, free=free).checked()
         except ModelError as problem:
             raise place.moved(problem) from None
 
-
-class _Unknown:
-    """A user's own parameter, which has no bounds and no unit but those that it brings."""
-
-    allowed = _Number.allowed
-
-    def read(self, value: Any, place: FilePlace) -> Parameter:
-        brought = value if isinstance(value, dict) else {"value": value}
-        start, unit = brought.get("value", 0.0), brought.get("unit", "")
-        if not isinstance(unit, str) or (unit and dimension_of(unit) is None):
-            base = f"allowed are powers and products of {', '.join(BASE)}, such as N/m^2"
-            raise (place / "unit").wrong(unit, base, do="correct it, or leave it out")
-        size = max(1.0, abs(start)) if is_number(start) else 1.0
-        name, most = str(place.path[-1]), 1e9 * size
-        known = Parameter(name, unit, "the user's own", 0.0, -most, most, probe=1.0)
-        number = _Number(known, own=True).read(value, place)
-        probe = number.value or 0.01 * max(abs(number.min), abs(number.max))
-        return replace(number, probe=probe)
+    return _Kind(allowed, read)
 
 
-@dataclass(frozen=True)
-class _Use:
+def _unknown(value: Any, place: FilePlace) -> Parameter:
+    """A user's own parameter of the unit that it brings, and of about its size."""
+    brought = value if isinstance(value, dict) else {"value": value}
+    start, unit = brought.get("value", 0.0), brought.get("unit", "")
+    if not isinstance(unit, str) or (unit and dimension_of(unit) is None):
+        base = f"allowed are powers and products of {', '.join(BASE)}, such as N/m^2"
+        raise (place / "unit").wrong(unit, base, do="correct it, or leave it out")
+    most = 1e9 * max(1.0, abs(start) if is_number(start) else 1.0)
+    ends = [brought.get(end, most) for end in ("min", "max")]
+    size = max((abs(end) for end in ends if is_number(end)), default=most)
+    probe = float(start) if is_number(start) and start else 0.01 * size
+    return Parameter(str(place.path[-1]), unit, "the user's own", 0.0, -most, most, probe=probe)
+
+
+def _use(known: Nuisance) -> _Kind:
     """What the file says of a nuisance: a use, or a table of use and sizes."""
 
-    known: Nuisance
-    allowed = f"allowed are {', '.join(USES)}"
-
-    def read(self, value: Any, place: FilePlace) -> Nuisance:
+    def read(value: Any, place: FilePlace) -> Nuisance:
         if not isinstance(value, dict):
-            return self.known.used(words(*USES).read(value, place))
-        numbers = BY_ID[FORM].parameters if self.known.name == FORM else ()
-        kinds: dict[str, KeyKind] = {p.name: _Number(p) for p in (*self.known.sizes, *numbers)}
+            return known.used(words(*USES).read(value, place))
+        numbers = BY_ID[FORM].parameters if known.name == FORM else ()
+        kinds: dict[str, KeyKind] = {p.name: _number(p) for p in (*known.sizes, *numbers)}
         given = Table({"use": words(*USES), **kinds}).read(value, place)
-        known = tuple(replace(given.get(p.name, p), free=False) for p in self.known.sizes)
-        return replace(self.known, sizes=known, use=given.get("use", USES[0]))
+        sizes = tuple(replace(given.get(p.name, p), free=False) for p in known.sizes)
+        return replace(known, sizes=sizes, use=given.get("use", USES[0]))
+
+    return _Kind(f"allowed are {', '.join(USES)}", read)
 
 
-class _Observables:
+def _observables(value: Any, place: FilePlace) -> tuple[str, ...]:
     """What the model is of: one observable, or a list of those that are fitted together."""
-
-    one = words(*OBSERVABLES)
-    allowed = one.allowed
-
-    def read(self, value: Any, place: FilePlace) -> tuple[str, ...]:
-        if not isinstance(value, list):
-            return (self.one.read(value, place),)
-        names = [self.one.read(name, place) for name in value]
-        try:
-            return observables_known(names)
-        except ModelError as problem:
-            raise place.moved(problem) from None
+    names = [_OBSERVABLE.read(name, place) for name in (value if type(value) is list else [value])]
+    try:
+        return observables_known(names)
+    except ModelError as problem:
+        raise place.moved(problem) from None
 
 
 def _is_relative(name: Any) -> bool:
@@ -165,9 +160,10 @@ def _is_relative(name: Any) -> bool:
     )
 
 
+_OBSERVABLE = words(*OBSERVABLES)
 _HEAD = Table(
     {
-        "observable": _Observables(),
+        "observable": _Kind(_OBSERVABLE.allowed, _observables),
         "carcass": words(*CARCASSES),
         "contact": ANYTHING,
         EFFECTS_FILE: ValueKind("a path that starts from the model file's folder", _is_relative),
@@ -188,7 +184,7 @@ _BY_EXPRESSION = Table(
         "name": TEXT,
         "acts_on": words(*EXPRESSION_ACTS_ON),
         "expression": TEXT,
-        "parameters": Named(_Unknown()),
+        "parameters": Named(_number(None, own=True)),
     }
 )
 _BY_SHAPE = Table(
@@ -200,7 +196,7 @@ _BY_SHAPE = Table(
         "law": TEXT,
         "nodes": ANYTHING,
         "values": ANYTHING,
-        "parameters": Table({AMPLITUDE.name: _Number(AMPLITUDE, own=True)}),
+        "parameters": Table({AMPLITUDE.name: _number(AMPLITUDE, own=True)}),
     },
     needed=("frame",),
 )
@@ -246,23 +242,13 @@ def parse_model(
             document.file, line
         ) from None
     head = _HEAD.read(data.get("model", {}), place / "model")
-    numbers, carcass = data.get("parameters", {}), head["carcass"]
-    lead, *beside = head["observable"]
-    contact = _contact(head, numbers, place)
-    known = carcass_parameters(
-        carcass,
-        *head["observable"],
-        flat_road=contact == "flat_road",
-        point=contact == "point",
-    )
-    model = Model(
-        lead,
-        carcass,
-        contact,
-        _base(numbers, known, place / "parameters"),
+    numbers = data.get("parameters", {})
+    model = _bare(head, numbers, place)
+    model = replace(
+        model,
+        base=_base(numbers, model.base, place / "parameters"),
         nuisances=_nuisances(data, place),
         document=text,
-        beside=tuple(beside),
     )
     if catalogue is None:
         asked, folder = own is not None, path.parent if path is not None else Path()
@@ -305,16 +291,16 @@ def _nuisances(data: Mapping[str, Any], place: FilePlace) -> tuple[Nuisance, ...
     for table, at in wrong:
         allowed = 'a table [form] with use = "...", sizes and numbers is allowed'
         raise at.error(f"{FORM} is under {table}", allowed, "write it there")
-    uses: dict[str, KeyKind] = {known.name: _Use(known) for known in NUISANCES}
+    uses: dict[str, KeyKind] = {known.name: _use(known) for known in NUISANCES}
     given = Table(uses).read(said, place / "nuisances")
     given[FORM] = uses[FORM].read(data.get(FORM, {}), place / FORM)
     return tuple(given.get(known.name, known) for known in NUISANCES)
 
 
-def _contact(head: Mapping[str, Any], numbers: Mapping[str, Any], place: FilePlace) -> str:
-    """The contact that the model's file asks for: prescribed, solved, or a point.
+def _bare(head: Mapping[str, Any], numbers: Mapping[str, Any], place: FilePlace) -> Model:
+    """The model of [model], at its start values.
 
-    `contact` stands in [model] or in [parameters]; without it a patch length means a prescribed
+    Its `contact` stands there or in [parameters]; without it a patch length means a prescribed
     patch.
     """
     prescribed = head["carcass"] == "beam" or "patch_half_length_m" in numbers
@@ -322,22 +308,18 @@ def _contact(head: Mapping[str, Any], numbers: Mapping[str, Any], place: FilePla
     at = place / table / "contact"
     usual = "prescribed" if prescribed else "flat_road"
     contact = words(*CONTACTS).read(given.get("contact", usual), at)
-    if head["carcass"] == "beam" and contact == "flat_road":
-        raise at.error(
-            'contact = "flat_road" needs a ring',
-            'allowed are "prescribed" and "point" for a beam',
-        )
-    if head["carcass"] == "coupled_ring" and contact != "flat_road":
+    try:
+        return Model.new(head["carcass"], head["observable"], contact)
+    except ModelError as problem:
         length = place / "parameters" / "patch_half_length_m"
-        raise (at if "contact" in given else length).moved(ModelError(COUPLED_STANDS))
-    return str(contact)
+        raise (at if "contact" in given else length).moved(problem) from None
 
 
 def _base(
     numbers: Mapping[str, Any], known: tuple[Parameter, ...], place: FilePlace
 ) -> tuple[Parameter, ...]:
     """The parameters of the carcass as the file gives them, the others fixed at their start."""
-    kinds = {p.name: _Number(p) for p in known}
+    kinds = {p.name: _number(p) for p in known}
     given = Table({"contact": ANYTHING, **kinds}).read(numbers, place)
     if "reference_load_N" in kinds and "reference_load_N" not in given and "load_N" in given:
         load = given["load_N"].value
@@ -364,7 +346,7 @@ def _effect(table: Any, catalogue: Mapping[str, Effect], place: FilePlace) -> Mo
         )
     effect = catalogue[name]
     options: dict[str, KeyKind] = {key: words(*choices) for key, choices in effect.options.items()}
-    numbers: dict[str, KeyKind] = {p.name: _Number(p) for p in effect.parameters}
+    numbers: dict[str, KeyKind] = {p.name: _number(p) for p in effect.parameters}
     given = Table({"name": TEXT, **numbers, **options}).read(table, place)
     return ModelEffect(
         effect,
@@ -400,11 +382,18 @@ def unit_remarks(model: Model) -> list[str]:
     document = Document(model.document or "", ModelError, "a model", model.path or "model")
     named = [table["name"] for table in document.tables.get("effects", ())]
     remarks = []
-    for name, wrong in unit_disagreements(model).items():
-        at = named.index(name) if name in named else -1
-        line = document.line(("effects", at, "expression"))
-        place = f"{document.file}{f':{line}' if line else ''}"
-        remarks.append(f"{place}: the units of effect {name!r} do not agree: {wrong}")
+    for entry in model.effects:
+        if "expression" not in entry.source:
+            continue
+        acts_on = entry.source.get("acts_on", "contact_pressure")
+        result = RESULT_UNITS.get(acts_on) or OBSERVABLES[model.observable].unit
+        units = {p.name: p.unit for p in entry.parameters}
+        wrong = disagreement(entry.source["expression"], units, result)
+        if wrong:
+            at = named.index(entry.id) if entry.id in named else -1
+            line = document.line(("effects", at, "expression"))
+            place = f"{document.file}{f':{line}' if line else ''}"
+            remarks.append(f"{place}: the units of effect {entry.id!r} do not agree: {wrong}")
     return remarks
 
 
@@ -468,7 +457,9 @@ def _set(table: Any, key: str, value: Any, remark: str = "") -> None:
     old = table.get(key)
     if old == value:
         return
-    item = tomlkit.item(value)
+    item = tomlkit.inline_table() if isinstance(value, dict) else tomlkit.item(value)
+    if isinstance(value, dict):
+        item.update(value)
     if remark and old is None:
         item.comment(remark)
     table[key] = item
@@ -496,6 +487,9 @@ def _put_effects(document: Any, model: Model) -> None:
         table = held.get(name, tomlkit.table())
         if name not in held:
             table.update({"name": name, **effect.source, **effect.options})
+        for option, word in effect.options.items():
+            if table.get(option, effect.effect.options[option][0]) != word:
+                table[option] = word
         numbers = table
         if effect.source and effect.parameters:
             numbers = table.setdefault("parameters", tomlkit.inline_table())
@@ -512,33 +506,23 @@ def _put_nuisances(document: Any, model: Model) -> None:
 
     [form] also has its numbers, if the model has them.
     """
+    form = next((e for e in model.effects if e.id == FORM), None)
     for nuisance in model.nuisances:
-        name, usual = nuisance.name, nuisance == BY_NAME[nuisance.name]
-        held = document.get("nuisances", {}).get(name)
-        if name == FORM:
-            _put_form(
-                document, nuisance.use, next((e for e in model.effects if e.id == FORM), None)
-            )
-        elif isinstance(held, dict):
-            if held.get("use", USES[0]) != nuisance.use:
-                held["use"] = nuisance.use
-        elif held is not None or not usual:
+        name, use, of_form = nuisance.name, nuisance.use, nuisance.name == FORM
+        held = (document if of_form else document.get("nuisances", {})).get(name)
+        if of_form and held is None and (form is not None or use != USES[0]):
+            held = document.setdefault(FORM, tomlkit.table())
+        if isinstance(held, dict):
+            if held.get("use", USES[0]) != use or (of_form and not held):
+                held["use"] = use
+        elif not of_form and (held is not None or nuisance != BY_NAME[name]):
             table = document.setdefault("nuisances", tomlkit.table())
-            _set(table, name, nuisance.use, nuisance.description)
-
-
-def _put_form(document: Any, use: str, form: ModelEffect | None) -> None:
-    """Writes [form]: its use, and its numbers if the model has them."""
-    if FORM not in document and use == USES[0] and form is None:
-        return
-    table = document.setdefault(FORM, tomlkit.table())
-    if table.get("use", USES[0]) != use or not len(table):
-        table["use"] = use
+            _set(table, name, use, nuisance.description)
     for parameter in BY_ID[FORM].parameters if form is None else form.parameters:
-        if form is None:
-            table.pop(parameter.name, None)
-        else:
-            _put(table, parameter)
+        if form is not None:
+            _put(document[FORM], parameter)
+        elif FORM in document:
+            document[FORM].pop(parameter.name, None)
 
 
 def _put(table: Any, parameter: Parameter, *, remark: bool = True) -> None:
@@ -560,9 +544,7 @@ def _put(table: Any, parameter: Parameter, *, remark: bool = True) -> None:
     }
     wanted = {key: value for key, value in wanted.items() if value is not None}
     if not isinstance(old, dict):
-        new = tomlkit.inline_table()
-        new.update(wanted)
-        _set(table, name, new, words)
+        _set(table, name, wanted, words)
         return
     for key in old.keys() - wanted.keys():
         del old[key]

@@ -205,11 +205,8 @@ def _without_leaning(task: Task) -> Task:
 
 def _carcass_moment(task: Task) -> FloatArray:
     """Power that the losses of the carcass take, over Omega [N m], (n or 1, 1)."""
-    if np.any(response(task).cubic):
-        # the road pushes, not what a hardened foundation leaves of it
-        inward = hardened(task) * response(task).displacement
-    else:
-        inward = load_on_carcass(task) * response(task).displacement
+    # the road pushes, not what a hardened foundation leaves of it
+    inward = hardened(task) * response(task).displacement
     work = (np.conj(inward) * load_on_carcass(task)).imag
     return np.asarray(
         (4.0 * np.pi * task.base["radius_m"]) * (_N * work).sum(axis=1, keepdims=True)

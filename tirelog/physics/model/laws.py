@@ -1,16 +1,22 @@
-"""The laws of what has one number per revolution, from the stages of a prediction.
+"""What is read from a prediction's stages: waveforms, and what has one number per revolution.
 
-Patch length and dissipation factor (P1, P2), and P4's phase shift and patch width.
+    Conditions (n,), angles (m,) or (n, m) --blocks of BLOCK revolutions--> `stages.Task`
+        --> values (n, m), slopes (p, n, m)
+
+`Model.predict` and its like go over the blocks. Numbers per revolution are patch length and
+dissipation factor (P1, P2), and P4's phase shift and patch width.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
+from functools import partial
 
 import numpy as np
 
-from tirelog.physics.effects.base import Drive
+from tirelog.errors import ModelError
+from tirelog.physics.effects import Drive, Effect, conditions_read
 from tirelog.physics.model.stages import (
     Task,
     bending,
@@ -20,17 +26,21 @@ from tirelog.physics.model.stages import (
     of_rows,
     waveform,
 )
-from tirelog.physics.spectral import GRID, MODES, STEP, powers, to_grid
+from tirelog.physics.spectral import (
+    GRID,
+    MODES,
+    STEP,
+    Angles,
+    ComplexArray,
+    interpolation_shares,
+    powers,
+    to_grid,
+)
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: from where to where beyond a front the level beside the patch is taken, as of a measured passage
 #: (`wheel.fronts`); twice the first or half the second move the front by half a degree
 BESIDE_RAD = (np.radians(25.0), np.radians(130.0))
-
-
-def scalar(task: Task, observable: str, lever_m: float) -> FloatArray:
-    """The observable as a column (n or 1, 1) in its SI unit."""
-    return LAWS[observable](task, lever_m)
 
 
 def patch_length(task: Task, lever_m: float) -> FloatArray:
@@ -131,15 +141,7 @@ def _at_zero(task: Task) -> tuple[Task, IntArray]:
             slip=np.where(np.isfinite(drive.slip[:1]), 0.0, np.nan),
             time_s=drive.time_s[:1],
         )
-        names = [f.name for f in fields(still)]
-        columns = np.hstack(
-            np.broadcast_arrays(*(getattr(still, name) for name in names), drive.speed_m_s)[:-1]
-        )
-        _, first, rows = np.unique(
-            np.nan_to_num(columns, nan=-np.inf), axis=0, return_index=True, return_inverse=True
-        )
-        few = Drive(**{name: columns[first, i : i + 1] for i, name in enumerate(names)})
-        return few, rows.ravel()
+        return still.distinct([f.name for f in fields(still)])
 
     drive, rows = task.once("zero stretch", (), found)
     return task.under("zero stretch", (), drive), rows
@@ -193,3 +195,116 @@ LAWS: Mapping[str, Callable[[Task, float], FloatArray]] = {
     "phase_shift": phase_shift,
     "patch_width": patch_width,
 }
+
+
+# ---- Waveforms of many rows that differ in speed alone, computed at a few speeds.
+#
+#     Drive of n rows, effects that are on --`few_speeds`--> Drive of k speeds, shares (n, k)
+#     modes (k, K) --`told_by`--> do they tell what lies between?   rows = shares @ modes
+#
+# In the speed a waveform is smooth up to the critical one, so a polynomial through the speeds of
+# Chebyshev's points holds between them: of speeds between 8 and 20 m/s seventeen leave 1e-10 of it.
+# The polynomial is linear in the waveforms, and so as smooth in the parameters as they are.
+
+
+#: numbers of speeds that are tried; the next where one does not tell what lies between, and each
+#: for twice as many rows at least; twice as many take twice as long
+COUNTS = (17, 33)
+
+
+def few_speeds(
+    drive: Drive, effects: Sequence[Effect], count: int
+) -> tuple[Drive, FloatArray] | None:
+    """(`count` speeds instead of the rows (n,), what each row takes of them (n, count)).
+
+    None if something else differs that the effects may read, or if there are too few rows. What
+    none of them reads is not known at these speeds.
+    """
+    columns = {f.name: getattr(drive, f.name) for f in fields(drive)}
+    speed, read = columns["speed_m_s"], conditions_read(effects)
+    if speed.shape[0] < 2 * count or drive.load_N.shape[0] > 1:
+        return None
+    # a strain is added angle by angle
+    if read is None or any(effect.strain is not None for effect in effects):
+        return None
+    read = (read | {"inflation_pressure_Pa"}) - {"speed_m_s"}
+    if any(columns[name].shape[0] > 1 for name in read):
+        return None
+    low, high = float(speed.min()), float(speed.max())
+    at = np.cos(np.pi * np.arange(count) / (count - 1))
+    others = {
+        name: x if x.shape[0] == 1 else np.full((1, 1), np.nan) for name, x in columns.items()
+    }
+    there = np.asarray(0.5 * (low + high) + 0.5 * (high - low) * at[:, None], dtype=np.float64)
+    there[0], there[-1] = high, low  # to the last bit: the highest speed may be refused
+    weights = np.where(np.arange(count) % 2 == 0, 1.0, -1.0)
+    weights[[0, -1]] *= 0.5
+    shares = interpolation_shares(there[:, 0], weights, speed[:, 0])
+    return Drive(**others | {"speed_m_s": there}), shares
+
+
+def told_by(modes: ComplexArray) -> bool:
+    """Do waveforms (k, K) at Chebyshev's points tell those between?  False if one is not known."""
+    if modes.shape[0] == 1:
+        return True
+    k = modes.shape[0]
+    weight = np.ones(k)
+    weight[[0, -1]] = 0.5
+    highest = np.cos(np.pi * np.outer([k - 1, k - 2], np.arange(k)) / (k - 1)) * weight
+    last = np.abs(highest @ modes).max() * 2.0 / (k - 1)
+    # the last two of a polynomial's terms are below this share of the largest: so far it is off.
+    # Twice as much is as far below what a log tells
+    return bool(last <= 1e-9 * np.abs(modes).max())
+
+
+#: Observable -> the hook that adds to it at the angles themselves.
+_AT_ANGLES = {"strain": "strain", "radial_acceleration": "acceleration"}
+
+
+def lever_arm(task: Task, surface: str) -> float:
+    if surface not in ("outer", "inner"):
+        raise ModelError(
+            f"unknown surface {surface!r}",
+            allowed="allowed are outer, inner",
+            do="choose one of them",
+        )
+    return task.base["lever_arm_m"] if surface == "inner" else -task.base["lever_arm_m"]
+
+
+#: modes (n or 1, K) and what is added to them at the angles (n or 1, m or 1) of one block; of a
+#: number per revolution no modes, and that number
+Computed = tuple[ComplexArray | float, FloatArray | float]
+
+
+def computed(task: Task, observable: str, surface: str, angles: Angles | None) -> Computed:
+    """What the sensor reads in one block, as modes and what is added to them."""
+    lever = lever_arm(task, surface)
+    if angles is None:
+        return 0.0, LAWS[observable](task, lever)
+    modes, level = waveform(task, observable, lever)
+    return modes, level + _added(task, observable, angles)
+
+
+def evaluated(
+    computed: Computed, angles: Angles | None, shares: FloatArray | None = None
+) -> FloatArray | float:
+    """What is computed, at the angles; `shares` (n, k): rows are so much of what the task has."""
+    modes, level = computed
+    if angles is None:
+        return level
+    if shares is not None and np.ndim(level) and np.shape(level)[0] > 1:
+        level = shares @ level
+    return angles.evaluate(np.asarray(modes), shares) + level
+
+
+def _added(task: Task, observable: str, angles: Angles) -> FloatArray | float:
+    """What effects add at the angles themselves, in the mean over the samples of each bin.
+
+    These are a user's own, `acts_on = "strain"` or "radial_acceleration".
+    """
+    total: FloatArray | float = 0.0
+    hook = _AT_ANGLES.get(observable, "")
+    for a in task.having(hook) if hook else ():
+        site, at = loaded_site(task)[0], getattr(a.effect, hook)
+        total = total + angles.mean(partial(at, a.values, task.drive, site))
+    return total

@@ -25,8 +25,8 @@ from tirelog.physics.carcass.numbers import (
 )
 from tirelog.physics.effects import BY_ID, Drive, Effect, readers, serves
 from tirelog.physics.effects.base import acting_on
-from tirelog.physics.model import prediction
-from tirelog.physics.model.prediction import Computed
+from tirelog.physics.model import laws
+from tirelog.physics.model.laws import Computed
 from tirelog.physics.model.stages import (
     Active,
     Task,
@@ -74,12 +74,9 @@ class ModelEffect:
             effect, effect.parameters, {name: words[0] for name, words in effect.options.items()}
         )
 
-    def values(self, flat: Mapping[str, float]) -> dict[str, float]:
-        """Its own values out of the model's, with its options as `option:word` switches."""
-        own = {p.name: flat[f"{self.id}.{p.name}"] for p in self.parameters}
-        for name, words in self.effect.options.items():
-            own |= {f"{name}:{word}": float(self.options[name] == word) for word in words}
-        return own
+    def values(self, flat: Mapping[str, float]) -> dict[str, Any]:
+        """Its own values out of the model's, and the words of its options."""
+        return {**{p.name: flat[f"{self.id}.{p.name}"] for p in self.parameters}, **self.options}
 
     def resolved(self, conditions: Conditions) -> ModelEffect:
         """The entry with `driver = "auto"` settled.
@@ -192,10 +189,6 @@ BY_NAME = {nuisance.name: nuisance for nuisance in NUISANCES}
 #: Step of a central difference over a parameter's size; the stages are smooth, the error is its
 #: square. With twice as much it is four times as large, and rounding half as large.
 _STEP = 2e-5
-COUPLED_STANDS = (
-    'a coupled ring stands on its tread; contact = "flat_road" is allowed; leave contact out, or '
-    'take carcass = "ring"'
-)
 
 
 @dataclass(frozen=True)
@@ -265,7 +258,11 @@ class Model:
                 do='take carcass = "ring"',
             )
         if carcass == "coupled_ring" and contact != "flat_road":
-            raise ModelError(COUPLED_STANDS)
+            raise ModelError(
+                "a coupled ring stands on its tread",
+                allowed='contact = "flat_road" is allowed',
+                do='leave contact out, or take carcass = "ring"',
+            )
         base = carcass_parameters(
             carcass, *observables, flat_road=contact == "flat_road", point=contact == "point"
         )
@@ -285,22 +282,18 @@ class Model:
         for name in words.keys() & values:
             _one_of(name, str(values[name]), words[name])
 
-        def changed(owner: str, parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
-            keys = [owner + p.name for p in parameters]
-            return tuple(
-                p.at(values[key], se=(se or {}).get(key)) if key in values else p
-                for key, p in zip(keys, parameters)
-            )
-
+        numbers = {name: p for name, p in self.parameters.items() if name in values}
+        moved = self.with_parameters(
+            {name: p.at(values[name], se=(se or {}).get(name)) for name, p in numbers.items()}
+        )
         effects = tuple(
             replace(
                 e,
-                parameters=changed(f"{e.id}.", e.parameters),
                 options={k: str(values.get(f"{e.id}.{k}", word)) for k, word in e.options.items()},
             )
-            for e in self.effects
+            for e in moved.effects
         )
-        return replace(self, base=changed("", self.base), effects=effects)
+        return replace(moved, effects=effects)
 
     def with_parameters(self, parameters: Mapping[str, Parameter]) -> Model:
         """Other parameters (bounds, free or fixed) by full name."""
@@ -518,10 +511,10 @@ class Model:
         result = np.empty((len(conditions), 1 if angles is None else angles.phi_rad.shape[1]))
         for rows, task, shares in self._parts(conditions, flat, observable, surface, each=each):
             part = None if angles is None else angles.take(rows)
-            waves, level = prediction.computed(task, observable, surface, part)
+            waves, level = laws.computed(task, observable, surface, part)
             if modes is not None:
                 waves = np.where(np.arange(MODES) <= modes, waves, 0.0)
-            result[rows] = prediction.evaluated((waves, level), part, shares)
+            result[rows] = laws.evaluated((waves, level), part, shares)
         return result
 
     def linearised(
@@ -553,10 +546,10 @@ class Model:
         base, slopes = np.empty((n, m)), np.empty((len(names), n, m))
         for rows, task, shares in self._parts(conditions, flat, observable, surface, also=names):
             part = None if angles is None else angles.take(rows)
-            here = prediction.computed(task, observable, surface, part)
-            base[rows] = prediction.evaluated(here, part, shares)
+            here = laws.computed(task, observable, surface, part)
+            base[rows] = laws.evaluated(here, part, shares)
             for i, name in enumerate(names):
-                slopes[i, rows] = prediction.evaluated(
+                slopes[i, rows] = laws.evaluated(
                     model._slope(
                         task, flat, name, observable, surface, part, here if rough else None
                     ),
@@ -583,7 +576,7 @@ class Model:
             """What is computed with the value moved by so many steps."""
             base, active = self._split({**flat, name: flat[name] + moved * step})
             end = replace(task, base=base, active=active, near=task)
-            return prediction.computed(end, observable, surface, angles)
+            return laws.computed(end, observable, surface, angles)
 
         width = 2.0 * step if beside is None else step
         high, low = at(1.0), at(-1.0) if beside is None else beside
@@ -632,17 +625,17 @@ class Model:
 
         That is if they tell the rows' strain; None for a task of the rows themselves.
         """
-        apart = each or observable != "strain" or len(conditions) < 2 * prediction.COUNTS[0]
-        for count in () if apart else prediction.COUNTS:
+        apart = each or observable != "strain" or len(conditions) < 2 * laws.COUNTS[0]
+        for count in () if apart else laws.COUNTS:
             task = self._task(conditions, flat, also)
             on = {a.effect.id for a in task.active} | {name.split(".")[0] for name in also}
             acting = [e.effect for e in self.effects if e.id in on]
-            few = prediction.few_speeds(task.drive, acting, count)
+            few = laws.few_speeds(task.drive, acting, count)
             if few is None:
                 break
             task = replace(task, drive=few[0])
-            modes, _ = waveform(task, observable, prediction.lever_arm(task, surface))
-            if prediction.told_by(modes):
+            modes, _ = waveform(task, observable, laws.lever_arm(task, surface))
+            if laws.told_by(modes):
                 yield slice(0, len(conditions)), task, few[1]
                 return
         for rows, task in self._tasks(conditions, flat, also):
@@ -691,10 +684,7 @@ class Model:
 
     def half_length_m(self, conditions: Conditions) -> FloatArray:
         """L of the patch, shape (n,), after the effects on the load."""
-        out = np.empty((len(conditions), 1))
-        for rows, task in self._tasks(conditions, self.values):
-            out[rows] = loaded_site(task)[0].half_length_m
-        return out[:, 0]
+        return self.predict(conditions, observable="patch_length")[:, 0] / 2.0
 
     def site_loads_N(self, conditions: Conditions) -> FloatArray:
         """F on the patch, shape (n,), after the effects on the load."""

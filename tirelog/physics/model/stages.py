@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
@@ -20,7 +20,7 @@ from tirelog.errors import ModelError
 from tirelog.physics.carcass import contact, structures
 from tirelog.physics.carcass.numbers import FASTEST_HZ
 from tirelog.physics.carcass.structures import hardened_load
-from tirelog.physics.effects import BY_ID
+from tirelog.physics.effects import conditions_read
 from tirelog.physics.effects.base import Drive, Effect, Site, Structure, Values
 from tirelog.physics.pressure import line, parabola, tilted_parabola
 from tirelog.physics.spectral import MODES, ComplexArray
@@ -107,30 +107,20 @@ class Task:
 def distinct(task: Task) -> tuple[Task, IntArray | None]:
     """The task with rows that are alike to belt and load once, and which of them each row is (n,).
 
-    None if none are alike. What the catalogue's effects follow and need is all they read of the
-    conditions; of an effect of the user's own nobody knows.
+    None if none are alike, or nobody knows what an effect of the user's own reads.
     """
     on = task.having("structure", *LOAD_HOOKS, *PRESSURE_HOOKS)
-    if any(BY_ID.get(a.effect.id) is not a.effect for a in on):
+    read = conditions_read(a.effect for a in on)
+    if read is None:
         return task, None
-    read = {"load_N", "inflation_pressure_Pa"}
-    for a in on:
-        read |= {*dict(a.effect.followed), *a.effect.needs, *a.effect.instead.values()}
+    read |= {"load_N", "inflation_pressure_Pa"}
     if task.carcass == "beam" or any(task.base[name] for name in DAMPING_NAMES):
         read.add("speed_m_s")
     key = tuple(sorted(read))
 
     def found() -> tuple[Drive, IntArray | None]:
-        drive = task.drive
-        columns = {f.name: getattr(drive, f.name) for f in fields(drive)}
-        n = max(column.shape[0] for column in columns.values())
-        apart = [columns[name] for name in key if columns[name].shape[0] > 1]
-        seen = np.hstack([np.nan_to_num(x, nan=-np.inf) for x in apart] or [np.zeros((n, 1))])
-        _, first, rows = np.unique(seen, axis=0, return_index=True, return_inverse=True)
-        if first.size == n:
-            return drive, None
-        few = {name: x if x.shape[0] == 1 else x[first] for name, x in columns.items()}
-        return Drive(**few), np.asarray(rows.ravel(), dtype=np.int64)
+        drive, rows = task.drive.distinct(key)  # which are all if no two are alike
+        return (task.drive, None) if rows.max(initial=-1) + 1 == rows.size else (drive, rows)
 
     drive, rows = task.once("distinct rows", key, found)
     return (task, None) if rows is None else (task.under("distinct rows", key, drive), rows)
@@ -196,12 +186,7 @@ def loads(task: Task) -> FloatArray:
         F = F * (1.0 + change())
     for added in task.hooks(lambda effect: effect.added_load).values():
         F = F + added()
-    if not np.all(F > 0.0):
-        raise ModelError(
-            f"load {float(np.min(F)):g} N does not press the tire on the road",
-            allowed="a load above zero is allowed",
-            do="correct load_N or the effects on load",
-        )
+    contact.check_load(float(F.min(initial=np.inf)))
     return F
 
 
@@ -221,11 +206,8 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
     R = b["radius_m"]
     tilted = bool(task.having("tilt"))
     if task.flat_road:
-        state, found = _contact_state(task, F), None
-        if task.near is not None:
-            near = _contact_state(task.near, loads(task.near))
-            found = contact.pressure_modes_near(near, state, tilted=tilted)
-        half, modes, tilt = found or contact.pressure_modes(state, tilted=tilted)
+        near = None if task.near is None else _contact_state(task.near, loads(task.near))
+        half, modes, tilt = contact.pressure_modes(_contact_state(task, F), near, tilted=tilted)
         return Site(F, half, R, b.get("reference_load_N", b["load_N"])), modes, tilt
     half = b["patch_half_length_m"] * (F / b["reference_load_N"]) ** b["patch_load_exponent"]
     if b["patch_pressure_exponent"]:
@@ -323,8 +305,7 @@ def _pressure(task: Task) -> ContactLoads:
         p = p + added(site)
     pulled = [pull(site) for pull in task.hooks(lambda effect: effect.traction).values()]
     shears = [shear for shear in pulled if shear is not None]
-    tau: ComplexArray | None = None
-    couple: ComplexArray | None = None
+    tau, couple = None, None
     if shears:
         tau = np.asarray(sum(own for own, _ in shears), np.complex128)
         couple = np.asarray(sum((1j * x * site.q) * own for own, x in shears), np.complex128)
@@ -377,7 +358,9 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
     """Z (n or 1, K) [N/m^2] of the carcass itself, load per length over inward displacement."""
     b, c = task.base, task.drive.speed_m_s
     R, EI = b["radius_m"], b["flexural_stiffness_N_m2"]
-    q = np.arange(MODES) / R
+    n = np.arange(MODES, dtype=np.float64)
+    q = n / R
+    yielding = 1.0 + s.shear * q**2  # EJ q^4 / (1 + l^2 q^2) in place of EJ q^4
     if task.carcass == "beam":
         mu = b["line_mass_kg_m"]
         k = b["foundation_stiffness_N_m2"] * (1.0 + s.stiffening) + s.added_stiffness
@@ -385,40 +368,33 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
         _positive_foundation(k)
         if s.ring < 1.0:
             structures.refuse_supercritical(c, hoop, EI, k, mu)
-        Z: FloatArray | ComplexArray = structures.impedance(
-            q, EI, k, hoop, 2.0 * mu * c * s.damping_rate
-        )
-        if np.any(s.shear):  # EJ q^4 / (1 + l^2 q^2) in place of EJ q^4
-            sheared = s.shear * q**2
-            Z = _holding(Z - EI * q**4 * (sheared / (1.0 + sheared)))
+        Z = EI * q**4 / yielding + hoop * q**2 + k
         if np.any(s.by_waves):
-            Z = _holding(Z + np.expm1(s.by_waves) * (EI * q**4 + s.tension * q**2 + k))
-        if np.any(s.retardation):  # (1 + tau c d/dxi), P1 (22)
-            Z = Z + 1j * (s.retardation * c * q) * (EI * q**4)
-        # the mean deflection (n = 0) is not cycled
-        return Z + 1j * s.loss * k * (np.arange(MODES) > 0) if np.any(s.loss) else Z
-    n = np.arange(MODES, dtype=np.float64)
+            Z = Z + np.expm1(s.by_waves) * (EI * q**4 / yielding + s.tension * q**2 + k)
+        Z = _holding(s, Z)
+        # P1 (2), and (1 + tau c d/dxi) of (22); the mean deflection (n = 0) is not cycled
+        lost = 2.0 * mu * c * s.damping_rate * q + s.retardation * c * q * (EI * q**4)
+        lost = lost + s.loss * k * (n > 0)
+        return Z + 1j * lost if np.any(lost) else Z
     n[0] = 1.0  # the mode that an inextensible belt does not have; its load is zero
     k_w = b["radial_stiffness_N_m2"] * (1.0 + s.stiffening) + s.added_stiffness
     k_v = b["tangential_stiffness_N_m2"] * (1.0 + s.stiffening)
     _positive_foundation(k_w)
-    bending = (EI / R**4) * (1.0 - n**2) ** 2
-    if np.any(s.shear):
-        bending = bending / (1.0 + s.shear * q**2)
-    Z = bending + (n**2 - 1.0) * ((_inflation_pb(task) * R + s.tension) / R**2) + k_w + k_v / n**2
-    if np.any(s.by_waves):
-        Z = _holding(Z * np.exp(s.by_waves))
-    lost = ring_losses(task, s)
-    if not any(np.any(x) for x in lost):
+    bending = (EI / R**4) * (1.0 - n**2) ** 2 / yielding
+    tension = (_inflation_pb(task) * R + s.tension) / R**2
+    static = bending + (n**2 - 1.0) * tension + k_w + k_v / n**2
+    Z = _holding(s, static * np.exp(s.by_waves))
+    losses = ring_losses(task, s)
+    if not any(np.any(x) for x in losses):
         return Z
-    radial_rate, tangential_rate, radial, bending_rate = lost
+    radial_rate, tangential_rate, radial, bending_rate = losses
     turning = n * (radial_rate + bending_rate * (bending / EI)) + tangential_rate / n
     return Z + 1j * (turning + radial * (np.arange(MODES) > 0))
 
 
-def _holding(Z: FloatArray | ComplexArray) -> FloatArray | ComplexArray:
-    """Z itself; ModelError if a wave runs as fast as the tire rolls."""
-    if not np.all(Z.real > 0.0):
+def _holding(s: Structure, Z: FloatArray) -> FloatArray:
+    """Z itself; ModelError if a wave runs as fast as the tire rolls, in a belt that yields."""
+    if (np.any(s.shear) or np.any(s.by_waves)) and not np.all(Z > 0.0):
         raise ModelError(
             "a belt that yields so in shear, or in its form, does not hold its waves at this speed",
             allowed="a speed below the belt's critical one is allowed",
@@ -548,8 +524,10 @@ def tangential(task: Task) -> ComplexArray:
     v = np.zeros(inward.shape, np.complex128)
     v[:, 1:] = inward[:, 1:] / (1j * np.arange(1, MODES))
     pressed = pressure(task)
-    around, _ = structures.road_loads(pressed.normal, pressed.traction)
-    v[:, :1] = around[:, :1] / task.base["tangential_stiffness_N_m2"]
+    around = -pressed.normal[:, 1:2].imag  # p sin(phi) + tau cos(phi), on average
+    if pressed.traction is not None:
+        around = around + pressed.traction[:, 1:2].real
+    v[:, :1] = around / task.base["tangential_stiffness_N_m2"]
     return v
 
 
@@ -656,7 +634,7 @@ def baseline(task: Task) -> FloatArray | float:
 def hub_forces(task: Task) -> FloatArray:
     """(F_x, F_z) [N] of a ring, (2, n or 1).
 
-    `ring.ring_hub_forces` at the pressure and traction of the task.
+    `structures.ring_hub_forces` at the pressure and traction of the task.
     """
     pressed = pressure(task)
     carcass = ring_carcass(task)

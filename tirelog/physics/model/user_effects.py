@@ -110,17 +110,10 @@ _WAVES = ("contact_pressure", "strain", "radial_acceleration")
 def effect_by_expression(
     name: str, acts_on: str, expression: str, parameters: tuple[Parameter, ...]
 ) -> Effect:
-    """The effect that a model file describes.
+    """The effect that a model file describes; it acts on one of EXPRESSION_ACTS_ON.
 
-    ModelError if name, place or formula are not allowed.
+    ModelError if name or formula are not allowed.
     """
-    refuse_unknown(
-        acts_on,
-        EXPRESSION_ACTS_ON,
-        f"effect {name!r} acts on {acts_on!r}",
-        do="choose one",
-        error=ModelError,
-    )
     places = PLACES if acts_on in _WAVES else ()
     formula = parse_expression(expression, {*places, *CONDITIONS, *(p.name for p in parameters)})
     return effect_by_formula(name, acts_on, formula, parameters)

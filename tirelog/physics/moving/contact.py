@@ -1,4 +1,4 @@
-"""Road against tread: one-sided springs along the road's normal, and brush friction along the road.
+"""A road, and the tread on it: one-sided springs along its normal, and brush friction along it.
 
 The tread is a ring of M nodes that turn with the belt, h = 2 pi R / M apart. Node j lies at r_j = C
 + (R + w) e_r + v e_t; if it would go below the road, by d = h(x) - z with x = -s, the spring
@@ -11,19 +11,204 @@ them, so nothing is smeared; a node that leaves the road forgets it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import brentq
 
+from tirelog.data.setup import RoadSetup, road_points
 from tirelog.errors import ModelError
 from tirelog.kernels import compiled
 from tirelog.physics.carcass import contact
 from tirelog.physics.carcass.structures import modal_impedance
 from tirelog.physics.moving.ring import CoupledRing
-from tirelog.physics.moving.road import RoadProfile
 from tirelog.physics.spectral import STEP, ComplexArray
 from tirelog.vocabulary.arrays import FloatArray, Records
+
+# ---- The road under a moving tire: height and slope over the distance driven.
+#
+#     `setup.RoadSetup` (a log's [road], or words of a command) --`road_of`--> RoadProfile
+#
+# Heights stand over `x` [m], the distance in the direction of driving, shapes as asked. Every
+# profile is continuous: a step and a cleat have a ramp, since tread that presses along the road's
+# normal has no answer to a wall. What is steeper than `STEEPEST` is refused, and `check_climbable`
+# refuses what is higher than the tire can climb.
+
+#: Steepest slope [m/m] of a ramp. Twice as steep asks for nodes half as far apart to see a ramp as
+#: well.
+STEEPEST = 3.0
+#: Largest rise within one tire diameter, as a share of the radius: the ring's displacements are
+#: small ones. Twice as much would double the strain that a linear ring takes for small.
+HIGHEST = 0.2
+#: Ramp [m] of a step or cleat that names none, as far as its length and the steepest slope allow.
+#: Twice as long makes a softer blow: it is said in the road's own words if it matters.
+RAMP = 0.01
+
+
+@dataclass(frozen=True)
+class RoadProfile:
+    """Height over the distance driven; without any numbers it is flat.
+
+    Heights [m] at growing distances [m], straight between them and level outside; a sine, amplitude
+    (1 - cos(2 pi x / wavelength)) from x = 0 on, which begins level and rises to twice the
+    amplitude. It begins at `at_m`, and comes again every `spacing_m` if that is above zero.
+    """
+
+    distance_m: tuple[float, ...] = ()
+    height_m: tuple[float, ...] = ()
+    amplitude_m: float = 0.0
+    wavelength_m: float | None = None
+    at_m: float = 0.0
+    spacing_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        x, h, wave = np.array(self.distance_m), np.array(self.height_m), self.wavelength_m
+        points = x.ndim == 1 and x.shape == h.shape and x.size != 1
+        waves = wave is None or (wave > 0.0 and np.isfinite(self.amplitude_m))
+        for right, what, allowed, do in (
+            (
+                points and np.isfinite(x).all() and np.isfinite(h).all(),
+                "road profile without two columns of finite numbers",
+                "two points or more are allowed",
+                "give distance and height",
+            ),
+            (
+                not np.any(np.diff(x) <= 0.0),
+                "road profile whose distance does not grow",
+                "growing distances are allowed",
+                "sort the rows, one height each",
+            ),
+            (
+                waves,
+                f"sine road of wavelength {wave or 0.0:g} m",
+                "above zero is allowed",
+                "correct wavelength_m",
+            ),
+        ):
+            if not right:
+                raise ModelError(what, allowed=allowed, do=do)
+        waving = abs(self.amplitude_m) * 2.0 * np.pi / (wave or np.inf)
+        slope = max(waving, np.abs(self._slopes).max())
+        if slope > STEEPEST:
+            raise ModelError(
+                f"road with a slope of {slope:.3g}",
+                allowed=f"up to {STEEPEST:g} is allowed (the tread presses along the road's "
+                "normal)",
+                do="give the step a longer ramp",
+            )
+
+    @cached_property
+    def _slopes(self) -> FloatArray:
+        """dh/dx before the first point, between the points, and after the last."""
+        slopes = np.diff(self.height_m) / np.diff(self.distance_m)
+        return np.concatenate([[0.0], slopes, [0.0]])
+
+    def profile(self, x_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Height [m] and slope [m/m] at `x_m`, each of its shape."""
+        x = x_m - self.at_m
+        if self.wavelength_m is not None:
+            q, x = 2.0 * np.pi / self.wavelength_m, np.maximum(x, 0.0)
+            return self.amplitude_m * (1.0 - np.cos(q * x)), self.amplitude_m * q * np.sin(q * x)
+        if not self.distance_m:
+            return np.zeros_like(x), np.zeros_like(x)
+        if self.spacing_m > 0.0:  # a turn ahead of the first obstacle there is none
+            x = np.where(x > 0.0, np.mod(x, self.spacing_m), x)
+        place = np.searchsorted(self.distance_m, x, side="right")
+        return np.interp(x, self.distance_m, self.height_m), self._slopes[place]
+
+    def check_climbable(self, radius_m: float) -> None:
+        """ModelError if it rises by more than the tire can take within one of its diameters."""
+        x, h = np.array(self.distance_m), np.array(self.height_m)
+        wide, wave = 2.0 * radius_m, self.wavelength_m
+        rises = [float(np.ptp(h[(x >= begin) & (x <= begin + wide)])) for begin in x]
+        rises += [2.0 * abs(self.amplitude_m)] * (wave is not None and wave < 2.0 * wide)
+        rise = next((rise for rise in rises if rise > HIGHEST * radius_m), None)
+        if rise is not None:
+            raise ModelError(
+                f"road that rises {rise:.3g} m within one tire diameter",
+                allowed=f"up to {HIGHEST * radius_m:.3g} m is allowed for a radius of "
+                f"{radius_m:.3g} m (small displacements of the ring)",
+                do="give a lower obstacle",
+            )
+
+
+def road_of(words: RoadSetup, at_m: float = 0.0, *, folder: Path | None = None) -> RoadProfile:
+    """The road that the words describe, its obstacle beginning at `at_m`.
+
+    ModelError if its kind lacks a number, or cannot be rolled over. A profile's file is sought in
+    `folder`, unless its path is absolute.
+    """
+    if words.kind == "flat":
+        return RoadProfile()
+    if words.kind == "sine":
+        amplitude, wavelength = _needed(words, "amplitude_m", "wavelength_m")
+        return RoadProfile(amplitude_m=amplitude, wavelength_m=wavelength, at_m=at_m)
+    if words.kind != "profile":
+        road = _obstacle(words)
+    elif words.file is not None:
+        road = load_road((folder or Path()) / words.file)
+    else:
+        raise ModelError(
+            "road profile without a file",
+            allowed='file = "PATH" is allowed (distance and height, a point a line)',
+            do="name it",
+        )
+    spacing, length = 0.0 if words.kind == "step" else words.spacing_m or 0.0, road.distance_m[-1]
+    if 0.0 < spacing <= length:
+        raise ModelError(
+            f"road that comes again after {spacing:g} m although it is {length:g} m long",
+            allowed="a longer spacing is allowed",
+            do="correct spacing_m",
+        )
+    return replace(road, at_m=at_m, spacing_m=spacing)
+
+
+def _obstacle(words: RoadSetup) -> RoadProfile:
+    """A change of level, or a bar `length_m` long at its foot with a ramp on either side."""
+    needed = ("height_m",) if words.kind == "step" else ("height_m", "length_m")
+    height, *foot = _needed(words, *needed)
+    ramp = words.ramp_m or max(RAMP, 1.01 * abs(height) / STEEPEST)
+    if not foot:
+        return RoadProfile((0.0, ramp), (0.0, height))
+    ramp = words.ramp_m or min(ramp, 0.49 * foot[0])
+    if not 0.0 < ramp < 0.5 * foot[0]:
+        raise ModelError(
+            f"cleat with ramps of {ramp:g} m",
+            allowed="above zero and below half of its width is allowed",
+            do="correct ramp_m",
+        )
+    return RoadProfile((0.0, ramp, foot[0] - ramp, foot[0]), (0.0, height, height, 0.0))
+
+
+def _needed(words: RoadSetup, *names: str) -> tuple[float, ...]:
+    """The numbers of these names.  ModelError if one is lacking."""
+    values = [getattr(words, name) for name in names]
+    lacking = [name for name, value in zip(names, values) if value is None]
+    if lacking:
+        raise ModelError(
+            f"road of kind {words.kind} without {' and '.join(lacking)}",
+            allowed="a number in m is allowed",
+            do="give it",
+        )
+    return tuple(values)
+
+
+def load_road(path: str | Path) -> RoadProfile:
+    """A road profile from a text file.
+
+    Two columns, distance [m] and height [m], comma or blanks between; `#` begins a remark.
+    """
+    points = road_points(path, ModelError).tolist()
+    try:
+        distance, height = points if points[0] else ([0.0], [0.0])  # no points are no flat road
+        return RoadProfile(tuple(distance), tuple(height))
+    except ModelError as problem:
+        raise problem.at(path) from None
+
+
+# ---- The tread's nodes on it.
 
 #: a node when it was seen last: its place along the road and its height, how deep it was below the
 #: road, and the number of that call; NaN: never
@@ -282,22 +467,13 @@ _SPIN_RANGE = 0.05
 _PHI = np.arange(-contact.NODES, contact.NODES + 1, dtype=np.float64) * STEP
 
 
-@dataclass(frozen=True)
-class SteadyRolling:
-    """Steady rolling: modes, height of the ring, sidewall's displacement and spin.
+def steady_rolling(
+    tire: CoupledRing, load_N: float, speed_m_s: float
+) -> tuple[ComplexArray, float, complex, float]:
+    """Steady rolling at a load and a speed: modes, height of the ring, sidewall and spin.
 
     Modes V (N - 1,) [m]; height of the ring's centre above the road [m]; sidewall's displacement
     a = C - H [m]; spin [rad/s].
-    """
-
-    V: ComplexArray
-    centre_m: float
-    displacement: complex
-    omega: float
-
-
-def steady_rolling(tire: CoupledRing, load_N: float, speed_m_s: float) -> SteadyRolling:
-    """The tire's steady rolling at a load and a speed.
 
     ModelError for a load that does not press or a patch that grows beyond the reach of the
     contact.
@@ -323,7 +499,7 @@ def steady_rolling(tire: CoupledRing, load_N: float, speed_m_s: float) -> Steady
         a = 1j * load_N / complex(tire.k_s, -tire.c_s * omega)
         if speed_m_s:
             omega = _free_spin(tire, V, a, _PHI[on], p, speed_m_s)
-    return SteadyRolling(V, tire.R - drop, a, omega)
+    return V, tire.R - drop, a, omega
 
 
 def _compliance(tire: CoupledRing, omega: float) -> tuple[ComplexArray, FloatArray]:

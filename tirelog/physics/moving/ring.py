@@ -449,16 +449,18 @@ def matrices(
 
 def _road(tire: CoupledRing, load_N: float) -> FloatArray:
     """Stiffness of the tread's springs that press at this load, (k, k)."""
-    phi = contact.solve_contact(tire, load_N).phi_rad
-    turns = np.outer(tire.n, phi)
-    cos, sin = 2.0 * np.cos(turns), 2.0 * np.sin(turns)
-    n = tire.n[:, None]
-    gradient = np.zeros((_RINGS + 2 * tire.n.size, phi.size))
-    gradient[3] = 1.0
+    phi, n = contact.solve_contact(tire, load_N).phi_rad, tire.n[:, None]
     # a node's height is C_z - w cos phi + v sin phi;  v = 2 Re V e, w = 2 Re (-i n V e)
-    gradient[_RINGS::2] = -n * sin * np.cos(phi) + cos * np.sin(phi)
-    gradient[_RINGS + 1 :: 2] = -n * cos * np.cos(phi) - sin * np.sin(phi)
+    gradient = _by_places(phi, n, np.sin(phi) + 1j * n * np.cos(phi))
+    gradient[3] = 1.0
     return (tire.k_t * tire.R * STEP) * gradient @ gradient.T
+
+
+def _by_places(phi: FloatArray, n: FloatArray, wave: ComplexArray) -> FloatArray:
+    """Derivatives (k, j) of Re sum 2 V_n exp(i n phi) `wave` (N - 1, j) by the coordinates q."""
+    by_V = 2.0 * np.exp(1j * n * phi) * wave
+    rings = np.zeros((_RINGS, phi.size))
+    return np.vstack([rings, np.stack([by_V.real, -by_V.imag], 1).reshape(-1, phi.size)])
 
 
 def _with_bristles(
@@ -471,20 +473,12 @@ def _with_bristles(
     pressed = contact.solve_contact(tire, load_N)
     half = pressed.half_length_m / tire.R
     width = 2.0 * half / _CELLS
-    phi = -half + width * (np.arange(_CELLS) + 0.5)
-    turns, n, size = np.outer(tire.n, phi), tire.n[:, None], M.size
-    cos, sin = 2.0 * np.cos(turns), 2.0 * np.sin(turns)
-    along, turned = np.zeros((2, size, _CELLS))
-    along[2], along[5] = 1.0, tire.R
+    phi = np.linspace(-half + 0.5 * width, half - 0.5 * width, _CELLS)
+    n, size = tire.n[:, None], M.size
     # s = C_s + w sin phi + v cos phi + R psi;  w' - v = (n^2 - 1) v
-    along[_RINGS::2], along[_RINGS + 1 :: 2] = (
-        n * sin * np.sin(phi) + cos * np.cos(phi),
-        n * cos * np.sin(phi) - sin * np.cos(phi),
-    )
-    turned[_RINGS::2], turned[_RINGS + 1 :: 2] = (
-        (n**2 - 1.0) * cos * np.sin(phi),
-        -(n**2 - 1.0) * sin * np.sin(phi),
-    )
+    along = _by_places(phi, n, np.cos(phi) - 1j * n * np.sin(phi))
+    along[2], along[5] = 1.0, tire.R
+    turned = _by_places(phi, n, np.asarray((n**2 - 1.0) * np.sin(phi), dtype=np.complex128))
     whole = np.zeros((system.shape[0] + _CELLS,) * 2)
     whole[: 2 * size, : 2 * size] = system
     whole[size : 2 * size, 2 * size :] = -tire.c_x * tire.R * width * along / M[:, None]

@@ -17,11 +17,11 @@ have no linear motion in time and are refused.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -29,16 +29,12 @@ from scipy.interpolate import CubicSpline
 from tirelog.data.recording import Conditions
 from tirelog.data.setup import RoadSetup
 from tirelog.errors import ModelError, UsageError
+from tirelog.physics.model.model import Model
 from tirelog.physics.model.stages import Task, loaded_site, loads, structure
-from tirelog.physics.moving.contact import RoadForces, Tread, steady_rolling
+from tirelog.physics.moving.contact import RoadForces, RoadProfile, Tread, road_of, steady_rolling
 from tirelog.physics.moving.ring import CoupledRing, of_model
-from tirelog.physics.moving.road import RoadProfile, road_of
 from tirelog.physics.spectral import ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from tirelog.physics.model.model import Model
-
 
 #: Belt modes and tread nodes of a motion, its longest step [s] and the grid on which it is kept
 #: [s].
@@ -74,20 +70,23 @@ class Schedule:
 
 @dataclass(frozen=True)
 class Course:
-    """What is driven for `duration_s`: axle speed [m/s] and load [N] over time.
+    """What is driven for `duration_s`: axle speed [m/s] and load [N] downwards over time.
 
-    The road's x = 0 is where the wheel starts.
+    The road's x = 0 is where the wheel starts. A torque [N m] on the hub acts with the spin; a
+    `free` hub rolls as it is pushed, and not at that speed.
     """
 
     speed_m_s: Schedule
     load_N: Schedule
     road: RoadProfile
     duration_s: float
+    torque_N_m: Schedule = Schedule((0.0,), (0.0,))
+    free: bool = False
 
 
 @dataclass(frozen=True)
 class Transient:
-    """A motion and what it started from.
+    """A tire's motion (`stepped_motion`) and what it started from.
 
     The start is modes V_0 (N - 1,) and conditions of steady rolling; `remarks` say what is not in
     it.
@@ -96,7 +95,8 @@ class Transient:
     model: Model
     conditions: Conditions
     course: Course
-    motion: RingMotion
+    tire: CoupledRing
+    motion: Any
     steady: ComplexArray
     task: Task
     remarks: tuple[str, ...]
@@ -140,7 +140,7 @@ class Transient:
             still = replace(self.conditions, acceleration_m_s2=np.zeros(1))
             gravity = self.model.predict(still, phi, observable="frame_acceleration")[0]
             reading = (reading - frame) * (
-                omega / self.conditions.speed_m_s[0] * self.motion.tire.R
+                omega / self.conditions.speed_m_s[0] * self.tire.R
             ) ** 2 + gravity
         reading = reading + self.added(observable, phi, time_s, surface=surface)
         return np.where((time_s < grid[0] - KEEP_S) | (time_s > grid[-1]), np.nan, reading)
@@ -155,9 +155,9 @@ class Transient:
         when = np.clip(time_s, self.motion.time_s[0], self.motion.time_s[-1])
         turn = np.exp(1j * phi_rad)
         # exp(i n phi), n = 1 ... N, by products
-        turns = np.cumprod(
-            np.broadcast_to(turn[:, None], (turn.size, self.motion.tire.modes)), axis=1
-        )[:, 1:]
+        turns = np.cumprod(np.broadcast_to(turn[:, None], (turn.size, self.tire.modes)), axis=1)[
+            :, 1:
+        ]
         if observable == "radial_acceleration":
             # C'' [m/s^2], s + i z
             lift = np.gradient(self.motion.centre_rate, self.motion.time_s)
@@ -180,9 +180,9 @@ class Transient:
     @cached_property
     def _curvature(self) -> CubicSpline:
         """Modes of (w + w'') / R^2 of V - V_0 over time, as the sensor hands them on (k, N - 1)."""
-        n = self.motion.tire.n
+        n = self.tire.n
         return self._handed_on(
-            -1j * n * (1.0 - n**2) / self.motion.tire.R**2 * (self.motion.V - self.steady)
+            -1j * n * (1.0 - n**2) / self.tire.R**2 * (self.motion.V - self.steady)
         )
 
     @cached_property
@@ -191,7 +191,7 @@ class Transient:
 
         They are those of V - V_0, with D = d/dt + i n Omega.
         """
-        m, n = self.motion, self.motion.tire.n
+        m, n = self.motion, self.tire.n
         V, rate = m.V - self.steady, m.V_rate
         onward = np.gradient(rate, m.time_s, axis=0)
         omega, spun = m.omega_rad_s[:, None], np.gradient(m.omega_rad_s, m.time_s)[:, None]
@@ -204,10 +204,10 @@ class Transient:
 
         A grating's length acts by wave number, lags by frequency on the belt.
         """
-        m, n = self.motion, self.motion.tire.n
+        m, n = self.motion, self.tire.n
         for a in self.task.active:
             if a.effect.id == "gauge_length":
-                modes = modes * np.sinc(n / m.tire.R * (a.values["length_m"] / (2.0 * np.pi)))
+                modes = modes * np.sinc(n / self.tire.R * (a.values["length_m"] / (2.0 * np.pi)))
         late = self.task.hooks(lambda effect: effect.transfer)
         late.pop("gauge_length", None)
         if late:
@@ -222,7 +222,9 @@ class Transient:
     def _lagged(self, belt: ComplexArray, transfer: ComplexArray) -> ComplexArray:
         """After a sensor's transfer, given at the frequencies n Omega, (k, N - 1)."""
         m, size = self.motion, belt.shape[0]
-        turns = np.arange(transfer.size) * self.conditions.speed_m_s[0] / (2.0 * np.pi * m.tire.R)
+        turns = (
+            np.arange(transfer.size) * self.conditions.speed_m_s[0] / (2.0 * np.pi * self.tire.R)
+        )
         frequency = np.fft.fftfreq(
             2 * size, m.time_s[1] - m.time_s[0]
         )  # twice: no reading comes round to the other end
@@ -273,17 +275,12 @@ def driven(
             do="give a larger position_m",
         )
     load = loads(task).item()
-    weight = course.load_N.scaled(load / conditions.load_N[0])
     start = State.rolling(tire, load, conditions.speed_m_s[0])
     steady = start.V
-    step = (
-        min(1e-4, 0.9 * tire.largest_step_s(max(course.speed_m_s.value)))
-        if step_s is None
-        else step_s
-    )
-    stepper = Stepper(
-        tire, start, HubMotion(weight, course.speed_m_s), course.road, step_s=step, nodes=NODES
-    )
+    if step_s is None:
+        step_s = min(1e-4, 0.9 * tire.largest_step_s(max(course.speed_m_s.value)))
+    pressed = replace(course, load_N=course.load_N.scaled(load / conditions.load_N[0]))
+    stepper = Stepper(tire, start, pressed, step_s=step_s, nodes=NODES)
     tire.check_speed(max(course.speed_m_s.value, key=abs))
     if not min(course.load_N.value) >= 0.0:
         raise ModelError(
@@ -291,20 +288,20 @@ def driven(
             allowed="zero and above is allowed",
             do="correct the load",
         )
-    motion = stepped_motion(stepper, course.duration_s, every=max(round(KEEP_S / step), 1))
+    motion = stepped_motion(stepper, course.duration_s, every=max(round(KEEP_S / step_s), 1))
     remarks = tuple(
         f"{a.effect.id} acts on the steady waveform alone; what the road adds is computed "
         "without it"
         for a in task.having(*_STEADY_ONLY)
     )
-    return Transient(model, conditions, course, motion, steady, task, remarks)
+    return Transient(model, conditions, course, tire, motion, steady, task, remarks)
 
 
 def free_rolling_radius(model: Model, conditions: Conditions) -> float:
     """v / Omega [m] of the model that rolls freely under the one set of conditions."""
     task = next(model._tasks(conditions, model.values))[1]
     speed = float(conditions.speed_m_s[0])
-    return speed / steady_rolling(tire_of(task), loads(task).item(), speed).omega
+    return speed / steady_rolling(tire_of(task), loads(task).item(), speed)[3]
 
 
 def tire_of(task: Task) -> CoupledRing:
@@ -339,7 +336,7 @@ def tire_of(task: Task) -> CoupledRing:
 # ---- What a coupled ring is driven over, put together from events, and its passage as rows of a
 # table.
 #
-# road, speed, load, load steps, speed ramps --`course_of`--> Course --`transient.drive`-->
+# road, speed, load, load steps, speed ramps --`course_of`--> Course --`driven`-->
 # Transient
 # --`passage_columns`--> a row per sensor and time
 
@@ -432,7 +429,7 @@ def passage_columns(transient: Transient, sensors_deg: list[float], surface: str
 #
 # A symmetric step of kicks (road, sidewall) and an exact step of the belt's modes between them.
 #
-# Scenario -> `stepped_motion` -> `RingMotion`, columns over time.  One step h:
+# Course -> `Stepper` -> `stepped_motion`, columns over time.  One step h:
 #
 #     half kick   road and sidewall act on velocities and spin
 #     drift       rigid parts move on; every mode takes the exact step of  m V'' + (c + 2 i gamma
@@ -447,7 +444,9 @@ def passage_columns(transient: Transient, sensors_deg: list[float], surface: str
 # of the vibration alone a few percent come and go at h = 1e-4 and one at 5e-5, since nodes that
 # touch and leave give the force a kink which no order of the step smooths.
 
-_COLUMNS = (
+#: a motion's columns of numbers: forces of the road on the tire, s backwards, and of the sidewall
+#: on the hub, spin, place, energy; and of complex ones, s + i z: velocities of hub and ring
+_NUMBERS = (
     "time_s",
     "force_s_N",
     "force_z_N",
@@ -458,6 +457,7 @@ _COLUMNS = (
     "hub_z_m",
     "energy_J",
 )
+_RATES = ("hub_rate", "centre_rate")
 
 
 @dataclass
@@ -485,8 +485,8 @@ class State:
     ) -> State:
         """Free, steady rolling on a flat road of that height, at x = 0 (`steady_rolling`)."""
         tire.check_speed(speed_m_s)
-        steady = steady_rolling(tire, load_N, speed_m_s)
-        centre, a, omega = 1j * (steady.centre_m + height_m), steady.displacement, steady.omega
+        V, centre_m, a, omega = steady_rolling(tire, load_N, speed_m_s)
+        centre = 1j * (centre_m + height_m)
         # what the sidewall's damping takes from the hub is held by the wind-up
         wound = tire.c_s * omega * abs(a) ** 2 / tire.k_theta
         rate = complex(-speed_m_s)
@@ -499,61 +499,8 @@ class State:
             0.0,
             omega,
             omega,
-            steady.V,
-            np.zeros_like(steady.V),
-        )
-
-
-@dataclass(frozen=True)
-class HubMotion:
-    """What is done to the hub, as functions of time [s].
-
-    Load [N] downwards, speed [m/s] (None: free), torque [N m] with the spin.
-    """
-
-    load_N: Callable[[float], float]
-    speed_m_s: Callable[[float], float] | None = None
-    torque_N_m: Callable[[float], float] = field(default=lambda time: 0.0)
-
-
-@dataclass(frozen=True)
-class RingMotion:
-    """Forces, spin and belt over time as columns, each (k,) or (k, N - 1).
-
-    The forces are those of the road and of the spindle.
-
-    force_s_N, force_z_N  of the road on the tire, s backwards; spindle_s_N, spindle_z_N  of the
-                          sidewall on the hub
-    hub_rate, centre_rate  velocities (k,) of hub and ring, s + i z
-    """
-
-    tire: CoupledRing
-    time_s: FloatArray
-    force_s_N: FloatArray
-    force_z_N: FloatArray
-    spindle_s_N: FloatArray
-    spindle_z_N: FloatArray
-    omega_rad_s: FloatArray
-    psi_rad: FloatArray
-    hub_z_m: FloatArray
-    energy_J: FloatArray
-    V: ComplexArray
-    V_rate: ComplexArray
-    hub_rate: ComplexArray
-    centre_rate: ComplexArray
-
-    def strain(self, theta_rad: float, lever_m: float) -> FloatArray:
-        """Strain (k,) at the belt's own angle theta.
-
-        (y / R^2) (w + w''), w outward (errata); `lever_m` toward the axle is positive.
-        """
-        n = self.tire.n
-        turn = np.exp(1j * np.outer(self.psi_rad + theta_rad, n))
-        return np.asarray(
-            lever_m
-            / self.tire.R**2
-            * 2.0
-            * np.sum(-1j * n * (1.0 - n**2) * self.V * turn, axis=1).real
+            V,
+            np.zeros_like(V),
         )
 
 
@@ -567,14 +514,13 @@ class Stepper:
         self,
         tire: CoupledRing,
         state: State,
-        drive: HubMotion,
-        road: RoadProfile | None = None,
+        course: Course,
         *,
         step_s: float = 1e-4,
         nodes: int = 1536,
     ) -> None:
-        self.tire, self.state, self.drive, self.step_s = tire, state, drive, step_s
-        self.tread = Tread(tire, road or RoadProfile(), nodes)
+        self.tire, self.state, self.course, self.step_s = tire, state, course, step_s
+        self.tread = Tread(tire, course.road, nodes)
         self.time_s = 0.0
         speed = abs(state.omega) * tire.R
         tire.check_speed(speed)
@@ -648,18 +594,18 @@ class Stepper:
         self._after = -c / K - d * self._before
 
     def _kick(self, h: float, beta: ComplexArray) -> None:
-        """Impulses of road, springs and what the drive applies, over h.
+        """Impulses of road, springs and what the course applies, over h.
 
         The modes take theirs by `beta`.
         """
-        s, tire, drive, road = self.state, self.tire, self.drive, self.road_forces
+        s, tire, course, road = self.state, self.tire, self.course, self.road_forces
         spring = tire.k_s * (s.centre - s.hub)
         wound = tire.k_theta * (s.psi - s.psi_hub)
         s.centre_rate += h / tire.m_r * (road.force - spring)
-        s.hub_rate += h / tire.m_h * (spring - 1j * drive.load_N(self.time_s))
-        if drive.speed_m_s is not None:
-            s.hub_rate = complex(-drive.speed_m_s(self.time_s), s.hub_rate.imag)
-        s.omega_hub += h / tire.J_h * (wound + drive.torque_N_m(self.time_s))
+        s.hub_rate += h / tire.m_h * (spring - 1j * course.load_N(self.time_s))
+        if not course.free:
+            s.hub_rate = complex(-course.speed_m_s(self.time_s), s.hub_rate.imag)
+        s.omega_hub += h / tire.J_h * (wound + course.torque_N_m(self.time_s))
         s.V_rate = s.V_rate + beta * road.modes
         self._momentum += h * (road.torque - wound)
         self._respin()
@@ -679,13 +625,13 @@ class Stepper:
         across = 1j * (s.centre - s.hub)
         sliding = s.centre_rate - s.hub_rate - s.omega_hub * across
         free = 1.0 / tire.m_r + 1.0 / tire.m_h
-        held = free if self.drive.speed_m_s is None else 1.0 / tire.m_r
+        held = free if self.course.free else 1.0 / tire.m_r
         impulse = complex(
             sliding.real * math.expm1(-tire.c_s * held * h) / held,
             sliding.imag * math.expm1(-tire.c_s * free * h) / free,
         )
         s.centre_rate += impulse / tire.m_r
-        s.hub_rate -= (impulse if self.drive.speed_m_s is None else 1j * impulse.imag) / tire.m_h
+        s.hub_rate -= (impulse if self.course.free else 1j * impulse.imag) / tire.m_h
         inverse = 1.0 / tire.J_r + 1.0 / tire.J_h
         turn = (s.omega - s.omega_hub) * math.expm1(-tire.c_theta * inverse * h) / inverse
         s.omega_hub -= (turn + (impulse.conjugate() * across).real) / tire.J_h
@@ -730,13 +676,13 @@ class Stepper:
         return tire.k_s * a + tire.c_s * (s.centre_rate - s.hub_rate - 1j * s.omega_hub * a)
 
 
-def stepped_motion(stepper: Stepper, duration_s: float, *, every: int = 10) -> RingMotion:
-    """The motion over `duration_s`, every `every`-th step kept.
+def stepped_motion(stepper: Stepper, duration_s: float, *, every: int = 10) -> Any:
+    """The motion over `duration_s` as a table (k,), every `every`-th step kept.
 
-    ModelError if the ring turns inside out or flies apart.
+    Its columns are attributes: _NUMBERS, _RATES, and the modes V and V_rate (k, N - 1). ModelError
+    if the ring turns inside out or flies apart.
     """
-    rows: list[list[float]] = []
-    shapes: list[tuple[Any, ...]] = []
+    rows: list[tuple[Any, ...]] = []
     for index in range(max(round(duration_s / stepper.step_s), 1)):
         stepper.step()
         if index % every:
@@ -748,11 +694,9 @@ def stepped_motion(stepper: Stepper, duration_s: float, *, every: int = 10) -> R
                 allowed="displacements below half of the radius are allowed",
                 do="lower the load, the obstacle or the step",
             )
-        hub = (s.omega, s.psi, s.hub.imag, stepper.energy())
-        rows.append([stepper.time_s, force.real, force.imag, spindle.real, spindle.imag, *hub])
-        shapes.append((s.V, s.V_rate, s.hub_rate, s.centre_rate))
-    columns = dict(zip(_COLUMNS, np.array(rows).T))
-    V, V_rate, hub_rate, centre_rate = (np.array(each) for each in zip(*shapes))
-    return RingMotion(
-        stepper.tire, V=V, V_rate=V_rate, hub_rate=hub_rate, centre_rate=centre_rate, **columns
-    )
+        hub = (s.omega, s.psi, s.hub.imag, stepper.energy(), s.hub_rate, s.centre_rate)
+        forces = (force.real, force.imag, spindle.real, spindle.imag)
+        rows.append((stepper.time_s, *forces, *hub, s.V, s.V_rate))
+    waves = [(name, "c16", stepper.tire.n.size) for name in ("V", "V_rate")]
+    columns = [*((name, "f8") for name in _NUMBERS), *((name, "c16") for name in _RATES), *waves]
+    return np.array(rows, np.dtype(columns)).view(np.recarray)

@@ -37,7 +37,8 @@ from scipy.interpolate import BSpline
 
 from tirelog.errors import UsageError
 from tirelog.kernels import compiled
-from tirelog.simulation.scenario.schema import BENDING_N_M2, TrueTire
+from tirelog.simulation.scenario.schema import BENDING_N_M2
+from tirelog.storage.schema import Record
 from tirelog.vocabulary.arrays import FloatArray
 
 # ---- Compiled: banded circulant systems, solved by elimination of all but the last five unknowns.
@@ -278,7 +279,7 @@ _LISTED_HZ = 300.0
 class Belt:
     """The belt's stencils on `splines`; `tension_N` is p b R.  UsageError for what cannot move."""
 
-    tire: TrueTire
+    tire: Record
     tension_N: float
     splines: Splines
 

@@ -34,10 +34,10 @@ from tirelog.errors import UsageError
 from tirelog.simulation.rolling import step_kernel as kernel
 from tirelog.simulation.rolling.belt import Belt, Splines
 from tirelog.simulation.rolling.step_kernel import DRIVE, MOMENT
-from tirelog.simulation.scenario.drive import Fluctuation, TrueDrive
-from tirelog.simulation.scenario.schema import Road, Scenario, Sensor
+from tirelog.simulation.scenario.schema import Scenario
 from tirelog.simulation.sensors.sampling import RIDING, Times, lagrange, steady_truth
-from tirelog.simulation.steady.waveforms import World
+from tirelog.simulation.steady.waveforms import Fluctuation, TrueDrive, World
+from tirelog.storage.schema import Record
 from tirelog.vocabulary.arrays import FloatArray, Records
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 
@@ -72,7 +72,7 @@ class TrueProfile:
     wavelength_m: float = 1.0
 
 
-def profile_of(road: Road, radius_m: float, distance_m: float) -> TrueProfile:
+def profile_of(road: Record, radius_m: float, distance_m: float) -> TrueProfile:
     """The scenario's profile over `distance_m` of driving.
 
     UsageError for one that a tire of this radius cannot roll over.
@@ -96,7 +96,7 @@ def profile_of(road: Road, radius_m: float, distance_m: float) -> TrueProfile:
     return TrueProfile(corner, height)
 
 
-def begins(road: Road, distance_m: float) -> FloatArray:
+def begins(road: Record, distance_m: float) -> FloatArray:
     """Where the obstacle begins, each time that it comes within `distance_m`; at least once."""
     first, again = road.position_m or 0.0, 0.0
     if road.kind in ("cleat", "profile"):
@@ -105,7 +105,7 @@ def begins(road: Road, distance_m: float) -> FloatArray:
     return np.asarray(first + again * np.arange(count), float)
 
 
-def _needed(road: Road, *names: str) -> tuple[float, ...]:
+def _needed(road: Record, *names: str) -> tuple[float, ...]:
     values = [getattr(road, name) for name in names]
     lacking = [name for name, value in zip(names, values, strict=True) if value is None]
     if lacking:
@@ -117,7 +117,7 @@ def _needed(road: Road, *names: str) -> tuple[float, ...]:
     return tuple(values)
 
 
-def _obstacle(road: Road) -> tuple[FloatArray, FloatArray]:
+def _obstacle(road: Record) -> tuple[FloatArray, FloatArray]:
     """Corners [m] behind the obstacle's begin, and heights."""
     if road.kind == "profile":
         if not road.file:
@@ -176,7 +176,7 @@ def _check_rise(rise_m: float, radius_m: float) -> None:
         )
 
 
-def _wave(road: Road, radius_m: float, begin_m: float) -> TrueProfile:
+def _wave(road: Record, radius_m: float, begin_m: float) -> TrueProfile:
     amplitude, wavelength = _needed(road, "amplitude_m", "wavelength_m")
     if not wavelength > 0.0:
         raise UsageError(
@@ -450,11 +450,6 @@ class RolledWorld(World):
         """The hub's way forward from the log's start [m]."""
         return np.asarray(self._way.angle_at(time_s) * self._way.radius_m, float)
 
-    def fluctuation(self, time_s: FloatArray) -> FloatArray:
-        if not self.scenario.road.roughness:
-            return np.zeros_like(time_s)
-        return self.roughness(self.distance(time_s))
-
     def _orders(self, time_s: FloatArray) -> Records:
         """The drive at the steps, (n,) of DRIVE, with the distance at the steps' ends."""
         drive, tire = self._way, self.scenario.tire
@@ -538,14 +533,14 @@ class RolledWorld(World):
             tire.run(self._orders(np.asarray(start_s + step * part, float)), every=part.size)
         tire.damp_hub(scenario.vehicle.suspension_damping_N_s_m)
 
-    def _rider(self, sensor: Sensor, angle_rad: float) -> FloatArray:
+    def _rider(self, sensor: Record, angle_rad: float) -> FloatArray:
         """What reads the belt at one place.
 
         v, w = -v' and the strain -y (v' + v''')/R^2 (y towards the axle).
         """
         radius, splines = self.belt.radius_m, self.belt.splines
-        gauge = self._sensor_effects(sensor)[0] or 0.0
-        length = gauge if isinstance(gauge, float) else gauge["length_m"]
+        gauge, _ = self.sensor_effects(sensor)
+        length = gauge["length_m"] if gauge is not None else 0.0
         bent = -self.lever(sensor) / radius**2 if sensor.kind != "radial_acceleration" else 0.0
         strain = splines.functional(angle_rad, {1: bent, 3: bent}, length / radius)
         return np.stack(
@@ -605,15 +600,15 @@ class RolledWorld(World):
         upwards = bent(up + self.motion.hub_z_m) + STANDARD_GRAVITY_M_S2
         return np.asarray((bent(back) - forward) * np.sin(phi) - upwards * np.cos(phi), float)
 
-    def _passed_on(self, series: FloatArray, sensor: Sensor) -> FloatArray:
+    def _passed_on(self, series: FloatArray, sensor: Record) -> FloatArray:
         """A series (k,) behind the instrument's first-order lag and within its bandwidth.
 
         The bandwidth is a second-order magnitude without delay.
         """
-        _, lag = self._sensor_effects(sensor)
+        _, lag = self.sensor_effects(sensor)
         if lag is None and sensor.bandwidth_Hz is None:
             return series
-        tau = 0.0 if lag is None else lag if isinstance(lag, float) else lag["lag_s"]
+        tau = lag["lag_s"] if lag is not None else 0.0
         step = float(self.time_s[1] - self.time_s[0])
         size = 2 * series.size
         frequency = np.fft.rfftfreq(size, step)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from tirelog.errors import UsageError
 from tirelog.storage.schema import (
@@ -22,6 +22,7 @@ from tirelog.storage.schema import (
     Document,
     Entries,
     FilePlace,
+    KeyKind,
     Named,
     Record,
     Table,
@@ -185,7 +186,13 @@ SOURCE_UNITS = {
 }
 
 
-class TrueTire(Record):
+def _record(name: str, meaning: str, /, **keys: tuple[KeyKind | None, Any]) -> type[Record]:
+    """The records of one table: their name, what the table means, its keys."""
+    return type(name, (Record,), {"keys": keys, "__doc__": meaning, "__module__": __name__})
+
+
+TrueTire = _record(
+    "TrueTire",
     """[tire]. What the setup says of the tire, and the stiffnesses that only the truth knows.
 
     Beam: EJ, k, mu, patch half length L = L_ref (F / reference load)^exponent. Ring (centre line of
@@ -196,77 +203,74 @@ class TrueTire(Record):
     slips, or not at all). Coupled ring: the ring's, with damping by rate, on a hub
     (`hub_mass_kg`, `hub_inertia_kg_m2`), rubbing by `bristle_stiffness_N_m2` and `friction`; k_v
     resists its wind-up.
-    """
-
-    keys: ClassVar = {
-        "name": (TEXT, "215/45 R17"),
-        "unloaded_radius_m": (number(0.05, 3.0), 0.3126),
-        "rolling_radius_m": (number(0.05, 3.0), 0.305),
-        "section_height_m": (number(1e-3, 0.2), 0.018),
-        "width_m": (number(0.01, 2.0), 0.215),
-        "section_area_m2": (number(1e-6, 1.0), 6.2e-4),
-        "viscosity_Pa_s": (number(0.0, 1e9), 2.0e3),
-        "static_footprint_length_m": (number(0.0, 2.0), None),
-        "flexural_stiffness_N_m2": (number(1e-3, 1e4), None),
-        "foundation_stiffness_N_m2": (number(1e3, 1e10), 2.0e6),
-        "line_mass_kg_m": (number(0.0, 1e3), 4.5),
-        "patch_half_length_m": (number(1e-3, 0.4), 0.058),
-        "reference_load_N": (number(1.0, 1e6), 3434.0),
-        "patch_load_exponent": (number(0.0, 3.0), 0.5),
-        "lever_arm_m": (number(0.0, 0.1), 3.0e-4),
-        "damping_rate_1_s": (number(0.0, 1e5), 0.0),
-        "contact": (words(*CONTACTS), "flat_road"),
-        "radial_stiffness_N_m2": (number(1e3, 1e9), 6.3e5),
-        "tangential_stiffness_N_m2": (number(1e3, 1e9), 6.3e5),
-        "radial_damping_N_s_m2": (number(0.0, 1e6), 0.0),
-        "tangential_damping_N_s_m2": (number(0.0, 1e6), 0.0),
-        "width_belt_m": (number(0.0, 2.0), 0.14),
-        "tread_stiffness_N_m2": (number(1e5, 1e11), 8.75e7),
-        "torsional_stiffness_N_m2": (number(1e3, 1e9), None),
-        "slip_stiffness_N": (number(1e3, 1e9), None),
-        "hub_mass_kg": (number(0.1, 1e4), 20.0),
-        "hub_inertia_kg_m2": (number(1e-3, 1e4), 0.8),
-        "bristle_stiffness_N_m2": (number(0.0, 1e10), 1.9e6),
-        "friction": (number(0.0, 5.0), 0.8),
-    }
+    """,
+    name=(TEXT, "215/45 R17"),
+    unloaded_radius_m=(number(0.05, 3.0), 0.3126),
+    rolling_radius_m=(number(0.05, 3.0), 0.305),
+    section_height_m=(number(1e-3, 0.2), 0.018),
+    width_m=(number(0.01, 2.0), 0.215),
+    section_area_m2=(number(1e-6, 1.0), 6.2e-4),
+    viscosity_Pa_s=(number(0.0, 1e9), 2.0e3),
+    static_footprint_length_m=(number(0.0, 2.0), None),
+    flexural_stiffness_N_m2=(number(1e-3, 1e4), None),
+    foundation_stiffness_N_m2=(number(1e3, 1e10), 2.0e6),
+    line_mass_kg_m=(number(0.0, 1e3), 4.5),
+    patch_half_length_m=(number(1e-3, 0.4), 0.058),
+    reference_load_N=(number(1.0, 1e6), 3434.0),
+    patch_load_exponent=(number(0.0, 3.0), 0.5),
+    lever_arm_m=(number(0.0, 0.1), 3.0e-4),
+    damping_rate_1_s=(number(0.0, 1e5), 0.0),
+    contact=(words(*CONTACTS), "flat_road"),
+    radial_stiffness_N_m2=(number(1e3, 1e9), 6.3e5),
+    tangential_stiffness_N_m2=(number(1e3, 1e9), 6.3e5),
+    radial_damping_N_s_m2=(number(0.0, 1e6), 0.0),
+    tangential_damping_N_s_m2=(number(0.0, 1e6), 0.0),
+    width_belt_m=(number(0.0, 2.0), 0.14),
+    tread_stiffness_N_m2=(number(1e5, 1e11), 8.75e7),
+    torsional_stiffness_N_m2=(number(1e3, 1e9), None),
+    slip_stiffness_N=(number(1e3, 1e9), None),
+    hub_mass_kg=(number(0.1, 1e4), 20.0),
+    hub_inertia_kg_m2=(number(1e-3, 1e4), 0.8),
+    bristle_stiffness_N_m2=(number(0.0, 1e10), 1.9e6),
+    friction=(number(0.0, 5.0), 0.8),
+)
 
 
-class TrueConditions(Record):
+TrueConditions = _record(
+    "TrueConditions",
     """The table [conditions] of a scenario.
 
     `warm_up_K` is the rise of the tire's temperature, first order with `warm_up_time_s`, from the
     log's start.
-    """
-
-    keys: ClassVar = {
-        "load_N": (number(1.0, 1e6), 3434.0),
-        "inflation_pressure_Pa": (number(0.0, 1e8), 2.2e5),
-        "distance_km": (number(0.0, 1e6), 0.0),
-        "water_depth_mm": (number(0.0, 100.0), 0.0),
-        "driven": (FLAG, True),
-        "warm_up_K": (number(-100.0, 200.0), 0.0),
-        "warm_up_time_s": (number(0.1, 1e5), 60.0),
-    }
+    """,
+    load_N=(number(1.0, 1e6), 3434.0),
+    inflation_pressure_Pa=(number(0.0, 1e8), 2.2e5),
+    distance_km=(number(0.0, 1e6), 0.0),
+    water_depth_mm=(number(0.0, 100.0), 0.0),
+    driven=(FLAG, True),
+    warm_up_K=(number(-100.0, 200.0), 0.0),
+    warm_up_time_s=(number(0.1, 1e5), 60.0),
+)
 
 
-class Vehicle(Record):
+Vehicle = _record(
+    "Vehicle",
     """The table [vehicle] of a scenario.
 
     Longitudinal force of the wheel: half the demand in drive if driven, `brake_share` of it in
     braking, none in coasting. `suspension_damping_N_s_m` holds the coupled ring's hub against a
     body that stands still.
-    """
-
-    keys: ClassVar = {
-        "mass_kg": (number(1.0, 1e5), 1500.0),
-        "brake_share": (number(0.0, 1.0), 0.25),
-        "rolling_drag": (number(0.0, 1.0), 0.012),
-        "air_drag_kg_m": (number(0.0, 100.0), 0.4),
-        "suspension_damping_N_s_m": (number(0.0, 1e6), 0.0),
-    }
+    """,
+    mass_kg=(number(1.0, 1e5), 1500.0),
+    brake_share=(number(0.0, 1.0), 0.25),
+    rolling_drag=(number(0.0, 1.0), 0.012),
+    air_drag_kg_m=(number(0.0, 100.0), 0.4),
+    suspension_damping_N_s_m=(number(0.0, 1e6), 0.0),
+)
 
 
-class Road(Record):
+Road = _record(
+    "Road",
     """The table [road] of a scenario, and how the load varies along it.
 
     `roughness` relative standard deviation of the load along the road, correlated over
@@ -278,144 +282,135 @@ class Road(Record):
     within it); "sine" (`amplitude_m` (1 - cos(2 pi x/`wavelength_m`))); "profile" (`file`: two
     columns, distance and height, beside the scenario). It begins `position_m` after the log's
     start, and comes again every `spacing_m` (a cleat or a profile).
-    """
-
-    keys: ClassVar = {
-        "roughness": (number(0.0, 0.2), 0.0),
-        "correlation_m": (number(0.2, 100.0), 2.0),
-        "load_scatter": (number(0.0, 0.2), 0.0),
-        "kind": (words(*ROADS), "flat"),
-        "height_m": (number(-1.0, 1.0), None),
-        "length_m": (number(0.0, 100.0), None),
-        "ramp_m": (number(0.0, 100.0), None),
-        "amplitude_m": (number(-1.0, 1.0), None),
-        "wavelength_m": (number(0.0, 1e4), None),
-        "file": (TEXT, None),
-        "position_m": (number(0.0, 1e6), None),
-        "spacing_m": (number(0.0, 1e6), None),
-    }
+    """,
+    roughness=(number(0.0, 0.2), 0.0),
+    correlation_m=(number(0.2, 100.0), 2.0),
+    load_scatter=(number(0.0, 0.2), 0.0),
+    kind=(words(*ROADS), "flat"),
+    height_m=(number(-1.0, 1.0), None),
+    length_m=(number(0.0, 100.0), None),
+    ramp_m=(number(0.0, 100.0), None),
+    amplitude_m=(number(-1.0, 1.0), None),
+    wavelength_m=(number(0.0, 1e4), None),
+    file=(TEXT, None),
+    position_m=(number(0.0, 1e6), None),
+    spacing_m=(number(0.0, 1e6), None),
+)
 
 
-class LoadStep(Record):
+LoadStep = _record(
+    "LoadStep",
     """A step of the load, from [[load_steps]] (coupled ring only).
 
     From `time_s` on the wheel carries `load_N`, reached within `rise_s`.
-    """
-
-    keys: ClassVar = {
-        "time_s": (number(0.0, 1e5), 0.0),
-        "load_N": (number(1.0, 1e6), 3434.0),
-        "rise_s": (number(1e-3, 1e3), 0.02),
-    }
+    """,
+    time_s=(number(0.0, 1e5), 0.0),
+    load_N=(number(1.0, 1e6), 3434.0),
+    rise_s=(number(1e-3, 1e3), 0.02),
+)
 
 
 #: harmonics of the wheel that run-out and force variation may have
 WHEEL_HARMONICS = 3
 
 
-class RunOut(Record):
+RunOut = _record(
+    "RunOut",
     """The table [nuisances.run_out] of a scenario: strain that goes round with the wheel.
 
     The h-th harmonic adds amplitude cos(h (wheel angle) - phase) to every strain channel, whatever
     the road does: a bent rim, a splice far away, an eccentric hub.
-    """
-
-    keys: ClassVar = {
-        "amplitudes_microstrain": (numbers(0.0, 1e3, WHEEL_HARMONICS), ()),
-        "phases_deg": (numbers(-360.0, 360.0, WHEEL_HARMONICS), ()),
-    }
+    """,
+    amplitudes_microstrain=(numbers(0.0, 1e3, WHEEL_HARMONICS), ()),
+    phases_deg=(numbers(-360.0, 360.0, WHEEL_HARMONICS), ()),
+)
 
 
-class ForceVariation(Record):
+ForceVariation = _record(
+    "ForceVariation",
     """The table [nuisances.force_variation] of a scenario: load that varies with the wheel's turn.
 
     The load is multiplied by 1 + sum of share cos(h (wheel angle) - phase).
-    """
-
-    keys: ClassVar = {
-        "shares": (numbers(0.0, 0.1, WHEEL_HARMONICS), ()),
-        "phases_deg": (numbers(-360.0, 360.0, WHEEL_HARMONICS), ()),
-    }
+    """,
+    shares=(numbers(0.0, 0.1, WHEEL_HARMONICS), ()),
+    phases_deg=(numbers(-360.0, 360.0, WHEEL_HARMONICS), ()),
+)
 
 
-class LoadWander(Record):
+LoadWander = _record(
+    "LoadWander",
     """The table [nuisances.load_wander] of a scenario: grade and wind.
 
     The load is multiplied by 1 + an Ornstein-Uhlenbeck process of standard deviation `share`,
     which forgets within `time_constant_s`. Scatter from manoeuvre to manoeuvre is
     [road] load_scatter.
-    """
-
-    keys: ClassVar = {
-        "share": (number(0.0, 0.1), 0.0),
-        "time_constant_s": (number(1.0, 1e4), 3.0),
-    }
+    """,
+    share=(number(0.0, 0.1), 0.0),
+    time_constant_s=(number(1.0, 1e4), 3.0),
+)
 
 
-class Warming(Record):
+Warming = _record(
+    "Warming",
     """The table [nuisances.warming] of a scenario: what the tire's temperature changes.
 
     Relative changes per K of `warm_up_K` under [conditions]: foundation (the ring's both
     stiffnesses), bending stiffness, prescribed patch length, inflation pressure; `strain_per_K` is
     the baseline's. Setups tell the pressure of the log's start; a channel of kind
     inflation_pressure or temperature follows.
-    """
-
-    keys: ClassVar = {
-        "stiffness_per_K": (number(-0.02, 0.02), 0.0),
-        "bending_per_K": (number(-0.02, 0.02), 0.0),
-        "patch_length_per_K": (number(-0.02, 0.02), 0.0),
-        "pressure_per_K": (number(-0.02, 0.02), 0.0),
-        "strain_per_K": (number(-1e-4, 1e-4), 0.0),
-    }
+    """,
+    stiffness_per_K=(number(-0.02, 0.02), 0.0),
+    bending_per_K=(number(-0.02, 0.02), 0.0),
+    patch_length_per_K=(number(-0.02, 0.02), 0.0),
+    pressure_per_K=(number(-0.02, 0.02), 0.0),
+    strain_per_K=(number(-1e-4, 1e-4), 0.0),
+)
 
 
-class RollingRadius(Record):
+RollingRadius = _record(
+    "RollingRadius",
     """The table [nuisances.rolling_radius] of a scenario: the setup's radius is not the true one.
 
     True rolling radius = the setup's (1 + `error`) (1 + `growth` (v/`at_speed_m_s`)^2): the belt is
     longer at speed, so that the wheel turns less.
-    """
-
-    keys: ClassVar = {
-        "error": (number(-0.1, 0.1), 0.0),
-        "growth": (number(0.0, 0.1), 0.0),
-        "at_speed_m_s": (number(1.0, 120.0), 25.0),
-    }
+    """,
+    error=(number(-0.1, 0.1), 0.0),
+    growth=(number(0.0, 0.1), 0.0),
+    at_speed_m_s=(number(1.0, 120.0), 25.0),
+)
 
 
-class Nuisances(Record):
+Nuisances = _record(
+    "Nuisances",
     """The table [nuisances] of a scenario: what every car has and no model of the tire tells.
 
     Absent: none. What an instrument does (coloured noise, hum, digits, lost peaks) stands with its
     channel, scatter of the load with the road, the patch's exponent with the tire.
-    """
-
-    keys: ClassVar = {
-        "run_out": (table_of(RunOut), RunOut()),
-        "force_variation": (table_of(ForceVariation), ForceVariation()),
-        "load_wander": (table_of(LoadWander), LoadWander()),
-        "warming": (table_of(Warming), Warming()),
-        "rolling_radius": (table_of(RollingRadius), RollingRadius()),
-    }
+    """,
+    run_out=(table_of(RunOut), RunOut()),
+    force_variation=(table_of(ForceVariation), ForceVariation()),
+    load_wander=(table_of(LoadWander), LoadWander()),
+    warming=(table_of(Warming), Warming()),
+    rolling_radius=(table_of(RollingRadius), RollingRadius()),
+)
 
 
-class Manoeuvre(Record):
+Manoeuvre = _record(
+    "Manoeuvre",
     """A manoeuvre, from [[manoeuvres]].
 
     `duration_s` seconds to `speed_m_s` at constant acceleration, corners rounded over
     `Scenario.rounding_s`. Without `regime` the acceleration decides: |a| < 0.15 m/s^2 cruise, > 0
     drive, > -1.5 coast, else brake.
-    """
-
-    keys: ClassVar = {
-        "duration_s": (number(0.05, 1e5), 5.0),
-        "speed_m_s": (number(0.0, 120.0), 10.0),
-        "regime": (words(*REGIMES), None),
-    }
+    """,
+    duration_s=(number(0.05, 1e5), 5.0),
+    speed_m_s=(number(0.0, 120.0), 10.0),
+    regime=(words(*REGIMES), None),
+)
 
 
-class Sensor(Record):
+Sensor = _record(
+    "Sensor",
     """A sensor, from [channels.NAME].
 
     One instrument channel. `noise` and `quantisation` are in the unit that the file holds (nm,
@@ -430,67 +425,64 @@ class Sensor(Record):
     Encoder:
     `steps`, `signal`, `amplitude`, `offset`, `pitch_error_deg` (drawn by `pitch_seed`),
     `missing_teeth`, `extra_teeth`.
-    """
-
-    keys: ClassVar = {
-        "kind": (words(*SOURCE_UNITS), ""),
-        "source": (TEXT, ""),
-        "sampling_rate_Hz": (number(1.0, 1e6), 2500.0),
-        "angle_deg": (number(-360.0, 360.0), 0.0),
-        "surface": (words("outer", "inner"), "outer"),
-        "noise": (number(0.0, 1e6), 0.0),
-        "noise_correlation": (number(0.0, 0.999), 0.0),
-        "hum": (number(0.0, 1e6), 0.0),
-        "hum_Hz": (number(0.1, 1e5), 50.0),
-        "flicker": (number(0.0, 1e6), 0.0),
-        "quantisation": (number(0.0, 1e6), 0.0),
-        "lost_fraction": (number(0.0, 0.9), 0.0),
-        "lost_run": (number(1.0, 1e4), 1.0),
-        "lost_at_flanks": (number(0.0, 0.9), 0.0),
-        "jitter_s": (number(0.0, 0.1), 0.0),
-        "gauge_length_m": (number(0.0, 0.2), 0.0),
-        "lag_s": (number(0.0, 1.0), 0.0),
-        "delay_s": (number(0.0, 1.0), 0.0),
-        "bandwidth_Hz": (number(1.0, 1e6), None),
-        "coupling_Hz": (number(0.0, 100.0), 0.0),
-        "baseline": (number(-0.1, 0.1), 0.0),
-        "reference_wavelength_nm": (number(100.0, 1e5), 1550.0),
-        "strain_gain": (number(0.1, 100.0), 1.27),
-        "thermal_expansion_1_K": (number(-1.0, 1.0), 0.0),
-        "temperature_sensitivity_nm_K": (number(1e-6, 10.0), 0.010),
-        "temperature_channel": (TEXT, None),
-        "range": (number(1e-9, 1e9), None),
-        "bits": (number(4, 32, whole=True), None),
-        "steps": (number(2, 10000, whole=True), 48),
-        "signal": (words("sine", "square", "counter"), "sine"),
-        "amplitude": (number(1e-6, 1e3), 1.0),
-        "offset": (number(-1e3, 1e3), 0.0),
-        "pitch_error_deg": (number(0.0, 5.0), 0.0),
-        "pitch_seed": (number(0, 2**31, whole=True), 0),
-        "missing_teeth": (numbers(0, whole=True), ()),
-        "extra_teeth": (numbers(0, whole=True), ()),
-    }
+    """,
+    kind=(words(*SOURCE_UNITS), ""),
+    source=(TEXT, ""),
+    sampling_rate_Hz=(number(1.0, 1e6), 2500.0),
+    angle_deg=(number(-360.0, 360.0), 0.0),
+    surface=(words("outer", "inner"), "outer"),
+    noise=(number(0.0, 1e6), 0.0),
+    noise_correlation=(number(0.0, 0.999), 0.0),
+    hum=(number(0.0, 1e6), 0.0),
+    hum_Hz=(number(0.1, 1e5), 50.0),
+    flicker=(number(0.0, 1e6), 0.0),
+    quantisation=(number(0.0, 1e6), 0.0),
+    lost_fraction=(number(0.0, 0.9), 0.0),
+    lost_run=(number(1.0, 1e4), 1.0),
+    lost_at_flanks=(number(0.0, 0.9), 0.0),
+    jitter_s=(number(0.0, 0.1), 0.0),
+    gauge_length_m=(number(0.0, 0.2), 0.0),
+    lag_s=(number(0.0, 1.0), 0.0),
+    delay_s=(number(0.0, 1.0), 0.0),
+    bandwidth_Hz=(number(1.0, 1e6), None),
+    coupling_Hz=(number(0.0, 100.0), 0.0),
+    baseline=(number(-0.1, 0.1), 0.0),
+    reference_wavelength_nm=(number(100.0, 1e5), 1550.0),
+    strain_gain=(number(0.1, 100.0), 1.27),
+    thermal_expansion_1_K=(number(-1.0, 1.0), 0.0),
+    temperature_sensitivity_nm_K=(number(1e-6, 10.0), 0.010),
+    temperature_channel=(TEXT, None),
+    range=(number(1e-9, 1e9), None),
+    bits=(number(4, 32, whole=True), None),
+    steps=(number(2, 10000, whole=True), 48),
+    signal=(words("sine", "square", "counter"), "sine"),
+    amplitude=(number(1e-6, 1e3), 1.0),
+    offset=(number(-1e3, 1e3), 0.0),
+    pitch_error_deg=(number(0.0, 5.0), 0.0),
+    pitch_seed=(number(0, 2**31, whole=True), 0),
+    missing_teeth=(numbers(0, whole=True), ()),
+    extra_teeth=(numbers(0, whole=True), ()),
+)
 
 
-class Ramp(Record):
+Ramp = _record(
+    "Ramp",
     """The table [ramp] of a scenario.
 
     A static inflation test: from `start_Pa` at `begin_s` to `end_Pa` at `end_s`, with stops of
     `stop_length_s` at which `leak_Pa` is lost; every grating's strain grows by `strain_per_Pa`,
     times 1 + bend x rise.
-    """
-
-    keys: ClassVar = {
-        "start_Pa": (number(0.0, 1e8), 1.7e5),
-        "end_Pa": (number(0.0, 1e8), 2.3e5),
-        "begin_s": (number(0.0, 1e5), 1.0),
-        "end_s": (number(0.1, 1e5), 13.0),
-        "stops_s": (numbers(0.0), ()),
-        "stop_length_s": (number(0.05, 1e4), 1.0),
-        "leak_Pa": (number(0.0, 1e6), 0.0),
-        "strain_per_Pa": (number(-1e-5, 1e-5), 1.0e-8),
-        "bend_1_Pa": (number(-1e-4, 1e-4), 0.0),
-    }
+    """,
+    start_Pa=(number(0.0, 1e8), 1.7e5),
+    end_Pa=(number(0.0, 1e8), 2.3e5),
+    begin_s=(number(0.0, 1e5), 1.0),
+    end_s=(number(0.1, 1e5), 13.0),
+    stops_s=(numbers(0.0), ()),
+    stop_length_s=(number(0.05, 1e4), 1.0),
+    leak_Pa=(number(0.0, 1e6), 0.0),
+    strain_per_Pa=(number(-1e-5, 1e-5), 1.0e-8),
+    bend_1_Pa=(number(-1e-4, 1e-4), 0.0),
+)
 
 
 class _Effect:
@@ -528,15 +520,15 @@ class Scenario:
     step in time, with an element of the belt for every eight of the grid's points.
     """
 
-    manoeuvres: tuple[Manoeuvre, ...] = key(Entries(table_of(Manoeuvre)), ())
-    channels: Mapping[str, Sensor] = field(
+    manoeuvres: tuple[Record, ...] = key(Entries(table_of(Manoeuvre)), ())
+    channels: Mapping[str, Record] = field(
         default_factory=dict, metadata={"kind": Named(table_of(Sensor, "kind"))}
     )
-    tire: TrueTire = key(table_of(TrueTire), TrueTire())
-    conditions: TrueConditions = key(table_of(TrueConditions), TrueConditions())
-    vehicle: Vehicle = key(table_of(Vehicle), Vehicle())
-    road: Road = key(table_of(Road), Road())
-    nuisances: Nuisances = key(table_of(Nuisances), Nuisances())
+    tire: Record = key(table_of(TrueTire), TrueTire())
+    conditions: Record = key(table_of(TrueConditions), TrueConditions())
+    vehicle: Record = key(table_of(Vehicle), Vehicle())
+    road: Record = key(table_of(Road), Road())
+    nuisances: Record = key(table_of(Nuisances), Nuisances())
     effects: tuple[Planted, ...] = key(Entries(_Effect()), ())
     truth: str = key(words(*TRUTHS), "beam")
     seed: int = key(number(0, 2**62, whole=True), 0)
@@ -544,14 +536,14 @@ class Scenario:
     knot_s: float = key(number(0.005, 0.05), 0.05)
     step_s: float = key(number(1e-7, 1e-2), 2.5e-5)
     rounding_s: float = key(number(0.05, 5.0), 0.5)
-    ramp: Ramp | None = key(table_of(Ramp))
-    load_steps: tuple[LoadStep, ...] = key(Entries(table_of(LoadStep)), ())
+    ramp: Record | None = key(table_of(Ramp))
+    load_steps: tuple[Record, ...] = key(Entries(table_of(LoadStep)), ())
 
     def planted(self, name: str) -> Planted | None:
         """The planted effect of that name, or None."""
         return next((effect for effect in self.effects if effect.name == name), None)
 
-    def late_s(self, sensor: Sensor) -> float:
+    def late_s(self, sensor: Record) -> float:
         """Delay [s] of a channel's values behind their stamps: its own, and planted telemetry's."""
         delay = self.planted("telemetry_delay")
         of_telemetry = delay is not None and sensor.kind == "radial_acceleration"
@@ -672,7 +664,7 @@ def _check(scenario: Scenario, place: FilePlace) -> None:
         )
 
 
-def _overlap(ramp: Ramp) -> bool:
+def _overlap(ramp: Record) -> bool:
     """Whether stops of a ramp overlap or lie outside of it."""
     stops = sorted(ramp.stops_s)
     ends = [ramp.begin_s, *(s + ramp.stop_length_s for s in stops)]

@@ -18,10 +18,11 @@ from scipy import fft
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from tirelog.simulation.scenario.schema import PLANTABLE, Nuisances, Scenario, Sensor
+from tirelog.simulation.scenario.schema import PLANTABLE, Nuisances, Scenario
 from tirelog.simulation.steady import waveforms
 from tirelog.simulation.steady.loads import REFERENCE_SPEED_M_S
 from tirelog.simulation.steady.waveforms import CHUNK, LOAD_STEP, World, chunks
+from tirelog.storage.schema import Record
 from tirelog.version import __version__
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
@@ -60,7 +61,7 @@ def phase_shift(world: World, time_s: FloatArray) -> FloatArray:
     return shift
 
 
-def tread_angle(world: World, sensor: Sensor, time_s: FloatArray) -> FloatArray:
+def tread_angle(world: World, sensor: Record, time_s: FloatArray) -> FloatArray:
     """Angle [rad] of the sensor's place in the road's frame, not wrapped.
 
     Zero, and every whole turn, at the patch centre.
@@ -70,7 +71,7 @@ def tread_angle(world: World, sensor: Sensor, time_s: FloatArray) -> FloatArray:
     )
 
 
-def passages(world: World, sensor: Sensor, end_s: float) -> FloatArray:
+def passages(world: World, sensor: Record, end_s: float) -> FloatArray:
     """Times [s] at which the sensor's place passes the patch centre, within [0, end_s)."""
     edge = tread_angle(world, sensor, np.array([0.0, end_s])) / (2 * np.pi)
     turns = np.arange(np.ceil(edge[0] - 1e-12), np.ceil(edge[1]))
@@ -104,7 +105,7 @@ def pitch_tables(world: World) -> dict[str, FloatArray]:
 
 
 def encoder_signal(
-    world: World, sensor: Sensor, time_s: FloatArray, table: FloatArray
+    world: World, sensor: Record, time_s: FloatArray, table: FloatArray
 ) -> FloatArray:
     """The encoder's voltage (n,).
 
@@ -248,7 +249,7 @@ def riding_values(world: World, moments: Times) -> dict[str, FloatArray]:
     return values
 
 
-def _slow(world: World, sensor: Sensor, time_s: FloatArray, turns: FloatArray) -> FloatArray:
+def _slow(world: World, sensor: Record, time_s: FloatArray, turns: FloatArray) -> FloatArray:
     """What is added to the waveform.
 
     The strain's baseline, or gravity and the vehicle's acceleration along the outward radius.
@@ -267,7 +268,7 @@ def _slow(world: World, sensor: Sensor, time_s: FloatArray, turns: FloatArray) -
 
 
 def vehicle_values(
-    world: World, sensor: Sensor, time: FloatArray, table: FloatArray | None
+    world: World, sensor: Record, time: FloatArray, table: FloatArray | None
 ) -> FloatArray:
     """Clean values in SI of a channel that does not ride on the tread; `table`: an encoder's."""
     kind = sensor.kind
@@ -288,7 +289,7 @@ def vehicle_values(
 
 
 def in_source_units(
-    world: World, sensor: Sensor, time_s: FloatArray, clean: FloatArray
+    world: World, sensor: Record, time_s: FloatArray, clean: FloatArray
 ) -> FloatArray:
     """SI values as the file's unit, without noise.
 
@@ -304,7 +305,7 @@ def in_source_units(
     return clean * PER_SI.get(sensor.kind, 1.0)
 
 
-def coupled(sensor: Sensor, values: FloatArray) -> FloatArray:
+def coupled(sensor: Record, values: FloatArray) -> FloatArray:
     """Values (n,) behind the high-pass of an AC-coupled instrument: a charge that leaks away.
 
     The charge follows the value with the time constant; at the log's start it has followed it
@@ -319,7 +320,7 @@ def coupled(sensor: Sensor, values: FloatArray) -> FloatArray:
     return np.asarray(values - charge, float)
 
 
-def flanks(world: World, sensor: Sensor, time_s: FloatArray, told: FloatArray) -> NDArray[np.bool_]:
+def flanks(world: World, sensor: Record, time_s: FloatArray, told: FloatArray) -> NDArray[np.bool_]:
     """Where the strain changes along the tread by more than FLANK of the most, (n,).
 
     There the grating's peak is broad, whatever the speed.
@@ -333,7 +334,7 @@ def flanks(world: World, sensor: Sensor, time_s: FloatArray, told: FloatArray) -
     return np.asarray(moving & (slope > FLANK * most), bool)
 
 
-def noise_of(sensor: Sensor, size: int, random: np.random.Generator) -> FloatArray:
+def noise_of(sensor: Record, size: int, random: np.random.Generator) -> FloatArray:
     """An instrument's noise (n,), in the file's unit: white or coloured, with hum and flicker."""
     total = np.zeros(size)
     if sensor.noise:
@@ -358,7 +359,7 @@ def noise_of(sensor: Sensor, size: int, random: np.random.Generator) -> FloatArr
 
 
 def spoiled(
-    sensor: Sensor, values: FloatArray, flank: NDArray[np.bool_], random: np.random.Generator
+    sensor: Record, values: FloatArray, flank: NDArray[np.bool_], random: np.random.Generator
 ) -> FloatArray:
     """Noise, clipping, digits and lost samples (NaN); `flank` (n,) are those of `flanks`."""
     if sensor.noise or sensor.hum or sensor.flicker:
@@ -493,7 +494,7 @@ def _steady_passages(world: World, name: str, late_s: float) -> dict[str, FloatA
     }
 
 
-def _passages(world: World, sensor: Sensor, time: FloatArray) -> dict[str, FloatArray]:
+def _passages(world: World, sensor: Record, time: FloatArray) -> dict[str, FloatArray]:
     """What is true at each of the passages `time` (n,), each (n,)."""
     at = world.instants(time, 1.0 + world.fluctuation(time))
     solution = world.solve(at)

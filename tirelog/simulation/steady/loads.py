@@ -568,8 +568,8 @@ def seen_by(
     ring: Ring,
     spectrum: ComplexArray,
     speed: FloatArray,
-    gauge: Planted | float | None,
-    lag: Planted | float | None,
+    gauge: Planted | None,
+    lag: Planted | None,
     bandwidth_Hz: float | None,
 ) -> ComplexArray:
     """`spectrum` (b, m) as the sensor passes it on.
@@ -583,12 +583,11 @@ def seen_by(
     """
     if gauge is not None:
         spectrum = spectrum * _averaged(ring, gauge)
-        if isinstance(gauge, Planted) and gauge.apart:
+        if gauge.apart:
             spectrum = ring.transform(_slack(ring.inverse(spectrum), gauge["length_m"]))
     first = ring.derivatives[1]
     if lag is not None:
-        tau = lag["lag_s"] if isinstance(lag, Planted) else lag
-        length = np.maximum(speed, 0.0)[:, None] * tau
+        length = np.maximum(speed, 0.0)[:, None] * lag["lag_s"]
         spectrum = spectrum / delaying(lag, length * first)
     if bandwidth_Hz is not None:
         frequency = speed[:, None] * np.abs(first) / (2.0 * np.pi)
@@ -596,14 +595,14 @@ def seen_by(
     return spectrum
 
 
-def delaying(lag: Planted | float, late: Any) -> Any:
+def delaying(lag: Planted | None, late: Any) -> Any:
     """What a lag divides a wave by, at i omega tau = `late`: 1 + late; other: of two in a row.
 
     apart: of an underdamped second-order filter, which is as late at low frequencies and rings.
     """
-    if isinstance(lag, Planted) and lag.other:
+    if lag is not None and lag.other:
         return (1.0 + 0.5 * late) ** 2
-    if isinstance(lag, Planted) and lag.apart:
+    if lag is not None and lag.apart:
         # damping of a filter that rings, as a share of the critical one (lag "apart")
         return 1.0 + late + (late / (2.0 * 0.25)) ** 2
     return 1.0 + late
@@ -619,13 +618,13 @@ def _slack(strain: FloatArray, length_m: float) -> FloatArray:
     return np.maximum(strain, -least)
 
 
-def _averaged(ring: Ring, gauge: Planted | float) -> ComplexArray:
+def _averaged(ring: Ring, gauge: Planted) -> ComplexArray:
     """Transform of the mean over the gauge length.
 
     other: a sensitivity that falls towards the ends, of equal variance.
     """
-    length = gauge["length_m"] if isinstance(gauge, Planted) else gauge
-    if isinstance(gauge, Planted) and gauge.other:
+    length = gauge["length_m"]
+    if gauge.other:
         width = max(length / np.sqrt(12.0), 0.3 * ring.step_m)
         return ring.kernel(np.exp(-0.5 * (ring.xi_m / width) ** 2))
     # the box's ends fall between the points: exact shares of the cells

@@ -1,4 +1,4 @@
-"""The truth at given instants.
+"""The drive, and the truth at its instants.
 
 Conditions, the carcass's solution, and what a sensor reads round the wheel.
 
@@ -8,19 +8,17 @@ Drive --instants--> Instants (b,) --loads, carcass--> w (b, points)
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import zip_longest
 from typing import Any, TypeAlias
 
 import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
 
-from tirelog.simulation.scenario.drive import (
-    Fluctuation,
-    TrueDrive,
-    stretch_of,
-)
-from tirelog.simulation.scenario.schema import BENDING_N_M2, Planted, Ramp, Scenario, Sensor
+from tirelog.simulation.scenario.schema import BENDING_N_M2, Planted, Scenario
 from tirelog.simulation.steady.carcass import (
     FlatRoadContact,
     carcass,
@@ -37,9 +35,217 @@ from tirelog.simulation.steady.loads import (
     seen_by,
     true_parabola,
 )
+from tirelog.storage.schema import Record
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import STRAIN_KINDS
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
+
+# ---- The drive: manoeuvres become speed, wheel angle and conditions at every instant.
+#
+#     manoeuvres --rounded corners--> TrueDrive on a 2 ms grid
+#         --quintic in time--> angle(t), speed(t), acceleration(t) at any sample
+#     road, scatter ----------------> load(t) slow, roughness(distance) fast
+#
+# The speed is that of the tread through the patch, c = Omega R_e. The wheel angle is its integral
+# over R_e, zero at the log's start.
+
+#: what the load varies by, relative and with zero mean, over times [s] or distances [m], (n,)
+Fluctuation: TypeAlias = Callable[[FloatArray], FloatArray]
+#: step of the drive's own grid [s]
+STEP_S = 0.002
+#: below this acceleration a manoeuvre without a regime of its own is a cruise; above the second
+#: (downwards) it is braking
+CRUISE_M_S2, BRAKE_M_S2 = 0.15, -1.5
+#: time constant of the body's pitch in the other form of the load transfer [s], and of a load that
+#: steps between manoeuvres
+PITCH_S, SETTLING_S = 0.35, 0.15
+#: step of the wandering's knots [s]: an exact Ornstein-Uhlenbeck sequence at these, smooth between
+#: them, so that the waveform's own knots (`Scenario.knot_s`) see all of it
+WANDER_STEP_S = 0.1
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """One manoeuvre as driven.
+
+    Start and end in the log, regime, speeds and load factor (scatter between manoeuvres).
+    """
+
+    start_s: float
+    end_s: float
+    regime: str
+    speed_start_m_s: float
+    speed_end_m_s: float
+    load_factor: float
+
+
+def drive_stretches(scenario: Scenario, random: np.random.Generator) -> list[Stretch]:
+    """The manoeuvres in order, regimes named, load scatter drawn."""
+    out: list[Stretch] = []
+    start, speed = 0.0, scenario.manoeuvres[0].speed_m_s
+    if scenario.manoeuvres[0].regime in ("drive", "standstill"):
+        speed = 0.0
+    for manoeuvre in scenario.manoeuvres:
+        acceleration = (manoeuvre.speed_m_s - speed) / manoeuvre.duration_s
+        factor = 1.0 + scenario.road.load_scatter * float(random.standard_normal())
+        regime = manoeuvre.regime
+        if regime is None:
+            regime = "cruise" if manoeuvre.speed_m_s > 0 else "standstill"
+            if abs(acceleration) >= CRUISE_M_S2:
+                slower = "coast" if acceleration > BRAKE_M_S2 else "brake"
+                regime = "drive" if acceleration > 0 else slower
+        out.append(
+            Stretch(start, start + manoeuvre.duration_s, regime, speed, manoeuvre.speed_m_s, factor)
+        )
+        start, speed = start + manoeuvre.duration_s, manoeuvre.speed_m_s
+    return out
+
+
+def _rounded(values: FloatArray, width_s: float) -> FloatArray:
+    """`values` on the drive's grid, smoothed twice by a box.
+
+    Steps become smooth ramps, straight lines stay as they are.
+    """
+    half = max(1, round(width_s / STEP_S / 4))
+    for _ in range(2):
+        padded = np.concatenate((np.full(half, values[0]), values, np.full(half, values[-1])))
+        total = np.concatenate(([0.0], np.cumsum(padded)))
+        values = (total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1)
+    return values
+
+
+@dataclass(frozen=True)
+class TrueDrive:
+    """Everything that moves, on the grid `time_s` (n,).
+
+    Speed [m/s], acceleration, relative load, regimes as stretches; `radius_m` the rolling radius
+    at rest, `grows` how it grows with speed.
+    """
+
+    time_s: FloatArray
+    speed: CubicSpline
+    angle: CubicSpline
+    load_factor: FloatArray
+    coasting: FloatArray
+    parts: tuple[Stretch, ...]
+    radius_m: float
+    grows: Record
+
+    def radius_at(self, speed_m_s: FloatArray) -> FloatArray:
+        """The rolling radius [m] at a speed: way per angle of the wheel."""
+        return self.radius_m * stretch_of(self.grows, speed_m_s)
+
+    def speed_at(self, time_s: FloatArray) -> FloatArray:
+        """Speed of the tread through the patch [m/s], never negative."""
+        return np.asarray(np.maximum(self.speed(np.clip(time_s, 0.0, self.time_s[-1])), 0.0))
+
+    def acceleration_at(self, time_s: FloatArray) -> FloatArray:
+        return np.asarray(self.speed(np.clip(time_s, 0.0, self.time_s[-1]), 1))
+
+    def angle_at(self, time_s: FloatArray) -> FloatArray:
+        """Wheel angle [rad], growing in the direction of rolling.
+
+        Before and after the log it goes on at the speed of the end.
+        """
+        end = self.time_s[-1]
+        inside = np.clip(time_s, 0.0, end)
+        over = np.asarray(time_s) - inside
+        speed = self.speed_at(inside)
+        return np.asarray(self.angle(inside) + over * speed / self.radius_at(speed))
+
+    @cached_property
+    def pitch_acceleration(self) -> FloatArray:
+        """The acceleration behind the body's pitch: a first-order lag [m/s^2], on the grid."""
+        share = STEP_S / (PITCH_S + STEP_S)
+        return np.asarray(lfilter([share], [1.0, share - 1.0], self.acceleration_at(self.time_s)))
+
+    def distance_at(self, time_s: FloatArray) -> FloatArray:
+        """Way of the tread through the patch since the log's start [m]."""
+        if not self.grows.growth:
+            return self.angle_at(time_s) * self.radius_m
+        inside = np.clip(time_s, 0.0, self.time_s[-1])
+        return np.asarray(self._way(inside) + (time_s - inside) * self.speed_at(inside))
+
+    @cached_property
+    def _way(self) -> CubicSpline:
+        return self.speed.antiderivative()
+
+    def times_of_angle(self, angle_rad: FloatArray) -> FloatArray:
+        """Times [s] at which the wheel angle is `angle_rad` (within the log), to 1e-9 s."""
+        grid = self.angle_at(self.time_s)
+        rising = np.concatenate(([True], np.diff(np.maximum.accumulate(grid)) > 0))
+        time = np.interp(angle_rad, grid[rising], self.time_s[rising])
+        for _ in range(4):
+            speed = np.maximum(self.speed_at(time), 1e-3)
+            radius = self.radius_at(speed)
+            time = np.clip(
+                time - (self.angle_at(time) - angle_rad) * radius / speed,
+                0.0,
+                self.time_s[-1],
+            )
+        return time
+
+
+def drive_of(scenario: Scenario, random: np.random.Generator) -> TrueDrive:
+    """The scenario's manoeuvres as a Drive."""
+    parts = drive_stretches(scenario, random)
+    radius = scenario.tire.rolling_radius_m
+    time = np.arange(0.0, parts[-1].end_s + STEP_S, STEP_S)
+    corners = np.array([0.0, *(p.end_s for p in parts)])
+    speeds = np.array([parts[0].speed_start_m_s, *(p.speed_end_m_s for p in parts)])
+    speed = np.maximum(_rounded(np.interp(time, corners, speeds), scenario.rounding_s), 0.0)
+    which = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, len(parts) - 1)
+    factor = _rounded(np.array([p.load_factor for p in parts])[which], 4 * SETTLING_S)
+    coasting = _rounded(
+        np.array([float(p.regime == "coast") for p in parts])[which], scenario.rounding_s
+    )
+    spline = CubicSpline(time, speed)
+    grows = scenario.nuisances.rolling_radius
+    spinning = CubicSpline(time, speed / stretch_of(grows, speed)) if grows.growth else spline
+    angle = spinning.antiderivative()
+    angle.c /= radius
+    return TrueDrive(time, spline, angle, factor, coasting, tuple(parts), radius, grows)
+
+
+def stretch_of(grows: Record, speed_m_s: FloatArray) -> FloatArray:
+    """1 + growth (v/v_ref)^2: how much longer the belt is at a speed than at rest."""
+    return 1.0 + grows.growth * (speed_m_s / grows.at_speed_m_s) ** 2
+
+
+def wander_of(scenario: Scenario, random: np.random.Generator) -> Fluctuation:
+    """The load's slow wandering by grade and wind, drawn for the scenario; over the time [s].
+
+    At the start it has its full spread; at the log's ends it stays.
+    """
+    wander = scenario.nuisances.load_wander
+    if not wander.share:
+        return np.zeros_like
+    count = int(scenario.duration_s / WANDER_STEP_S) + 8
+    kept = np.exp(-WANDER_STEP_S / wander.time_constant_s)
+    white = random.standard_normal(count) * np.sqrt(1.0 - kept**2)
+    white[0] /= np.sqrt(1.0 - kept**2)
+    values = wander.share * lfilter([1.0], [1.0, -kept], white)
+    curve = CubicSpline(WANDER_STEP_S * np.arange(count), values)
+    return lambda time_s: np.asarray(curve(np.clip(time_s, 0.0, curve.x[-1])))
+
+
+def roughness_of(scenario: Scenario, distance_m: float, random: np.random.Generator) -> Fluctuation:
+    """The load's fluctuation along the road, drawn for the scenario; over the distance [m].
+
+    A Gaussian process of two cascaded first-order filters, so that its slope is finite; scaled
+    to the scenario's standard deviation. Linear between knots an eighth of the correlation apart.
+    """
+    step = scenario.road.correlation_m / 8
+    count = int(distance_m / step) + 64
+    share = np.exp(-step / scenario.road.correlation_m * 2)
+    white = random.standard_normal(count + 200)
+    values = lfilter([1 - share], [1.0, -share], lfilter([1 - share], [1.0, -share], white))[200:]
+    # variance of a white sequence after two equal first-order filters
+    variance = (1 - share) ** 4 * (1 + share**2) / (1 - share**2) ** 3
+    places = np.arange(values.size) * step
+    sizes = scenario.road.roughness * values / np.sqrt(variance)
+    return lambda distance_m: np.interp(distance_m, places, sizes)
+
 
 # ---- A static test: the tire at rest is inflated (P2 4.1, Fig. 15).
 #
@@ -48,7 +254,7 @@ from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 # Ramp --pressure(t)--> pressure [Pa]; strain of every grating grows with it
 
 
-def ramp_pressure(ramp: Ramp, time_s: FloatArray) -> FloatArray:
+def ramp_pressure(ramp: Record, time_s: FloatArray) -> FloatArray:
     """Inflation pressure [Pa] at `time_s`: constant, a steady rise with stops in it, constant.
 
     Each stop loses `leak_Pa`.
@@ -64,7 +270,7 @@ def ramp_pressure(ramp: Ramp, time_s: FloatArray) -> FloatArray:
     return np.asarray(np.interp(time_s, [*corners, ramp.end_s], [*values, ramp.end_Pa]), float)
 
 
-def strain(ramp: Ramp, time_s: FloatArray) -> FloatArray:
+def strain(ramp: Record, time_s: FloatArray) -> FloatArray:
     """Strain against the start of the ramp.
 
     Slope times the pressure's rise, and its square by `bend_1_Pa`.
@@ -138,31 +344,35 @@ class World:
             load = load + heavy["force_N"] * _of_imbalance(heavy, drive.speed_at(time_s))
         return load
 
+    def distance(self, time_s: FloatArray) -> FloatArray:
+        """The way driven from the log's start [m]."""
+        return self.drive.distance_at(time_s)
+
     def fluctuation(self, time_s: FloatArray) -> FloatArray:
         """What varies within the turn, relative to the load: the road, and the wheel's own."""
         total = np.zeros_like(time_s)
         if self.scenario.road.roughness:
-            total = self.roughness(self.drive.distance_at(time_s))
+            total = self.roughness(self.distance(time_s))
         force = self.scenario.nuisances.force_variation
         if any(force.shares):
             angle = self.drive.angle_at(time_s)
             total = total + wheel_harmonics(angle, force.shares, force.phases_deg).real
         return total
 
-    def run_out(self, time_s: FloatArray, sensor: Sensor) -> FloatArray:
+    def run_out(self, time_s: FloatArray, sensor: Record) -> FloatArray:
         """The strain that goes round with the wheel, as the sensor's lag and bandwidth pass it."""
         run_out = self.scenario.nuisances.run_out
         if not any(run_out.amplitudes_microstrain):
             return np.zeros_like(time_s)
         angle, speed = self.drive.angle_at(time_s), self.drive.speed_at(time_s)
-        _, lag = self._sensor_effects(sensor)
-        tau = lag["lag_s"] if isinstance(lag, Planted) else lag or 0.0
+        _, lag = self.sensor_effects(sensor)
+        tau = lag["lag_s"] if lag is not None else 0.0
         spin = speed / self.drive.radius_at(speed)
         total = np.zeros_like(time_s)
         for order, size in enumerate(run_out.amplitudes_microstrain, 1):
             only = [0.0] * (order - 1) + [1e-6 * size]
             wave = wheel_harmonics(angle, only, run_out.phases_deg)
-            wave = wave / delaying(lag or 0.0, 1j * order * spin * tau)
+            wave = wave / delaying(lag, 1j * order * spin * tau)
             if sensor.bandwidth_Hz is not None:
                 frequency = order * spin / (2.0 * np.pi)
                 wave = wave / np.sqrt(1.0 + (frequency / sensor.bandwidth_Hz) ** 4)
@@ -329,7 +539,7 @@ class World:
 
     # ---- what sensors read -----------------------------------------------------------------------
 
-    def strain(self, solution: Solution, sensor: Sensor) -> ComplexArray:
+    def strain(self, solution: Solution, sensor: Record) -> ComplexArray:
         """Transform of the tire's strain at the sensor's surface (b, m).
 
         Before the sensor itself, without baseline.
@@ -350,7 +560,7 @@ class World:
             bent = bent + share / lever * self.ring.transform(solution.between)
         return lever * bent if extra is None else lever * bent + self.ring.transform(extra)
 
-    def behind_first(self, sensor: Sensor) -> float:
+    def behind_first(self, sensor: Record) -> float:
         """Angle [rad] on the tire by which a sensor stands behind the first.
 
         Zero unless something is fixed to the tire.
@@ -362,7 +572,7 @@ class World:
             return 0.0
         return float(np.radians(sensor.angle_deg - riding[0].angle_deg))
 
-    def lever(self, sensor: Sensor) -> float:
+    def lever(self, sensor: Record) -> float:
         """Signed lever arm [m], positive on the inner surface; shorter with wear."""
         worn, conditions = self.scenario.planted("wear"), self.scenario.conditions
         shorter = 1.0 - (
@@ -372,14 +582,14 @@ class World:
             self.scenario.tire.lever_arm_m * shorter * (1.0 if sensor.surface == "inner" else -1.0)
         )
 
-    def waveform(self, solution: Solution, sensor: Sensor) -> FloatArray:
+    def waveform(self, solution: Solution, sensor: Record) -> FloatArray:
         """What the sensor reads round the wheel, (b, points).
 
         Strain, or radial acceleration outwards [m/s^2] without gravity.
         """
         at, radius = solution.at, self.drive.radius_m
         along = at.speed / at.stretch  # along the grid; a gauge is as long as its piece of the belt
-        gauge, lag = self._sensor_effects(sensor)
+        gauge, lag = self.sensor_effects(sensor)
         if sensor.kind == "radial_acceleration":
             spectrum = self.ring.transform(solution.w)
             spin2 = (along[:, None] / radius) ** 2
@@ -421,17 +631,16 @@ class World:
         course = (speed / 20.0) ** 2 if effect.apart else np.ones_like(speed)
         return effect["tilt_rad"] * course
 
-    def _sensor_effects(
-        self, sensor: Sensor
-    ) -> tuple[Planted | float | None, Planted | float | None]:
-        """(gauge length, lag) of the sensor.
+    def sensor_effects(self, sensor: Record) -> tuple[Planted | None, Planted | None]:
+        """(gauge length, lag): what is planted, else the sensor's own (known) number, else None."""
+        own_gauge = Planted("gauge_length", parameters={"length_m": sensor.gauge_length_m})
+        own_lag = Planted("sensor_lag", parameters={"lag_s": sensor.lag_s})
+        return (
+            self.scenario.planted("gauge_length") or (own_gauge if sensor.gauge_length_m else None),
+            self.scenario.planted("sensor_lag") or (own_lag if sensor.lag_s else None),
+        )
 
-        The planted effect, else the sensor's own (known) number, else None.
-        """
-        gauge = self.scenario.planted("gauge_length") or sensor.gauge_length_m or None
-        return gauge, self.scenario.planted("sensor_lag") or sensor.lag_s or None
-
-    def baseline(self, time_s: FloatArray, sensor: Sensor) -> FloatArray:
+    def baseline(self, time_s: FloatArray, sensor: Record) -> FloatArray:
         """The strain's slow baseline.
 
         The sensor's own, inflation, tension's stretch, thermal drift, warming, run-out.
