@@ -15,7 +15,7 @@ from tests.campaign.conftest import MANIFEST, dataset, make_campaign
 from tests.campaign.processes import killed_in_the_midst
 from tests.cli.conftest import SETUP
 from tests.diagnosis.toy import stack
-from tirelog.campaign.ledger import folder_at, pieces_bytes, read_pieces
+from tirelog.campaign.ledger import Folder, pieces_bytes, read_pieces
 from tirelog.cli import run
 from tirelog.data.setup import parse_setup
 from tirelog.inference.cells.pieces import joined_pieces, pieces_of
@@ -103,8 +103,8 @@ def test_killed_at_any_moment_and_resumed(tmp_path: Path) -> None:
 
 def test_one_run_at_a_time(manifest: Path, tmp_path: Path) -> None:
     program = (
-        "from tirelog.campaign.ledger import folder_at; import sys\n"
-        "with folder_at(sys.argv[1]).held(): print('held', flush=True); sys.stdin.read()"
+        "from tirelog.campaign.ledger import Folder; import sys\n"
+        "with Folder(sys.argv[1]).held(): print('held', flush=True); sys.stdin.read()"
     )
     with subprocess.Popen(
         [sys.executable, "-c", program, str(tmp_path / "results")],
@@ -191,7 +191,7 @@ def test_each_log_is_diagnosed_alone_and_left_out(
 def test_status_and_dry_run_do_not_wait_for_a_run(
     manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    with folder_at(tmp_path / "results").held():
+    with Folder(tmp_path / "results").held():
         assert call("campaign", "status", manifest) == 0
         assert "4 open" in capfd.readouterr().out
         assert call("campaign", "run", manifest, "--dry-run") == 0

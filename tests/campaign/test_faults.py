@@ -19,9 +19,9 @@ from tests.cli.conftest import Command
 from tests.diagnosis.toy import stack
 from tirelog.campaign.ledger import (
     Entry,
+    Folder,
     Ledger,
     _entry,
-    folder_at,
     json_table,
     pieces_bytes,
     read_pieces,
@@ -211,7 +211,7 @@ def test_a_calibration_stands_beside_the_manifest_and_its_content_counts(
     def keys() -> list[str]:
         campaign = load_manifest(manifest)
         assert campaign.tables["phase-shift"]["calibration"] == str(tmp_path / "cal.toml")
-        return [task.key for task in plan_tasks(campaign, Ledger(folder_at(campaign.output)))]
+        return [task.key for task in plan_tasks(campaign, Ledger(Folder(campaign.output)))]
 
     write_calibration(tmp_path / "cal.toml", FLAT)
     before = keys()

@@ -15,7 +15,7 @@ from tests.campaign.conftest import MANIFEST, dataset, make_campaign
 from tests.campaign.processes import PATIENCE_S, killed_in_the_midst, patient
 from tests.campaign.test_elsewhere import bucket, local_cluster, without_credentials  # noqa: F401
 from tirelog.campaign import runner as cluster_of
-from tirelog.campaign.ledger import folder_at
+from tirelog.campaign.ledger import Folder
 from tirelog.cli import run
 from tirelog.storage import remote
 
@@ -104,7 +104,7 @@ def test_killed_and_resumed(far: tuple[Path, Path, str], tmp_path: Path) -> None
         killed_in_the_midst(manifest, tickets, later_s, tmp_path / "gate")
     assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
     assert there(results) == want
-    folder = folder_at(results)
+    folder = Folder(results)
     assert not folder.temporary.exists()
 
 
