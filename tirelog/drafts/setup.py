@@ -339,7 +339,7 @@ def _read(log: str, reader: LogReader, names: dict[str, Series], time: str) -> C
     for group in reader.groups:
         clock, rate, duration = clocks[group.name], None, None
         try:
-            axis = clock.axis()
+            axis = clock.axis
             rate, duration = axis.rate_Hz, axis.duration_s
             remarks += [said for said in clock.remarks if said not in remarks]
         except (ReadError, SetupError) as problem:

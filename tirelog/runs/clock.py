@@ -4,7 +4,7 @@ One streaming pass that keeps the stamps aside, then a fit in bounded memory.
 
     blocks: ClockFit.add(stamps [s] or None, sample numbers or None, n)      n samples each, NaN
         if its stamp is unknown
-    end:    ClockFit.axis() -> TimeAxis, .repairs, .flags, .remarks
+    end:    ClockFit.axis, a TimeAxis, .repairs, .flags, .remarks
 
 How the axis is decided, by what the stamps look like (T the sample period, r = stamp - T x sample
 number):
@@ -36,6 +36,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import TypeAlias
 
@@ -245,7 +246,6 @@ class ClockFit:
         ] = []  # (index of the first sample behind, samples missing before it)
         self._last_number: float | None = None
         self._number_step, self._leaping = 0.0, False
-        self._axis: TimeAxis | None = None
 
     def add(self, stamps_s: FloatArray | None, number: FloatArray | None, n: int) -> None:
         """Takes the next `n` samples.
@@ -293,16 +293,6 @@ class ClockFit:
             number.size - 1 - int(known[-1])
         )
 
-    def axis(self) -> TimeAxis:
-        """The time axis of all samples added.
-
-        ReadError: neither stamps nor a declared rate. SetupError: a declared rate that the stamps
-        contradict beyond a fifth.
-        """
-        if self._axis is None:
-            self._axis = self._solve()
-        return self._axis
-
     @property
     def stamped(self) -> bool:
         """True if the samples so far have stamps, whether or not these tell a rate."""
@@ -310,7 +300,13 @@ class ClockFit:
 
     # ---- deciding --------------------------------------------------------------------------------
 
-    def _solve(self) -> TimeAxis:
+    @cached_property
+    def axis(self) -> TimeAxis:
+        """The time axis of all samples added.
+
+        ReadError: neither stamps nor a declared rate. SetupError: a declared rate that the stamps
+        contradict beyond a fifth.
+        """
         stamps, declared = self._stamps, self.setup_rate_Hz or self.file_rate_Hz
         ends = None
         if stamps is not None:

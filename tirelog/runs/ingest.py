@@ -362,7 +362,7 @@ def _write(
     axes, flags = {}, {}
     for name, clock in clocks.items():
         try:
-            axes[name] = clock.axis()
+            axes[name] = clock.axis
         except (ReadError, SetupError) as problem:
             if report.damage:
                 raise of_damaged(report.damage, problem, summary.log) from None

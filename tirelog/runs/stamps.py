@@ -17,12 +17,11 @@ import tempfile
 import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import chain, pairwise
-from typing import IO, TypeAlias
+from itertools import chain
+from typing import TypeAlias
 
 import numpy as np
 
-from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: values kept in memory before they go to a file
@@ -34,44 +33,18 @@ class Spool:
 
     def __init__(self) -> None:
         self.size = 0
-        self._parts: list[FloatArray] = []
-        self._file: IO[bytes] | None = None
+        self._file = tempfile.SpooledTemporaryFile(8 * _IN_MEMORY, prefix="tirelog-")  # noqa: SIM115
+        weakref.finalize(self, self._file.close)
 
     def append(self, values: FloatArray) -> None:
-        self.size += values.size
-        if self.size <= _IN_MEMORY:
-            self._parts.append(np.array(values, np.float64))
-            return
-        if self._file is None:
-            self._file = tempfile.TemporaryFile(prefix="tirelog-")  # noqa: SIM115
-            weakref.finalize(self, self._file.close)
         self._file.seek(0, 2)
-        for part in (*self._parts, values):
-            self._file.write(np.ascontiguousarray(part, np.float64).data)
-        self._parts = []
+        self._file.write(np.ascontiguousarray(values, np.float64).tobytes())
+        self.size += values.size
 
     def read(self, start: int, stop: int) -> FloatArray:
         start, stop = max(start, 0), min(stop, self.size)
-        if self._file is not None:
-            self._file.seek(8 * start)
-            return np.frombuffer(self._file.read(8 * max(stop - start, 0)), np.float64)
-        if len(self._parts) != 1:
-            self._parts = [np.concatenate([np.zeros(0), *self._parts])]
-        return self._parts[0][start:stop]
-
-
-@compiled
-def residual_range(first: int, stamps: FloatArray, period_s: float) -> tuple[float, float]:
-    """(least, largest) residual [s] of `stamps` (n,) against a clock, at indices from `first` on.
-
-    Unknown ones (NaN) do not count; (inf, -inf) if none is known.
-    """
-    low, high = np.inf, -np.inf
-    for i in range(stamps.size):
-        residual = stamps[i] - period_s * (first + i)
-        low = residual if residual < low else low
-        high = residual if residual > high else high
-    return low, high
+        self._file.seek(8 * start)
+        return np.frombuffer(self._file.read(8 * max(stop - start, 0)), np.float64)
 
 
 #: stamps looked at at once
@@ -172,13 +145,9 @@ class Stamps:
         Of the first ones alone if these are further apart than `most` [s].
         """
         low, high = np.inf, -np.inf
-        for start in range(0, self.spool.size, _CHUNK):
-            stamps = self.spool.read(start, start + _CHUNK)
-            inside = slice(*np.searchsorted(self._behind, [start + 1, start + stamps.size]))
-            for begin, stop in pairwise([0, *(self._behind[inside] - start), stamps.size]):
-                first = int(self.clock_index(start + begin))
-                least, largest = residual_range(first, stamps[begin:stop], period)
-                low, high = min(low, least), max(high, largest)
+        for index, stamps in self.known():
+            residual = stamps - period * self.clock_index(index)
+            low, high = min(low, float(residual.min())), max(high, float(residual.max()))
             if high - low > most:
                 break
         return low, high
