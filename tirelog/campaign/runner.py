@@ -487,44 +487,30 @@ def _on_processes(tasks: list[LogTask], workers: int) -> Generator[Entry, None, 
     waiting = {task.name: task for task in tasks}
     died: Counter[str] = Counter()  # of suspects: how often each did alone
     one_thread()  # inherited: a worker's share is one core
-    with _tracker_unheard():
-        while waiting:
-            suspect = next((task for task in waiting.values() if task.name in died), None)
-            at_work: dict[str, LogTask] = {}
-            queue = [suspect] if suspect else list(waiting.values())
-            try:
-                for entry in _by_pool(queue, 1 if suspect else workers, at_work):
-                    del waiting[entry.name]
-                    yield entry
-            except BrokenProcessPool:
-                if suspect is None:
-                    died.update(dict.fromkeys(at_work, 0))
-                    continue
-                died[suspect.name] += 1
-                if died[suspect.name] == _ATTEMPTS:
-                    del waiting[suspect.name]
-                    yield _of_the_machine(
-                        suspect,
-                        f"{suspect.log}: its worker died {_ATTEMPTS} times (out of memory, or "
-                        "killed); free memory or use fewer workers",
-                    )
-
-
-@contextmanager
-def _tracker_unheard() -> Iterator[None]:
-    """Processes that begin here do not hear of what a killed one has left.
-
-    multiprocessing's tracker, which ends with its parent too, would tell it.
-    """
-    told = os.environ.get("PYTHONWARNINGS")
-    os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (told, "ignore:resource_tracker")))
-    try:
-        yield
-    finally:
-        if told is None:
-            del os.environ["PYTHONWARNINGS"]
-        else:
-            os.environ["PYTHONWARNINGS"] = told
+    # nor do they hear, by multiprocessing's tracker, of what a killed one has left
+    os.environ["PYTHONWARNINGS"] = ",".join(
+        filter(None, (os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker"))
+    )
+    while waiting:
+        suspect = next((task for task in waiting.values() if task.name in died), None)
+        at_work: dict[str, LogTask] = {}
+        queue = [suspect] if suspect else list(waiting.values())
+        try:
+            for entry in _by_pool(queue, 1 if suspect else workers, at_work):
+                del waiting[entry.name]
+                yield entry
+        except BrokenProcessPool:
+            if suspect is None:
+                died.update(dict.fromkeys(at_work, 0))
+                continue
+            died[suspect.name] += 1
+            if died[suspect.name] == _ATTEMPTS:
+                del waiting[suspect.name]
+                yield _of_the_machine(
+                    suspect,
+                    f"{suspect.log}: its worker died {_ATTEMPTS} times (out of memory, or "
+                    "killed); free memory or use fewer workers",
+                )
 
 
 def _by_pool(

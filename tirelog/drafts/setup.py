@@ -10,8 +10,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -29,7 +28,7 @@ from tirelog.runs.ingest import (
     LogStream,
     clock_of,
     is_file,
-    log_part,
+    local_file,
     open_log_bytes,
     open_recording,
     opened_log,
@@ -37,7 +36,7 @@ from tirelog.runs.ingest import (
     reader_of,
 )
 from tirelog.runs.store import is_run
-from tirelog.storage.whole import failed_writes, temporary_folder
+from tirelog.storage.whole import temporary_folder
 from tirelog.strain.passages.find import passages_of
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
@@ -267,42 +266,35 @@ def contents(log: str) -> Contents:
 
     ReadError: nothing in it can be read.
     """
-    with _local(log) as path, open_log_bytes(str(path)) as raw:
-        head = read_head(raw, log)
-        stream = LogStream(head, raw, False)
-        with opened_log(str(path), head, stream, log) as opened:
-            inside = listed(opened.made, opened.path or path, log)
-            if not inside.series:
-                some = ", ".join(inside.others[:8])
-                only, why = some and f", only {some}", "; ".join(inside.unread[:_MOST_UNREAD])
-                if why:
-                    what = f"holds no series of numbers that can be read{only}: {why}"
-                    raise ReadError(what, file=log)
-                raise ReadError(
-                    f"holds no series of numbers{only}",
-                    allowed="a log has columns, topics or datasets of numbers",
-                    do="check the recording",
-                    file=log,
-                )
-            names = {f"c{k}": one for k, one in enumerate(inside.series)}
-            reader = reader_of(stream, opened, _setup(names), log)
-            found = _read(log, reader, names, inside.time)
-            said = (*inside.unread[:_MOST_UNREAD], *found.remarks)
-            return replace(found, others=inside.others, remarks=said)
+    with temporary_folder() as folder, open_log_bytes(log) as given:
+        path = local_file(given, log, folder)  # which can be opened again
+        with open_log_bytes(str(path)) as raw:
+            head = read_head(raw, log)
+            stream = LogStream(head, raw, False)
+            with opened_log(str(path), head, stream, log) as opened:
+                inside = listed(opened.made, opened.path or path, log)
+                _refuse_without_series(inside, log)
+                names = {f"c{k}": one for k, one in enumerate(inside.series)}
+                reader = reader_of(stream, opened, _setup(names), log)
+                found = _read(log, reader, names, inside.time)
+                said = (*inside.unread[:_MOST_UNREAD], *found.remarks)
+                return replace(found, others=inside.others, remarks=said)
 
 
-@contextmanager
-def _local(log: str) -> Iterator[Path]:
-    """The log as a file, which can be opened again."""
-    if is_file(log):
-        yield Path(log)
+def _refuse_without_series(inside: SeriesList, log: str) -> None:
+    """ReadError: nothing in the log is a series of numbers that can be read."""
+    if inside.series:
         return
-    with temporary_folder() as folder, open_log_bytes(log) as raw:
-        path = folder / "log"
-        with failed_writes(path), path.open("wb") as copy:
-            while part := log_part(raw, log):
-                copy.write(part)
-        yield path
+    some = ", ".join(inside.others[:8])
+    only, why = some and f", only {some}", "; ".join(inside.unread[:_MOST_UNREAD])
+    if why:
+        raise ReadError(f"holds no series of numbers that can be read{only}: {why}", file=log)
+    raise ReadError(
+        f"holds no series of numbers{only}",
+        allowed="a log has columns, topics or datasets of numbers",
+        do="check the recording",
+        file=log,
+    )
 
 
 def _setup(names: dict[str, Series]) -> Setup:

@@ -272,32 +272,37 @@ class Stamps:
     ) -> tuple[float, float, float, list[Piece]]:
         """(T, its standard error, scatter of the stamps about their lines, pieces).
 
-        By least squares with one T; the scatter is a standard deviation. Sums are kept about their
-        means and merged, so that no digits cancel in long logs.
+        By least squares with one T; the scatter is a standard deviation. Sums are kept from each
+        piece's first point on, so that no digits cancel in long logs.
         """
         edges = np.array([index for index, _ in jumps], np.int64)
-        sums = np.zeros((edges.size + 1, 6))  # points, mean k, mean r, S_kk, S_kr, S_rr
         starts, stops = (np.array([span[end] for span in passing], np.int64) for end in (0, 1))
+        first = np.full((2, edges.size + 1), np.nan)  # k and r of the first point of each piece
+        sums = np.zeros((6, edges.size + 1))  # of 1, k, r, k k, k r, r r, by piece
         for index, k, stamps in self.points(period):
-            if not edges.size and not starts.size:
-                sums[0] = _merged(sums[0], k, stamps - period * k)
-                continue
-            off = np.searchsorted(starts, index, side="right") > np.searchsorted(
-                stops, index, side="right"
-            )
-            piece = np.searchsorted(edges, index, side="right")
-            residual = stamps - period * k
-            for p in np.unique(piece[~off]):
-                here = (piece == p) & ~off
-                sums[p] = _merged(sums[p], k[here], residual[here])
-        total = sums[:, 3].sum()
-        slope = sums[:, 4].sum() / total if total > 0 else 0.0
-        free = max(sums[:, 0].sum() - len(sums) - 1, 1.0)
-        spread = float(np.sqrt(max(sums[:, 5].sum() - slope * sums[:, 4].sum(), 0.0) / free))
-        firsts = [0, *edges.tolist()]
+            behind = (np.searchsorted(ends, index, side="right") for ends in (starts, stops))
+            on = np.equal(*behind)
+            points = np.stack([k[on], (stamps - period * k)[on]])
+            piece = np.searchsorted(edges, index[on], side="right")
+            own, begins = np.unique(piece, return_index=True)
+            first[:, own] = np.where(np.isnan(first[:, own]), points[:, begins], first[:, own])
+            # stamps beyond 1e150 make a clock that is not finite, and is not used
+            with np.errstate(over="ignore", invalid="ignore"):
+                x, y = points - first[:, piece]
+                products = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+                sums[:, own] += np.add.reduceat(products, begins, axis=1) if own.size else 0.0
+        count, k, r, kk, kr, rr = sums
+        with np.errstate(over="ignore", invalid="ignore"):
+            mean_k, mean_r = sums[1:3] / np.maximum(count, 1.0)
+            total = float((kk - k * mean_k).sum())
+            cross, square = float((kr - k * mean_r).sum()), float((rr - r * mean_r).sum())
+        slope = cross / total if total > 0 else 0.0
+        free = max(count.sum() - count.size - 1, 1.0)
+        spread = float(np.sqrt(max(square - slope * cross, 0.0) / free))
+        mean_k, mean_r = np.nan_to_num(first) + (mean_k, mean_r)
         pieces = [
-            Piece(f, int(s[0]), float(s[1]), float(s[2] + period * s[1]))
-            for f, s in zip(firsts, sums)
+            Piece(begin, int(n), float(at), float(late + period * at))
+            for begin, n, at, late in zip([0, *edges.tolist()], count, mean_k, mean_r, strict=True)
         ]
         return period + slope, spread / np.sqrt(total) if total > 0 else np.inf, spread, pieces
 
@@ -409,19 +414,3 @@ def _unpaired(
         else:
             kept.append(jump)
     return kept, sorted(passing)
-
-
-# stamps beyond 1e150 make a clock that is not finite, and is not used
-@np.errstate(over="ignore", invalid="ignore")
-def _merged(sums: FloatArray, k: IntArray, r: FloatArray) -> FloatArray:
-    """Sums about means of the points so far and of these ones."""
-    n, mean_k, mean_r = float(k.size), k.mean(), r.mean()
-    by_k, by_r = k - mean_k, r - mean_r
-    new = np.array([n, mean_k, mean_r, by_k @ by_k, by_k @ by_r, by_r @ by_r])
-    if not sums[0]:
-        return new
-    both = sums[0] + n
-    step_k, step_r, weight = mean_k - sums[1], mean_r - sums[2], sums[0] * n / both
-    cross = weight * np.array([step_k * step_k, step_k * step_r, step_r * step_r])
-    means = [both, sums[1] + step_k * n / both, sums[2] + step_r * n / both]
-    return np.concatenate([means, sums[3:] + new[3:] + cross])
