@@ -280,8 +280,8 @@ class Stamps:
         first = np.full((2, edges.size + 1), np.nan)  # k and r of the first point of each piece
         sums = np.zeros((6, edges.size + 1))  # of 1, k, r, k k, k r, r r, by piece
         for index, k, stamps in self.points(period):
-            behind = (np.searchsorted(ends, index, side="right") for ends in (starts, stops))
-            on = np.equal(*behind)
+            begun, ended = (np.searchsorted(at, index, side="right") for at in (starts, stops))
+            on = begun == ended
             points = np.stack([k[on], (stamps - period * k)[on]])
             piece = np.searchsorted(edges, index[on], side="right")
             own, begins = np.unique(piece, return_index=True)
