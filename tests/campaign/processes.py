@@ -104,17 +104,8 @@ def begun(
     """`campaign run` in a process of its own, whose workers do `work`; what it says goes to
     `said.txt`.
     """
-    words = [
-        sys.executable,
-        "-c",
-        _PROGRAM,
-        work.__name__,
-        "campaign",
-        "run",
-        str(manifest),
-        "--quiet",
-        *options,
-    ]
+    words = [sys.executable, "-c", _PROGRAM, work.__name__]
+    words += ["campaign", "run", str(manifest), "--quiet", *options]
     with (manifest.parent / "said.txt").open("wb") as said:
         return subprocess.Popen(words, stderr=said, cwd=Path(__file__).parents[2])
 

@@ -122,12 +122,8 @@ def test_conditions_of_the_campaign_are_in_the_setup(manifest: Path) -> None:
     from tirelog.campaign.manifest import load_manifest
 
     campaign = load_manifest(manifest)
-    assert [log.setup.conditions.load_N for log in campaign.logs if log.setup] == [
-        3000.0,
-        3100.0,
-        3200.0,
-        3300.0,
-    ]
+    loads = [log.setup.conditions.load_N for log in campaign.logs if log.setup]
+    assert loads == [3000.0, 3100.0, 3200.0, 3300.0]
     assert parse_setup(campaign.logs[0].setup.text).conditions.load_N == 3000.0
     assert parse_setup(SETUP).channels == campaign.logs[0].setup.channels
 
@@ -137,19 +133,8 @@ def test_models_that_come_later_leave_the_tables_as_they_are(
 ) -> None:
     call("campaign", "run", manifest, "--quiet")
     parts = {path: path.stat().st_mtime_ns for path in (tmp_path / "results").rglob("part.parquet")}
-    assert (
-        call(
-            "model",
-            "new",
-            "--carcass",
-            "beam",
-            "--setup",
-            tmp_path / "setup.toml",
-            "-o",
-            tmp_path / "beam.toml",
-        )
-        == 0
-    )
+    new = ("model", "new", "--carcass", "beam", "--setup", tmp_path / "setup.toml")
+    assert call(*new, "-o", tmp_path / "beam.toml") == 0
     manifest.write_text(MANIFEST + '[[models]]\nfile = "beam.toml"\ncommands = ["compare"]\n')
     assert call("campaign", "run", manifest, "--only", "*run_1*") == 0
     assert "left to a run without --only" in capfd.readouterr().err

@@ -148,17 +148,6 @@ def test_a_cluster_writes_to_the_store(
     want = there(results)
     store().rm(results, recursive=True)
     with local_cluster(distributed, 2) as cluster:
-        assert (
-            run(
-                [
-                    "campaign",
-                    "run",
-                    str(manifest),
-                    "--quiet",
-                    "--scheduler",
-                    cluster.scheduler_address,
-                ]
-            )
-            == 0
-        )
+        words = ["campaign", "run", str(manifest), "--quiet"]
+        assert run([*words, "--scheduler", cluster.scheduler_address]) == 0
     assert there(results) == want
