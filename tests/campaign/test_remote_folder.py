@@ -13,7 +13,7 @@ import pytest
 
 from tests.campaign.conftest import MANIFEST, dataset, make_campaign
 from tests.campaign.processes import PATIENCE_S, killed_in_the_midst, patient
-from tests.campaign.test_elsewhere import bucket, local_cluster, without_credentials  # noqa: F401
+from tests.campaign.test_elsewhere import bucket, local_cluster  # noqa: F401
 from tirelog.campaign import runner as cluster_of
 from tirelog.campaign.ledger import Folder
 from tirelog.cli import run
@@ -121,19 +121,6 @@ def test_a_host_that_does_not_answer(
     assert run(["campaign", "run", str(manifest), "--quiet"]) == 2
     assert "no answer within 0.5 s" in capfd.readouterr().err
     silent.close()
-
-
-def test_no_credentials_for_the_output(
-    bucket: str,  # noqa: F811
-    manifest: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
-    without_credentials(monkeypatch, tmp_path)
-    manifest.write_text(MANIFEST.replace('"results"', f'"{bucket}/results"'))
-    assert run(["campaign", "run", str(manifest), "--quiet"]) == 2
-    assert "credentials" in capfd.readouterr().err
 
 
 @pytest.mark.slow

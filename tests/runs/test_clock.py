@@ -38,8 +38,13 @@ def test_uniform_stamps_give_a_uniform_axis(rate: float, decimals: int) -> None:
     )
 
 
+@pytest.mark.parametrize("chunk", [700, 10**6])
 @pytest.mark.parametrize("block", [1, 1000, 10**6])
-def test_the_axis_does_not_depend_on_the_block_size(block: int) -> None:
+def test_the_axis_does_not_depend_on_the_block_size(
+    block: int, chunk: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tirelog.runs.stamps._CHUNK", chunk)
+    monkeypatch.setattr("tirelog.runs.stamps._IN_MEMORY", chunk)
     k = np.arange(3000) + 7 * (np.arange(3000) > 1234)
     axis = fit(written(k / 2500.0, 4), block=block, resolution_s=1e-4).axis
     assert (axis.rate_Hz, axis.first.tolist()) == (2500.0, [0, 1235])
@@ -348,11 +353,3 @@ def test_few_stamps(stamps: list[float]) -> None:
     axis = fit(stamps, setup_rate_Hz=2.0 if len(stamps) > 2 else 1.0, resolution_s=0.1).axis
     assert axis.size == len(stamps)
     assert np.isfinite(axis.time()).all()
-
-
-@pytest.mark.parametrize("size", [2_200_000])
-def test_long_logs_go_through_a_file(size: int) -> None:
-    k = np.arange(size) + 3 * (np.arange(size) >= 2_150_000)
-    axis = fit(written(k / 2500.0, 4), block=400_000, resolution_s=1e-4).axis
-    assert axis.first.tolist() == [0, 2_150_000]
-    assert axis.time(size - 1) == pytest.approx([k[-1] / 2500.0], abs=1e-8)
