@@ -12,9 +12,8 @@ from typing import Any
 import pytest
 
 from tests.campaign.conftest import MANIFEST, dataset, make_campaign
-from tests.campaign.processes import PATIENCE_S, killed_in_the_midst, patient
-from tests.campaign.test_elsewhere import bucket, local_cluster  # noqa: F401
-from tirelog.campaign import runner as cluster_of
+from tests.campaign.processes import killed_in_the_midst
+from tests.campaign.test_elsewhere import bucket  # noqa: F401
 from tirelog.campaign.ledger import Folder
 from tirelog.cli import run
 from tirelog.storage import remote
@@ -121,20 +120,3 @@ def test_a_host_that_does_not_answer(
     assert run(["campaign", "run", str(manifest), "--quiet"]) == 2
     assert "no answer within 0.5 s" in capfd.readouterr().err
     silent.close()
-
-
-@pytest.mark.slow
-def test_a_cluster_writes_to_the_store(
-    far: tuple[Path, Path, str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr(cluster_of, "make_tables", patient)
-    monkeypatch.setattr(cluster_of, "ANSWER_S", PATIENCE_S)
-    _, manifest, results = far
-    assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
-    want = there(results)
-    store().rm(results, recursive=True)
-    with local_cluster(distributed, 2) as cluster:
-        words = ["campaign", "run", str(manifest), "--quiet"]
-        assert run([*words, "--scheduler", cluster.scheduler_address]) == 0
-    assert there(results) == want
