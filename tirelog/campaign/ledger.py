@@ -64,7 +64,6 @@ from tirelog.storage.whole import (
     failed_writes,
     json_of,
     json_value,
-    output_error,
     whole_file,
     whole_name,
 )
@@ -100,13 +99,11 @@ def json_table(data: bytes | None) -> dict[str, Any]:
 
 def swept(temporary: Path) -> None:
     """An empty folder at `temporary`.  A link in its place is removed, and not followed."""
-    try:
+    with failed_writes(temporary):
         if temporary.is_symlink():
             temporary.unlink()
         shutil.rmtree(temporary, ignore_errors=True)
         temporary.mkdir(parents=True)
-    except OSError as problem:
-        raise output_error(temporary, problem) from problem
 
 
 class Folder:
@@ -210,7 +207,7 @@ def _locked(path: Path) -> Iterator[None]:
     The lock is the kernel's, so it does not outlive a crash. UsageError: another run has it.
     """
     hidden = path / HIDDEN
-    try:
+    with failed_writes(path):
         hidden.mkdir(parents=True, exist_ok=True)
         if hidden.is_symlink():
             raise UsageError(
@@ -221,8 +218,6 @@ def _locked(path: Path) -> Iterator[None]:
             )
         flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
         lock = os.open(hidden / "lock", flags, 0o666)
-    except OSError as problem:
-        raise output_error(path, problem) from problem
     with os.fdopen(lock):
         try:
             if sys.platform == "win32":
@@ -301,21 +296,14 @@ class Ledger:
         """
         if self._hashes is None:
             self._hashes = json_table(self.folder.read(_HASHES))
-        url = address(log)
-        if url is None:
-            stat = os.stat(log)
-            state: list[Any] = [stat.st_size, stat.st_mtime_ns]
-        else:
-            state = state_of(url)
+        state = state_of(log)
         known = self._hashes.get(log)
         if isinstance(known, list) and known[:-1] == state:
             return str(known[-1])
         with open_input(log) as stream:
-            digest = hashlib.sha256()
-            while part := stream.read(1 << 22):
-                digest.update(part)
-        self._hashes[log] = [*state, digest.hexdigest()]
-        return digest.hexdigest()
+            digest = hashlib.file_digest(stream, "sha256").hexdigest()  # type: ignore[arg-type]
+        self._hashes[log] = [*state, digest]
+        return digest
 
     def save_hashes(self) -> None:
         data = json_bytes(self._hashes or {})

@@ -410,10 +410,8 @@ def make_folder(path: Path | str) -> None:
     if address(path) is None:
         folder = Path(path)
         _new_folders.extend(one for one in (folder, *folder.parents) if not one.exists())
-        try:
+        with failed_writes(path):
             folder.mkdir(parents=True, exist_ok=True)
-        except OSError as problem:
-            raise output_error(path, problem) from None
 
 
 # ---- TOML and JSON text to plain tables.
