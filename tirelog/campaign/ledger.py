@@ -301,7 +301,7 @@ class Ledger:
         if isinstance(known, list) and known[:-1] == state:
             return str(known[-1])
         with open_input(log) as stream:
-            digest = hashlib.file_digest(stream, "sha256").hexdigest()  # type: ignore[arg-type]
+            digest = hashlib.file_digest(stream, "sha256").hexdigest()  # type: ignore[arg-type]  # it has readinto
         self._hashes[log] = [*state, digest]
         return digest
 

@@ -119,7 +119,7 @@ def guessed(source: str, unit: str, samples: FloatArray) -> Guess:
     for of_kind, kind in _WORDS:
         fits = name is None or units.UNITS[name][0] in KINDS[kind].quantities
         if words & of_kind and fits:
-            unit_of = name or _suffix(source, kind) or _by_size(kind, known)
+            unit_of = name or _unit_of(source, kind, known)
             return _directed(kind, words, known, unit_of, "its name")
     volts = words & {"voltage", "volt", "volts"}
     why = "a voltage, and nothing says of what" if volts else "nothing says what it is"
@@ -172,14 +172,14 @@ def _no_vehicle(known: FloatArray, unit: str, share: float) -> bool:
     return float(np.quantile(np.abs(known), share)) * units.UNITS[unit][1] > _NO_VEHICLE_M_S2
 
 
-def _suffix(source: str, kind: str) -> str:
-    """The unit at the end of a name, as in acc_x_g, if it is one of the kind's; else ''."""
+def _unit_of(source: str, kind: str, known: FloatArray) -> str:
+    """The unit at the end of a name, as in acc_x_g, if it is one of the kind's.
+
+    Else the one that a channel of this kind is usually this large in.
+    """
     name = units.canonical(re.split(r"[_ ]", source)[-1])
-    return name if name and units.UNITS[name][0] in KINDS[kind].quantities else ""
-
-
-def _by_size(kind: str, known: FloatArray) -> str:
-    """The unit that a channel of this kind is usually this large in."""
+    if name and units.UNITS[name][0] in KINDS[kind].quantities:
+        return name
     size = float(np.quantile(np.abs(known), 0.98))
     return next((unit for most, unit in _SIZES[kind] if size <= most), _SIZES[kind][-1][1])
 
@@ -522,15 +522,14 @@ def _text(
 
 def _channel(name: str, one: FoundSeries, twins: dict[str, FoundSeries], surface: str) -> str:
     kind, unit = one.guess.kind, one.guess.unit
+    why, mark = (f"{MARK}: {one.guess.reason}", MARK) if kind != "signal" else ("", "")
+    of_log = bool(one.unit) and units.canonical(one.unit) == unit
     lines = [
         f"\n[channels.{_key(name)}]",
-        _line("kind", json.dumps(kind), f"{MARK}: {one.guess.reason}" if kind != "signal" else ""),
+        _line("kind", json.dumps(kind), why),
         _line("source", json.dumps(one.series.source), _shown(_range(one).strip())),
+        _line("unit", json.dumps(unit), "as the log says" if of_log else mark),
     ]
-    if one.unit and units.canonical(one.unit) == unit:
-        lines.append(_line("unit", json.dumps(unit), "as the log says"))
-    else:
-        lines.append(_line("unit", json.dumps(unit), MARK if kind != "signal" else ""))
     if kind in WAVELENGTH_KINDS:
         middle = float(np.median(one.known)) * units.UNITS[unit][1] * 1e9
         told = f"{MARK}: the median of the log; put the wavelength at rest"
@@ -545,12 +544,10 @@ def _channel(name: str, one: FoundSeries, twins: dict[str, FoundSeries], surface
             told = f"{MARK}: the nearest grating that hardly moves"
             lines.append(_line("temperature_channel", json.dumps(near[0]), told))
     if kind in STRAIN_KINDS:
-        side = {"outer": "down", "inner": "up"}.get(surface, "")
-        if side:
-            told = f"{MARK}: the patch takes the strain {side}"
-            lines.append(_line("surface", json.dumps(surface), told))
-        else:
-            lines.append('# surface = "outer"   # outer: a minimum in the patch; inner: a maximum')
+        side = {"outer": "down", "inner": "up"}.get(surface)
+        told = f"{MARK}: the patch takes the strain {side}"
+        unknown = '# surface = "outer"   # outer: a minimum in the patch; inner: a maximum'
+        lines.append(_line("surface", json.dumps(surface), told) if side else unknown)
     if kind == "wheel_encoder":
         lines.append("# steps = 48          # per turn of the wheel: needed")
     return "\n".join(lines) + "\n"

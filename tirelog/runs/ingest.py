@@ -133,11 +133,11 @@ def _setup_for(log: str, setup: Setup | None) -> Setup:
 
 
 @contextmanager
-def failed_reads(log: str, *more: type[Exception]) -> Iterator[None]:
+def failed_reads(log: str, more: type[Exception] = OSError) -> Iterator[None]:
     """What the system says of a log that it does not give becomes a ReadError."""
     try:
         yield
-    except (OSError, *more) as problem:
+    except (OSError, more) as problem:
         what = getattr(problem, "strerror", None) or problem
         raise ReadError(
             f"cannot be read ({what})",

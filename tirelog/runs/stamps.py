@@ -17,7 +17,7 @@ import tempfile
 import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -280,29 +280,37 @@ class Stamps:
         first = np.full((2, edges.size + 1), np.nan)  # k and r of the first point of each piece
         sums = np.zeros((6, edges.size + 1))  # of 1, k, r, k k, k r, r r, by piece
         for index, k, stamps in self.points(period):
-            begun, ended = (np.searchsorted(at, index, side="right") for at in (starts, stops))
-            on = begun == ended
-            points = np.stack([k[on], (stamps - period * k)[on]])
-            piece = np.searchsorted(edges, index[on], side="right")
-            own, begins = np.unique(piece, return_index=True)
-            first[:, own] = np.where(np.isnan(first[:, own]), points[:, begins], first[:, own])
-            # stamps beyond 1e150 make a clock that is not finite, and is not used
-            with np.errstate(over="ignore", invalid="ignore"):
-                x, y = points - first[:, piece]
-                products = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
-                sums[:, own] += np.add.reduceat(products, begins, axis=1) if own.size else 0.0
-        count, k, r, kk, kr, rr = sums
+            if passing:
+                begun, ended = (np.searchsorted(at, index, side="right") for at in (starts, stops))
+                on = begun == ended
+                index, k, stamps = index[on], k[on], stamps[on]
+            cuts = np.searchsorted(index, edges).tolist()
+            for piece, (begin, stop) in enumerate(pairwise([0, *cuts, index.size])):
+                if begin == stop:
+                    continue
+                x = k[begin:stop].astype(float)
+                y = stamps[begin:stop] - period * x
+                if np.isnan(first[0, piece]):
+                    first[:, piece] = x[0], y[0]
+                x, y = x - first[0, piece], y - first[1, piece]
+                # stamps beyond 1e150 make a clock that is not finite, and is not used
+                with np.errstate(over="ignore", invalid="ignore"):
+                    sums[:, piece] += x.size, x.sum(), y.sum(), x @ x, x @ y, y @ y
+        count, by_k, by_r, by_kk, by_kr, by_rr = sums
         with np.errstate(over="ignore", invalid="ignore"):
-            mean_k, mean_r = sums[1:3] / np.maximum(count, 1.0)
-            total = float((kk - k * mean_k).sum())
-            cross, square = float((kr - k * mean_r).sum()), float((rr - r * mean_r).sum())
+            mean_k, mean_r = means = sums[1:3] / np.maximum(count, 1.0)
+            total = float((by_kk - by_k * mean_k).sum())
+            cross = float((by_kr - by_k * mean_r).sum())
+            square = float((by_rr - by_r * mean_r).sum())
         slope = cross / total if total > 0 else 0.0
         free = max(count.sum() - count.size - 1, 1.0)
         spread = float(np.sqrt(max(square - slope * cross, 0.0) / free))
-        mean_k, mean_r = np.nan_to_num(first) + (mean_k, mean_r)
+        middles = (np.nan_to_num(first) + means).T.tolist()
         pieces = [
-            Piece(begin, int(n), float(at), float(late + period * at))
-            for begin, n, at, late in zip([0, *edges.tolist()], count, mean_k, mean_r, strict=True)
+            Piece(begin, int(n), middle_k, middle_r + period * middle_k)
+            for begin, n, (middle_k, middle_r) in zip(
+                [0, *edges.tolist()], count, middles, strict=True
+            )
         ]
         return period + slope, spread / np.sqrt(total) if total > 0 else np.inf, spread, pieces
 
