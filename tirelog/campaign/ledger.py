@@ -41,7 +41,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 from zipfile import BadZipFile
 
 import numpy as np
@@ -301,7 +301,7 @@ class Ledger:
         if isinstance(known, list) and known[:-1] == state:
             return str(known[-1])
         with open_input(log) as stream:
-            digest = hashlib.file_digest(stream, "sha256").hexdigest()  # type: ignore[arg-type]  # it has readinto
+            digest = hashlib.file_digest(cast(Any, stream), "sha256").hexdigest()
         self._hashes[log] = [*state, digest]
         return digest
 
