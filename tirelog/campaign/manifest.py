@@ -53,8 +53,6 @@ from tirelog.storage.schema import (
 from tirelog.storage.whole import toml_tables, toml_text
 
 _CONDITIONS = tuple(f.name for f in dataclasses.fields(LogConditions))
-MODEL_COMMANDS = ("compare", "diagnose", "ladder")
-EACH = ("log", "tire")
 
 
 @dataclass(frozen=True)
@@ -115,7 +113,6 @@ _TABLES = {
 }
 _GLOB = replace(LINE, words='a pattern relative to the manifest, such as "logs/*.csv"')
 _MODEL = replace(LINE, words='the path of a model file, such as "beam.toml"')
-_COMMANDS = OneOf(MODEL_COMMANDS, several=True)
 _MANIFEST = Table(
     {
         "campaign": Table({"name": LINE, "output": LINE}),
@@ -125,7 +122,11 @@ _MANIFEST = Table(
         "tables": Table(_TABLES),
         "models": Entries(
             Table(
-                {"file": _MODEL, "commands": _COMMANDS, "each": words(*EACH)},
+                {
+                    "file": _MODEL,
+                    "commands": OneOf(("compare", "diagnose", "ladder"), several=True),
+                    "each": words("log", "tire"),
+                },
                 needed=("file",),
             )
         ),
