@@ -103,7 +103,7 @@ reader = open_text(r"{log}", load_setup(r"{setup}"), "log")
 clock = ClockFit(resolution_s=reader.groups[0].stamp_resolution_s)
 for block in reader.blocks():
     clock.add(block.stamps_s, block.number, next(iter(block.values.values())).size)
-assert clock.axis().rate_Hz == 2500.0 and not reader.report.losses
+assert clock.axis.rate_Hz == 2500.0 and not reader.report.losses
 """
 PANDAS = {
     "pandas, whole file": 'import pandas as pd\npd.read_csv(r"{log}").to_numpy()',

@@ -3,7 +3,6 @@
     recording, {name: options} --tables_of--> Part (rows of one channel, remarks, what they are
                                               made of), channel by channel
     channels --threads, or processes of their own--> Parts of each channel, in their order
-    one long channel --the form; the other tables; stretches of passages: by processes--> Parts
 
 Each table's command, `tables`, campaigns, the report and the Python functions all go through
 `tables_of`. Tables of strain channels share what they are made of: a channel is read once and its
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
     from tirelog.dsp.filters import Cutoff
     from tirelog.strain.footprint.footprint import FormChoice
     from tirelog.strain.passages.find import Passages
-    from tirelog.vocabulary.arrays import IntArray, Records
     from tirelog.wheel.calibration import Calibration
     from tirelog.wheel.phase_shift import EdgeTimes
 
@@ -49,13 +47,6 @@ _OF_CHANNELS = (
     "tirelog.strain.passages.find",
     "tirelog.strain.speed",
 )
-#: a channel of fewer samples is not worth a second process: an hour at 10 kHz takes a fifth less
-#: time at the same cost, ten minutes take as long and cost a seventh more (23 November 2026, two
-#: cores, Python 3.11); half as many may be no quicker
-_LONG = 10_000_000
-#: stretches of its passages that are measured at a time, so that no process waits long for the
-#: other; with twice as many each is begun anew twice as often
-_STRETCHES = 6
 
 
 @dataclass(frozen=True)
@@ -77,16 +68,12 @@ class Part:
 
 @dataclass(frozen=True)
 class Work:
-    """A strain channel with what all its tables are made of.
-
-    `measured`: of stretches of its passages, None if that is to be done.
-    """
+    """A strain channel with what all its tables are made of."""
 
     recording: Recording
     channel: Channel
     passages: Passages
     settled: FormChoice | None = None
-    measured: Iterable[tuple[IntArray, Records]] | None = None
 
 
 @dataclass(frozen=True)
@@ -215,8 +202,7 @@ def _channel_tables(
     turned = False
     told: set[tuple[str, str]] = set()
     channels = list(zip(stored, found, strict=True))
-    making = ChannelTables(recording, wanted)
-    with closing(_by_channel(making, channels, workers, processes)) as of_channels:
+    with closing(_by_channel(recording, wanted, channels, workers, processes)) as of_channels:
         for parts, turns in of_channels:
             turned |= turns
             for part in parts:
@@ -234,43 +220,9 @@ def _channel_tables(
 # ---- channels, several at work at a time
 
 
-@dataclass(frozen=True)
-class ChannelTables:
-    """The `wanted` tables of the channels of a recording, each made channel by channel."""
-
-    recording: Recording
-    wanted: Mapping[str, Options]
-
-    def work(self, stored: Channel, passages: Passages | None) -> Work:
-        """A channel with its passages, which may be known."""
-        from tirelog.runs.in_memory import without_spikes
-        from tirelog.strain.passages.find import passages_of
-
-        only_passages = passages is not None and set(self.wanted) == {"speed"}
-        channel = stored if only_passages else without_spikes(stored)
-        if passages is None:
-            passages = passages_of(self.recording, channel)
-        return Work(self.recording, channel, passages)
-
-    def with_form(self, work: Work, like: FormChoice | None = None) -> Work:
-        """The channel with the form of its passages, if that is needed and can be learnt.
-
-        `like`: that of another channel, to start from.
-        """
-        from tirelog.strain.footprint.footprint import choose_form
-
-        if "footprint" not in self.wanted or work.passages.doubt:
-            return work
-        return replace(work, settled=choose_form(work.channel, work.passages, like=like))
-
-    def parts(self, work: Work, names: Iterable[str]) -> dict[str, Part]:
-        """Those of the wanted tables, by their names."""
-        makers = {name: MAKERS[name].of_channel for name in names}
-        return {name: make(work, self.wanted[name]) for name, make in makers.items() if make}
-
-
 def _by_channel(
-    making: ChannelTables,
+    recording: Recording,
+    wanted: Mapping[str, Options],
     channels: Sequence[tuple[Channel, Passages | None]],
     workers: int,
     processes: bool,
@@ -280,25 +232,21 @@ def _by_channel(
     With `processes` the workers are processes where they can be, and parts come without what they
     were `found` in, which no pipe carries.
     """
-    stored = [channel for channel, _ in channels]
-    at_hand = all(channel.at_hand for channel in stored)  # processes can read it side by side
-    enough = len(stored) > 1 or any(channel.size >= _LONG for channel in stored)
-    if not (processes and enough and workers > 1 and POSSIBLE and at_hand):
-        make, left = _maker(making, channels), deque(range(len(channels)))
+    at_hand = all(channel.at_hand for channel, _ in channels)  # processes can read it side by side
+    make = _maker(recording, wanted, channels)
+    if not (processes and len(channels) > 1 and workers > 1 and POSSIBLE and at_hand):
         ahead: deque[Future[tuple[list[Part], bool]]] = deque()
         with ThreadPoolExecutor(workers) as pool:
-            while left or ahead:
+            for number in range(len(channels)):
+                ahead.append(pool.submit(make, number))
                 # one more than are at work, so that nobody waits while rows are written
-                while left and len(ahead) <= workers:
-                    ahead.append(pool.submit(make, left.popleft()))
+                if len(ahead) > workers:
+                    yield ahead.popleft().result()
+            while ahead:
                 yield ahead.popleft().result()
         return
     for module in _OF_CHANNELS:  # loaded once, before the processes part
         import_module(module)
-    if len(channels) == 1:
-        yield from _by_stretches(making, *channels[0], workers)
-        return
-    make = _maker(making, channels)
 
     def bare(number: int) -> tuple[list[Part], bool]:
         parts, turns = make(number)
@@ -308,68 +256,47 @@ def _by_channel(
 
 
 def _maker(
-    making: ChannelTables, channels: Sequence[tuple[Channel, Passages | None]]
+    recording: Recording,
+    wanted: Mapping[str, Options],
+    channels: Sequence[tuple[Channel, Passages | None]],
 ) -> Callable[[int], tuple[list[Part], bool]]:
     """What makes the tables of a channel by its number.
 
     The first form that can be learnt is learnt here: all later channels start from it, so that
     their rows do not depend on who is quicker.
     """
+    from tirelog.runs.in_memory import without_spikes
+    from tirelog.strain.passages.find import passages_of
+
+    def work_on(number: int, like: FormChoice | None = None) -> Work:
+        stored, passages = channels[number]
+        only_passages = passages is not None and set(wanted) == {"speed"}
+        channel = stored if only_passages else without_spikes(stored)
+        if passages is None:
+            passages = passages_of(recording, channel)
+        settled = None
+        if "footprint" in wanted and not passages.doubt:
+            from tirelog.strain.footprint.footprint import choose_form
+
+            settled = choose_form(channel, passages, like=like)
+        return Work(recording, channel, passages, settled)
+
     first: dict[int, Work] = {}
     like: FormChoice | None = None
-    if "footprint" in making.wanted:
-        for number, channel in enumerate(channels):
-            first[number] = making.with_form(making.work(*channel))
-            if like := first[number].settled:
-                break
+    for number in range(len(channels)) if "footprint" in wanted else ():
+        first[number] = work_on(number)
+        if like := first[number].settled:
+            break
+    makers = [(MAKERS[name].of_channel, options) for name, options in wanted.items()]
 
     def make(number: int) -> tuple[list[Part], bool]:
-        work = first.pop(number, None)
-        if work is None:
-            work = making.with_form(making.work(*channels[number]), like and like.light)
-        return [*making.parts(work, making.wanted).values()], len(work.passages) > 0
+        work = first.pop(number, None) or work_on(number, like and like.light)
+        return [of(work, options) for of, options in makers if of], len(work.passages) > 0
 
     return make
 
 
-def _by_stretches(
-    making: ChannelTables, stored: Channel, found: Passages | None, workers: int
-) -> Generator[tuple[list[Part], bool]]:
-    """The tables of the only channel, without what its rows were found in.
-
-    One process learns the form while another makes the tables that need none; then both measure
-    stretches of passages.
-    """
-    from tirelog.strain.footprint.footprint import Measuring, refuse_cutoff
-
-    work = making.work(stored, found)
-    names = [name for name in making.wanted if name != "footprint"]
-    if len(names) == len(making.wanted) or work.passages.doubt:
-        yield [*making.parts(work, making.wanted).values()], len(work.passages) > 0
-        return
-    cutoff = cutoff_in(making.wanted["footprint"])
-    refuse_cutoff(making.recording, work.channel, cutoff)
-
-    def begun(number: int) -> Any:
-        if number:
-            parts = making.parts(work, names)
-            return {name: replace(part, found=None) for name, part in parts.items()}
-        settled = making.with_form(work).settled
-        return settled and settled.light
-
-    settled, made = in_processes(2, workers, begun)
-    measured = None
-    if settled:
-
-        def measure(number: int) -> tuple[IntArray, Records]:
-            measuring = Measuring.of(work.channel, work.passages, settled, cutoff)
-            rows = measuring.measure(number, _STRETCHES)
-            return rows, measuring.work[rows]
-
-        measured = list(in_processes(_STRETCHES, workers, measure))
-    parts = making.parts(replace(work, settled=settled, measured=measured), ["footprint"])
-    made |= {name: replace(part, found=None) for name, part in parts.items()}
-    yield [made[name] for name in making.wanted if name in made], len(work.passages) > 0
+# ---- the tables
 
 
 def cutoff_in(options: Options) -> Cutoff:
@@ -377,9 +304,6 @@ def cutoff_in(options: Options) -> Cutoff:
     from tirelog.dsp.filters import Cutoff
 
     return Cutoff.parse(str(options.get("cutoff", "auto")))
-
-
-# ---- the tables
 
 
 def _speed_of_channel(work: Work, options: Options) -> Part:
@@ -417,7 +341,6 @@ def _footprint(work: Work, options: Options) -> Part:
         work.passages,
         cutoff_in(options),
         work.settled,
-        measured=work.measured,
         friction_ratio=options.get("friction_ratio"),
     )
     return Part("footprint", found.columns, found.remarks, found)

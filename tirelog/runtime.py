@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import gc
 import os
-import signal
 import sys
 import threading
 import time
@@ -23,9 +22,7 @@ _MOST_HEAPS = -8
 #: what is set: a block of waveforms is 1.5 MB, and twenty of them are at work at a time
 _TRIM, _OWN_MEMORY = -1, -3
 _TRIM_BYTES, _OWN_MEMORY_BYTES = 1 << 26, 1 << 22
-#: Linux's number for "send me this signal when my parent ends" (sys/prctl.h, PR_SET_PDEATHSIG)
-_SIGNAL_WITH_PARENT = 1
-#: elsewhere the parent is looked for so often [s]
+#: the parent is looked for so often [s]
 _LOOK_S = 0.5
 #: processes that share what is independent of each other, if there are as many cores: twice as many
 #: take twice the memory beside that of the command
@@ -120,22 +117,13 @@ def processes() -> int:
 
 
 def end_with_parent(parent: int) -> None:
-    """End this process as soon as the one that started it, `parent`, has ended.
+    """End this process half a second after the one that started it, `parent`, has ended, at most.
 
     However that came about. If its parent was killed, a worker would else wait for its next task
     without end, and hold 200 MB.
     """
-    if sys.platform == "linux":
-        import ctypes
-
-        library = ctypes.CDLL(None)
-        if (
-            hasattr(library, "prctl")
-            and library.prctl(_SIGNAL_WITH_PARENT, int(signal.SIGKILL)) == 0
-        ):
-            if os.getppid() != parent:  # it ended before it could be asked for
-                os._exit(1)
-            return
+    if os.getppid() != parent:  # it ended before it could be looked for
+        os._exit(1)
     threading.Thread(target=_watch, args=(parent,), daemon=True).start()
 
 

@@ -13,8 +13,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tirelog.campaign.ledger import Entry, folder_at
-from tirelog.campaign.runner import LogTask, make_tables
+from tirelog.campaign.ledger import Entry, Folder
+from tirelog.campaign.manifest import LogTask
+from tirelog.campaign.runner import make_tables
 from tirelog.storage import remote
 from tirelog.storage.whole import whole_file
 
@@ -58,7 +59,7 @@ def gated(task: LogTask) -> Entry:
 def stuck(task: LogTask) -> Entry:
     """A worker's task that has begun to write its table, and never ends."""
     name = f"table=speed/log={task.name}/part.parquet"
-    with whole_file(folder_at(task.output).place(name)) as part:
+    with whole_file(Folder(task.output).place(name)) as part:
         part.write_bytes(b"half of a table")
         while True:
             time.sleep(1.0)
@@ -103,17 +104,8 @@ def begun(
     """`campaign run` in a process of its own, whose workers do `work`; what it says goes to
     `said.txt`.
     """
-    words = [
-        sys.executable,
-        "-c",
-        _PROGRAM,
-        work.__name__,
-        "campaign",
-        "run",
-        str(manifest),
-        "--quiet",
-        *options,
-    ]
+    words = [sys.executable, "-c", _PROGRAM, work.__name__]
+    words += ["campaign", "run", str(manifest), "--quiet", *options]
     with (manifest.parent / "said.txt").open("wb") as said:
         return subprocess.Popen(words, stderr=said, cwd=Path(__file__).parents[2])
 

@@ -15,7 +15,7 @@ from tests.campaign.conftest import MANIFEST, dataset, make_campaign
 from tests.campaign.processes import killed_in_the_midst
 from tests.cli.conftest import SETUP
 from tests.diagnosis.toy import stack
-from tirelog.campaign.ledger import folder_at, pieces_bytes, read_pieces
+from tirelog.campaign.ledger import Folder, pieces_bytes, read_pieces
 from tirelog.cli import run
 from tirelog.data.setup import parse_setup
 from tirelog.inference.cells.pieces import joined_pieces, pieces_of
@@ -103,8 +103,8 @@ def test_killed_at_any_moment_and_resumed(tmp_path: Path) -> None:
 
 def test_one_run_at_a_time(manifest: Path, tmp_path: Path) -> None:
     program = (
-        "from tirelog.campaign.ledger import folder_at; import sys\n"
-        "with folder_at(sys.argv[1]).held(): print('held', flush=True); sys.stdin.read()"
+        "from tirelog.campaign.ledger import Folder; import sys\n"
+        "with Folder(sys.argv[1]).held(): print('held', flush=True); sys.stdin.read()"
     )
     with subprocess.Popen(
         [sys.executable, "-c", program, str(tmp_path / "results")],
@@ -122,12 +122,8 @@ def test_conditions_of_the_campaign_are_in_the_setup(manifest: Path) -> None:
     from tirelog.campaign.manifest import load_manifest
 
     campaign = load_manifest(manifest)
-    assert [log.setup.conditions.load_N for log in campaign.logs if log.setup] == [
-        3000.0,
-        3100.0,
-        3200.0,
-        3300.0,
-    ]
+    loads = [log.setup.conditions.load_N for log in campaign.logs if log.setup]
+    assert loads == [3000.0, 3100.0, 3200.0, 3300.0]
     assert parse_setup(campaign.logs[0].setup.text).conditions.load_N == 3000.0
     assert parse_setup(SETUP).channels == campaign.logs[0].setup.channels
 
@@ -137,19 +133,8 @@ def test_models_that_come_later_leave_the_tables_as_they_are(
 ) -> None:
     call("campaign", "run", manifest, "--quiet")
     parts = {path: path.stat().st_mtime_ns for path in (tmp_path / "results").rglob("part.parquet")}
-    assert (
-        call(
-            "model",
-            "new",
-            "--carcass",
-            "beam",
-            "--setup",
-            tmp_path / "setup.toml",
-            "-o",
-            tmp_path / "beam.toml",
-        )
-        == 0
-    )
+    new = ("model", "new", "--carcass", "beam", "--setup", tmp_path / "setup.toml")
+    assert call(*new, "-o", tmp_path / "beam.toml") == 0
     manifest.write_text(MANIFEST + '[[models]]\nfile = "beam.toml"\ncommands = ["compare"]\n')
     assert call("campaign", "run", manifest, "--only", "*run_1*") == 0
     assert "left to a run without --only" in capfd.readouterr().err
@@ -191,7 +176,7 @@ def test_each_log_is_diagnosed_alone_and_left_out(
 def test_status_and_dry_run_do_not_wait_for_a_run(
     manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    with folder_at(tmp_path / "results").held():
+    with Folder(tmp_path / "results").held():
         assert call("campaign", "status", manifest) == 0
         assert "4 open" in capfd.readouterr().out
         assert call("campaign", "run", manifest, "--dry-run") == 0

@@ -14,7 +14,6 @@ from tests.campaign.conftest import dataset, make_campaign
 from tests.campaign.processes import PATIENCE_S, dying_once, patient
 from tests.campaign.test_campaign import remove
 from tirelog.campaign import runner
-from tirelog.campaign import runner as cluster_of
 from tirelog.cli import run
 from tirelog.storage import remote
 
@@ -30,11 +29,7 @@ def local_cluster(distributed: Any, workers: int) -> Iterator[Any]:
             {"distributed.comm.timeouts.connect": slow, "distributed.comm.timeouts.tcp": slow}
         ),
         distributed.LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=None,
-            host="127.0.0.1",
+            n_workers=workers, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
         ) as cluster,
     ):
         yield cluster
@@ -51,22 +46,11 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_bytes(
     want = dataset(results)
     remove(results)
     monkeypatch.setenv("TIRELOG_TEST_GATE", str(tmp_path))
-    monkeypatch.setattr(cluster_of, "make_tables", dying_once)
-    monkeypatch.setattr(cluster_of, "ANSWER_S", PATIENCE_S)
+    monkeypatch.setattr(runner, "make_tables", dying_once)
+    monkeypatch.setattr(runner, "ANSWER_S", PATIENCE_S)
     with local_cluster(distributed, 3) as cluster:
-        assert (
-            run(
-                [
-                    "campaign",
-                    "run",
-                    str(manifest),
-                    "--quiet",
-                    "--scheduler",
-                    cluster.scheduler_address,
-                ]
-            )
-            == 0
-        )
+        words = ["campaign", "run", str(manifest), "--quiet"]
+        assert run([*words, "--scheduler", cluster.scheduler_address]) == 0
     assert (tmp_path / "died").exists()
     assert dataset(results) == want
 
@@ -103,19 +87,8 @@ def test_logs_and_tables_in_s3(
     monkeypatch.chdir(tmp_path)
     store = s3fs.S3FileSystem()
     store.put("logs/run_1.csv", f"{bucket}/run_1.csv")
-    assert (
-        run(
-            [
-                "speed",
-                f"{bucket}/run_1.csv",
-                "--setup",
-                "setup.toml",
-                "-o",
-                f"{bucket}/speed.parquet",
-            ]
-        )
-        == 0
-    )
+    words = ["speed", f"{bucket}/run_1.csv", "--setup", "setup.toml"]
+    assert run([*words, "-o", f"{bucket}/speed.parquet"]) == 0
     assert run(["speed", "logs/run_1.csv", "--setup", "setup.toml", "-o", "speed.parquet"]) == 0
     store.get(f"{bucket}/speed.parquet", "there.parquet")
     here, there = (
@@ -130,19 +103,8 @@ def test_what_is_not_there_and_a_bucket_that_is_not(
     setup = str(tmp_path / "setup.toml")
     assert run(["speed", f"{bucket}/nothing.csv", "--setup", setup]) == 4
     assert "cannot be reached" in capfd.readouterr().err
-    assert (
-        run(
-            [
-                "speed",
-                str(tmp_path / "logs" / "run_1.csv"),
-                "--setup",
-                setup,
-                "-o",
-                "s3://no-such-bucket/t.csv",
-            ]
-        )
-        == 2
-    )
+    words = ["speed", str(tmp_path / "logs" / "run_1.csv"), "--setup", setup]
+    assert run([*words, "-o", "s3://no-such-bucket/t.csv"]) == 2
     assert "cannot be reached" in capfd.readouterr().err
 
 
@@ -167,56 +129,3 @@ def test_no_credentials(
     without_credentials(monkeypatch, tmp_path)
     assert run(["speed", f"{bucket}/run_1.csv", "--setup", str(tmp_path / "setup.toml")]) == 4
     assert "credentials" in capfd.readouterr().err
-
-
-#: every command that reads a log in the bucket and would write on it, or on the log beside it
-ONTO_A_LOG = [
-    *(f"{table} LOG -o LOG" for table in
-      ("speed", "footprint", "dissipation", "inflation", "slip", "grip", "wheel-angle",
-       "strain-shift", "phase-shift")),
-    "phase-shift LOG --calibrate LOG",
-    "speed here.csv LOG -o LOG",
-    "tables LOG -o FOLDER",
-    "ingest LOG -o LOG",
-    "info LOG -o LOG",
-    "setup new LOG -o LOG",
-    "compare LOG --model beam.toml -o LOG",
-    "diagnose LOG --model beam.toml -o LOG",
-    "form LOG --model beam.toml -o LOG",
-    "ladder LOG --model beam.toml -o LOG",
-    "ladder LOG --model beam.toml --save LOG",
-    "propose LOG --model beam.toml -o LOG",
-    "model fit LOG --model beam.toml -o LOG",
-    "report LOG -o LOG",
-    "report here.csv --table LOG -o LOG",
-    "check LOG --against here.csv -o LOG",
-]  # fmt: skip
-
-
-def test_no_output_takes_the_place_of_a_log_in_s3(
-    bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    import s3fs
-
-    monkeypatch.chdir(make_campaign(tmp_path, logs=1, seconds=1.0).parent)
-    data = (tmp_path / "logs" / "run_0.csv").read_bytes()
-    (tmp_path / "here.csv").write_bytes(data)
-    assert run(["model", "new", "--preset", "P2", "-o", "beam.toml"]) == 0
-    store, made = s3fs.S3FileSystem(), []
-    for line in ONTO_A_LOG:
-        name = "FOLDER/speed.csv" if "FOLDER" in line else "log.csv"
-        name = name.replace("FOLDER", f"{bucket}/made") if "FOLDER" in line else f"{bucket}/{name}"
-        store.pipe_file(name, data)
-        for other in (name, name.replace(f"{bucket}/", f"{bucket}//")):
-            first, _, last = line.rpartition(" ")
-            output = f"{bucket}/made" if last == "FOLDER" else other
-            words = [*first.replace("LOG", name).split(), output]
-            if words[0] not in ("check", "setup", "form"):
-                words += ["--setup", "setup.toml"]
-            capfd.readouterr()
-            status = run(words)
-            said = capfd.readouterr().err
-            if status != 2 or "takes the place of an input" not in said:
-                made.append((line, other, status, said))
-            assert store.cat_file(name) == data, (line, other)
-    assert made == []

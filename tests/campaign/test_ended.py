@@ -12,7 +12,7 @@ import pytest
 
 from tests.campaign.conftest import dataset, make_campaign
 from tests.campaign.processes import PATIENCE_S, alive, begun, children, kill_all, stuck, waited_for
-from tirelog.campaign.ledger import LocalFolder, _half_written
+from tirelog.campaign.ledger import Folder, _half_written
 from tirelog.cli import run
 
 LINUX = pytest.mark.skipif(
@@ -123,7 +123,7 @@ def test_a_link_in_the_place_of_a_result_is_replaced(tmp_path: Path) -> None:
     (tmp_path / "gold.txt").write_text("gold")
     (tmp_path / "results").mkdir()
     (tmp_path / "results" / "summary.csv").symlink_to(tmp_path / "gold.txt")
-    LocalFolder(tmp_path / "results").write("summary.csv", b"done")
+    Folder(tmp_path / "results").write("summary.csv", b"done")
     assert (tmp_path / "results" / "summary.csv").read_bytes() == b"done"
     assert (tmp_path / "gold.txt").read_text() == "gold"
 

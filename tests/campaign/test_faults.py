@@ -19,9 +19,9 @@ from tests.cli.conftest import Command
 from tests.diagnosis.toy import stack
 from tirelog.campaign.ledger import (
     Entry,
+    Folder,
     Ledger,
     _entry,
-    folder_at,
     json_table,
     pieces_bytes,
     read_pieces,
@@ -211,7 +211,7 @@ def test_a_calibration_stands_beside_the_manifest_and_its_content_counts(
     def keys() -> list[str]:
         campaign = load_manifest(manifest)
         assert campaign.tables["phase-shift"]["calibration"] == str(tmp_path / "cal.toml")
-        return [task.key for task in plan_tasks(campaign, Ledger(folder_at(campaign.output)))]
+        return [task.key for task in plan_tasks(campaign, Ledger(Folder(campaign.output)))]
 
     write_calibration(tmp_path / "cal.toml", FLAT)
     before = keys()
@@ -230,48 +230,22 @@ def test_pieces_that_were_cut_are_damaged_and_no_defect() -> None:
 ODD = [
     ("campaign = 1", "[campaign] is not a table"),
     ("[campaign]\nname = 1", "name = 1 in [campaign]; allowed is text of one line"),
-    ("[campaign]\noutput = 07:32:00", "[campaign]; allowed is text of one line"),
     ('[campaign]\noutput = ""', "output = '' in [campaign]; allowed is text of one line"),
-    ('[campaign]\noutput = "a\\u0000b"', "in [campaign]; allowed is text of one line"),
     ("logs = 1", "logs is not a list"),
-    ("logs = [1]", "[[logs]] number 1 is not a table"),
     ('[logs]\nglob = "*.csv"', "allowed are entries that begin with [[logs]]"),
     ("[[logs]]\nglob = 1", "glob = 1 in [[logs]] number 1; allowed is a pattern"),
-    ("[[logs]]\nglob = []", "glob = [] in [[logs]] number 1; allowed is a pattern"),
     ('[[logs]]\nglob = "."', "glob '.' "),
-    ('[[logs]]\nglob = "/"', "glob '/' "),
     ('[[logs]]\nglob = "**foo"', "glob '**foo' is no pattern"),
-    (
-        '[[logs]]\nglob = "a.csv"\nsetup = 1',
-        "setup = 1 in [[logs]] number 1; allowed is text of one line",
-    ),
-    (
-        '[[logs]]\nglob = "a.csv"\nconditions = 1',
-        "conditions = 1 in [[logs]] number 1; allowed is text of one line",
-    ),
     ('[[logs]]\nglob = "a.csv"\nconditions = "."', "cannot be read"),
     ("tables = 1", "[tables] is not a table"),
     ("[tables]\nspeed = 1", "[tables.speed] is not a table"),
-    ("[tables.footprint]\ncutoff = 07:32:00", "cutoff = '07:32:00'; allowed is text"),
     ("[tables.footprint]\ncutoff = 400", "cut-off '400'; allowed are"),
-    ('[tables.footprint]\ncutoff = "400"', "cut-off '400'; allowed are"),
     (
         "[tables.dissipation]\nsteady_step = -1",
         "steady_step (--steady-step) is above 0 m/s",
     ),
-    ("[tables.dissipation]\nsteady_step = nan", "steady_step = 'nan'; allowed is"),
     ("[tables.dissipation]\nsteady_step = true", "steady_step = 'True'; allowed is"),
     ("[tables.dissipation]\naverage = 2.5", "average = '2.5'; allowed is a whole number"),
-    (
-        f"[tables.dissipation]\naverage = {'9' * 400}",
-        "a whole number of 400 digits, where 19 are allowed",
-    ),
-    ("name = '" + "x" * (1 << 20) + "'", "is larger than 1 MB"),
-    (f"[tables.dissipation]\naverage = {'9' * 5000}", "not TOML"),
-    (
-        f"[tables.dissipation]\nsteady_step = {'9' * 400}",
-        "a whole number of 400 digits, where 19 are allowed",
-    ),
     ("[tables.speed]\ncalibrate_radius = 1", "allowed is true or false"),
     ("[tables.phase-shift]\ncalibration = 1", "allowed is the path"),
     (
@@ -279,17 +253,8 @@ ODD = [
         "zero = '1979-05-27'; allowed is text or a number (Zero of",
     ),
     ('[tables.phase-shift]\nzero = "banana"', "--zero banana; allowed are auto"),
-    ("models = 1", "models is not a list"),
-    ("models = [1]", "[[models]] number 1 is not a table"),
     ("[[models]]\nfile = 1", "file = 1 in [[models]] number 1; allowed is the path"),
-    ('[[models]]\nfile = "m.toml"\ncommands = 5', "commands = 5 in [[models]] number 1"),
     ('[[models]]\nfile = "m.toml"\ncommands = "compare"', "ladder, in a list"),
-    (
-        '[[models]]\nfile = "m.toml"\ncommands = [1]',
-        "commands = 1 in [[models]] number 1; allowed are compare",
-    ),
-    (f"deep = {'[' * 5000}{']' * 5000}", "nested deeper than 32"),
-    (f"[tables.dissipation]\n{'a.' * 40}b = 1", "nested deeper than 32"),
 ]
 
 

@@ -21,12 +21,8 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     """A disk of 3 MB."""
     place = tmp_path / "disk"
     place.mkdir()
-    if (
-        os.geteuid()
-        or subprocess.run(
-            ["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(place)], check=False
-        ).returncode
-    ):
+    mount = ["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(place)]
+    if os.geteuid() or subprocess.run(mount, check=False).returncode:
         pytest.skip("only root may mount a small disk")
     yield place
     subprocess.run(["umount", str(place)], check=True)
@@ -48,23 +44,10 @@ def test_a_full_disk_and_room_again(small_disk: Path, tmp_path: Path) -> None:
     assert subprocess.run([*TIRELOG, str(manifest), "--quiet"], check=False).returncode == 0
     want = dataset(tmp_path / "results")
     manifest.write_text(MANIFEST.replace('"results"', f'"{small_disk}/results"'))
-    for room_kB in (
-        500,
-        400,
-        150,
-        0,
-    ):  # for two logs and a bit, the temporary run of none, the ledger of none
-        subprocess.run(
-            [
-                "dd",
-                "if=/dev/zero",
-                f"of={small_disk}/ballast",
-                "bs=1024",
-                f"count={3072 - room_kB}",
-            ],
-            check=False,
-            capture_output=True,
-        )
+    # for two logs and a bit, the temporary run of none, the ledger of none
+    for room_kB in (500, 400, 150, 0):
+        fill = ["dd", "if=/dev/zero", f"of={small_disk}/ballast", "bs=1024"]
+        subprocess.run([*fill, f"count={3072 - room_kB}"], check=False, capture_output=True)
         outcome = subprocess.run(
             [*TIRELOG, str(manifest), "--quiet"], capture_output=True, text=True, check=False
         )

@@ -20,13 +20,20 @@ from tests.cli.conftest import pulse_rows
 from tirelog.campaign import runner
 from tirelog.campaign.ledger import Entry, Ledger
 from tirelog.cli import run
+from tirelog.errors import ReadError
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 
 
-def refusing(number: int) -> Callable[..., Any]:
+#: what a store says that goes while a log is read, whatever its own exceptions are
+GONE = "SlowDown"
+
+
+def refusing(what: int | str) -> Callable[..., Any]:
     def refused(*_: Any, **__: Any) -> Any:
-        raise OSError(number, os.strerror(number))
+        if isinstance(what, int):
+            raise OSError(what, os.strerror(what))
+        raise ReadError(f"cannot be reached ({what})") from ConnectionError()
 
     return refused
 
@@ -39,13 +46,16 @@ def states(manifest: Path) -> list[str]:
     return list(pd.read_csv(manifest.parent / "results" / "summary.csv")["status"])
 
 
-@pytest.mark.parametrize("number", [errno.EIO, errno.EMFILE, errno.ENOSPC, errno.ETIMEDOUT])
+@pytest.mark.parametrize("what", [errno.EIO, errno.EMFILE, errno.ENOSPC, errno.ETIMEDOUT, GONE])
 def test_what_the_machine_refuses_stays_open_and_is_tried_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    what: int | str,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     manifest = make_campaign(tmp_path, logs=2, seconds=0.5)
     with monkeypatch.context() as broken:
-        broken.setattr(runner, "open_recording", refusing(number))
+        broken.setattr(runner, "open_recording", refusing(what))
         assert campaign(manifest) == 3
     assert capfd.readouterr().err.count("stays open") == 2
     assert states(manifest) == ["open", "open"]

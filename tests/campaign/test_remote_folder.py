@@ -12,10 +12,9 @@ from typing import Any
 import pytest
 
 from tests.campaign.conftest import MANIFEST, dataset, make_campaign
-from tests.campaign.processes import PATIENCE_S, killed_in_the_midst, patient
-from tests.campaign.test_elsewhere import bucket, local_cluster, without_credentials  # noqa: F401
-from tirelog.campaign import runner as cluster_of
-from tirelog.campaign.ledger import folder_at
+from tests.campaign.processes import killed_in_the_midst
+from tests.campaign.test_elsewhere import bucket  # noqa: F401
+from tirelog.campaign.ledger import Folder
 from tirelog.cli import run
 from tirelog.storage import remote
 
@@ -104,7 +103,7 @@ def test_killed_and_resumed(far: tuple[Path, Path, str], tmp_path: Path) -> None
         killed_in_the_midst(manifest, tickets, later_s, tmp_path / "gate")
     assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
     assert there(results) == want
-    folder = folder_at(results)
+    folder = Folder(results)
     assert not folder.temporary.exists()
 
 
@@ -121,44 +120,3 @@ def test_a_host_that_does_not_answer(
     assert run(["campaign", "run", str(manifest), "--quiet"]) == 2
     assert "no answer within 0.5 s" in capfd.readouterr().err
     silent.close()
-
-
-def test_no_credentials_for_the_output(
-    bucket: str,  # noqa: F811
-    manifest: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
-    without_credentials(monkeypatch, tmp_path)
-    manifest.write_text(MANIFEST.replace('"results"', f'"{bucket}/results"'))
-    assert run(["campaign", "run", str(manifest), "--quiet"]) == 2
-    assert "credentials" in capfd.readouterr().err
-
-
-@pytest.mark.slow
-def test_a_cluster_writes_to_the_store(
-    far: tuple[Path, Path, str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr(cluster_of, "make_tables", patient)
-    monkeypatch.setattr(cluster_of, "ANSWER_S", PATIENCE_S)
-    _, manifest, results = far
-    assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
-    want = there(results)
-    store().rm(results, recursive=True)
-    with local_cluster(distributed, 2) as cluster:
-        assert (
-            run(
-                [
-                    "campaign",
-                    "run",
-                    str(manifest),
-                    "--quiet",
-                    "--scheduler",
-                    cluster.scheduler_address,
-                ]
-            )
-            == 0
-        )
-    assert there(results) == want

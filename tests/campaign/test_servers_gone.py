@@ -1,5 +1,5 @@
-"""Faults: a scheduler or a store that dies in the midst of a campaign leaves logs open, and one run
-after it is back ends with all of them done.
+"""Faults: a scheduler that dies in the midst of a campaign leaves logs open; one run after it is
+back ends with all of them done.
 """
 
 import socket
@@ -8,16 +8,12 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from tests.campaign.conftest import MANIFEST, dataset, in_this_process, make_campaign
+from tests.campaign.conftest import dataset, make_campaign
 from tests.campaign.processes import PATIENCE_S, waited_for
-from tests.campaign.test_elsewhere import bucket
 from tirelog.cli import run
-
-__all__ = ["bucket", "in_this_process"]
 
 LOGS = 12
 
@@ -83,47 +79,3 @@ def test_a_scheduler_that_is_killed(tmp_path: Path) -> None:
         assert subprocess.run(command, check=False, timeout=PATIENCE_S).returncode == 0
     assert states(output) == ["done"] * LOGS
     assert dataset(output) == want
-
-
-@pytest.mark.usefixtures("in_this_process")
-@pytest.mark.parametrize("answer", ["500 Internal Server Error", "403 Forbidden"])
-def test_a_store_that_dies(
-    bucket: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-    answer: str,
-) -> None:
-    """It dies at the 20th of some 60 ranges that are read, in the midst of a log."""
-    import s3fs
-    from moto.moto_server.werkzeug_app import DomainDispatcherApplication as Application
-
-    make_campaign(tmp_path, logs=LOGS, seconds=1.0)
-    for path in (tmp_path / "logs").iterdir():
-        s3fs.S3FileSystem().put(str(path), f"{bucket}/logs/{path.name}")
-    manifest = tmp_path / "far.toml"
-    manifest.write_text(MANIFEST.replace('"logs/*.csv"', f'"{bucket}/logs/*.csv"'))
-    s3fs.S3FileSystem.clear_instance_cache()
-    monkeypatch.setenv("AWS_MAX_ATTEMPTS", "1")
-    monkeypatch.setattr(s3fs.S3FileSystem, "retries", 1)
-    monkeypatch.setattr(s3fs.S3FileSystem, "default_block_size", 1 << 14)
-    words = ["campaign", "run", str(manifest), "--quiet"]
-    usual, ranges = Application.__call__, 0
-
-    def dying(self: Any, environ: dict[str, Any], start: Any) -> Any:
-        nonlocal ranges
-        ranges += environ["REQUEST_METHOD"] == "GET" and "/logs/run" in environ["PATH_INFO"]
-        if ranges < 20:
-            return usual(self, environ, start)
-        start(answer, [("Content-Type", "text/plain")])
-        return [b"no"]
-
-    with monkeypatch.context() as dead:
-        dead.setattr(Application, "__call__", dying)
-        assert run(words) == 2
-    said = capfd.readouterr().err
-    assert said.count("\n") == 1
-    assert "logs in a row failed for a reason outside of them" in said
-    assert run(words) == 0, capfd.readouterr().err
-    assert states(tmp_path / "results") == ["done"] * LOGS
-    assert len(dataset(tmp_path / "results")) == 2 * LOGS

@@ -178,6 +178,16 @@ def test_an_input_that_is_met_on_the_way_is_no_output(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [setup]
 
 
+def test_an_input_elsewhere_that_is_met_on_the_way_is_no_output() -> None:
+    store = pytest.importorskip("fsspec").filesystem("memory")
+    store.pipe_file("/b/log.csv", b"recorded")
+    with inputs_kept(), pytest.raises(UsageError), whole_file("memory://b/log.csv") as part:
+        part.write_text("1")
+        taken_as_input("memory://b/log.csv")
+    assert store.cat_file("/b/log.csv") == b"recorded"
+    store.rm("/b", recursive=True)
+
+
 def test_several_files_take_their_names_together(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("older")
 

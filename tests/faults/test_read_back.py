@@ -91,16 +91,20 @@ def test_a_time_beyond_the_largest_float_is_no_defect(tmp_path, digits):
     assert run(["speed", str(tmp_path / "l.csv"), "--setup", setup]) in (2, 3, 4)
 
 
+@pytest.mark.parametrize("command", ["speed", "ingest", "info", "report", "check --against t.csv"])
 @pytest.mark.parametrize(
     "output", ["memory://b/l.csv", "MEMORY://b/l.csv", "memory://b//l.csv", "memory://b/x/../l.csv"]
 )
-def test_an_output_is_no_input_elsewhere(tmp_path, capfd, output):
+def test_an_output_is_no_input_elsewhere(tmp_path, monkeypatch, capfd, command, output):
     fsspec = pytest.importorskip("fsspec")
     store = fsspec.filesystem("memory")
     log = b"time_s,CH1_FBG1,CH1_FBG2\n0.000,1550,1542\n0.001,1550,1542\n"
     store.pipe_file("/b/l.csv", log)
-    setup = str(SAMPLES / "drive.toml")
-    assert run(["speed", "memory://b/l.csv", "--setup", setup, "-o", output]) == 2
+    monkeypatch.chdir(tmp_path)
+    Path("t.csv").write_bytes(log)
+    name, *more = command.split()
+    more += [] if name == "check" else ["--setup", str(SAMPLES / "drive.toml")]
+    assert run([name, "memory://b/l.csv", *more, "-o", output]) == 2
     assert "is an input of this command" in capfd.readouterr().err
     assert store.cat_file("/b/l.csv") == log
     store.rm("/b", recursive=True)

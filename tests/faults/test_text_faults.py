@@ -267,10 +267,10 @@ def test_time_that_runs_backwards_or_stands(change: dict[int, str], repaired: st
     reader, block = read(log(change), SETUP)
     clock = ClockFit(resolution_s=reader.groups[0].stamp_resolution_s)
     clock.add(block.stamps_s, None, 200)
-    times = clock.axis().time()
+    times = clock.axis.time()
     assert clock.repairs == {repaired: 1}
     assert (np.diff(times) > 0).all()
-    assert clock.axis().rate_Hz == 2500.0
+    assert clock.axis.rate_Hz == 2500.0
 
 
 def test_a_hole_of_the_disk_does_not_fill_the_memory() -> None:

@@ -46,9 +46,11 @@ def write(
     path: Path,
     values: dict[str, np.ndarray],
     *,
-    block: int,
+    block: int = CHUNK,
     decimals: int | None = 4,
+    times_s: np.ndarray | None = None,
 ) -> None:
+    """The run of `values` in `path`, with flags, a remark and a loss; `times_s`: of all samples."""
     group = Group("g", ("s", "t", "v"), decimals={"s": decimals, "t": 4, "v": None})
     folder = path.with_suffix(".samples")
     folder.mkdir()
@@ -58,6 +60,7 @@ def write(
         flags = (("s", 1, 3, Quality.SPURIOUS_PEAK),) if start == 0 else ()
         writer.append(RawBlock("g", part, flags=flags))
     axis = TimeAxis(SIZE, 2500.0, np.array([0, 5000]), np.array([0.0, 3.0]), np.array([4e-4, 4e-4]))
+    axis = axis if times_s is None else TimeAxis.of_times(times_s)
     run = writer.finish(
         {"g": axis},
         {"g": [(5000, 5001, Quality.GAP)]},

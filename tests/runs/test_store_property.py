@@ -67,15 +67,6 @@ def test_a_value_that_no_count_can_hold_promotes_the_channel(tmp_path: Path, lat
         assert sorted(file["channels"]) == ["s", "t", "v"]
 
 
-def test_slices_are_the_whole(tmp_path: Path) -> None:
-    write(tmp_path / "r.h5", source(), block=4000)
-    with open_run(tmp_path / "r.h5", "r.h5") as run:
-        channel = run.channels["s"]
-        np.testing.assert_array_equal(
-            np.concatenate([v for _, v in channel.blocks(999)]), channel.read()
-        )
-
-
 def test_another_setup_changes_the_conversion_and_not_the_counts(tmp_path: Path) -> None:
     write(tmp_path / "r.h5", source(), block=4000)
     other = parse_setup(SETUP.replace("1.25", "2.5").replace("2e-6", "0.0"))

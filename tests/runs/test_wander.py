@@ -26,18 +26,18 @@ def wavy(share: float, samples: int = 12_000) -> np.ndarray:
 @pytest.mark.parametrize("share", [0.01, 0.08])
 def test_times_follow_a_wandering_rate(share: float) -> None:
     times, clock = clocked(wavy(share))
-    got = clock.axis().time()
+    got = clock.axis.time()
     assert np.abs(got - times).max() < 0.15  # a constant rate is off by seconds
     assert (np.diff(got) > 0.0).all()
     assert clock.repairs == {}
     assert "wanders" in clock.remarks[0]
     slow, fast = 9.4 / (1.0 + share), 9.4 / (1.0 - share)
-    assert slow * 0.99 < clock.axis().rate_Hz < fast * 1.01
+    assert slow * 0.99 < clock.axis.rate_Hz < fast * 1.01
 
 
 def test_a_gap_in_a_wandering_clock_is_a_gap() -> None:
     times, clock = clocked(wavy(0.03), slice(6000, 6100))
-    assert np.abs(clock.axis().time() - times).max() < 0.25
+    assert np.abs(clock.axis.time() - times).max() < 0.25
     assert clock.repairs["gaps"] == 1
     # the rate about the gap, and so what it would have held, is known to some percent
     assert abs(clock.repairs["lost_samples"] - 100) <= 6
@@ -55,27 +55,27 @@ def test_gaps_of_a_steady_clock_are_found_by_what_ticks_lack(seed: int) -> None:
     lost = np.concatenate([np.arange(first, first + n) for first, n in zip(firsts, (40, 90, 300))])
     times, clock = clocked(period, np.unique(lost))
     times = times - times[0]
-    error = np.abs(clock.axis().time() - times)
+    error = np.abs(clock.axis.time() - times)
     assert np.mean(error > 6.0 / rate) < 0.01
     assert np.median(error) < 1.0 / rate
-    assert clock.axis().explicit is None
+    assert clock.axis.explicit is None
     assert clock.remarks == []
-    assert clock.axis().rate_Hz == pytest.approx(rate, rel=5e-4)
+    assert clock.axis.rate_Hz == pytest.approx(rate, rel=5e-4)
 
 
 def test_a_steady_clock_keeps_its_one_rate() -> None:
     times, clock = clocked(np.full(12_000, 1.0 / 9.4))
-    assert clock.axis().rate_Hz == pytest.approx(9.4, rel=1e-5)
-    assert clock.axis().explicit is None
-    assert np.abs(clock.axis().time() - times).max() < 0.12
+    assert clock.axis.rate_Hz == pytest.approx(9.4, rel=1e-5)
+    assert clock.axis.explicit is None
+    assert np.abs(clock.axis.time() - times).max() < 0.12
     assert clock.remarks == []
 
 
 def test_a_declared_rate_is_kept_and_the_stamps_word_said() -> None:
     _, clock = clocked(wavy(0.002))
     declared = ClockFit(resolution_s=1.0, setup_rate_Hz=9.4)
-    assert clock.axis().explicit is None  # it strays by less than two ticks
+    assert clock.axis.explicit is None  # it strays by less than two ticks
     times = np.concatenate([[0.0], np.cumsum(wavy(0.03))[:-1]])
     declared.add(np.floor(times + 0.3), None, times.size)
-    assert declared.axis().explicit is None
+    assert declared.axis.explicit is None
     assert "are followed" in declared.remarks[0]

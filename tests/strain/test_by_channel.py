@@ -10,13 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tirelog import products
 from tirelog.data.recording import Recording, Scaled
 from tirelog.process_pool import POSSIBLE
 from tirelog.products import Part, tables_of
 from tirelog.runs.ingest import open_recording
 from tirelog.strain.footprint import footprint
-from tirelog.strain.footprint.footprint import Measuring
 
 DRIVE = Path(__file__).parents[2] / "sample_data" / "drive.csv.gz"
 TABLES = ("speed", "footprint", "dissipation")
@@ -54,25 +52,24 @@ def same(one: list[Part], other: list[Part]) -> None:
             np.testing.assert_array_equal(values, others[column], err_msg=f"{table} {column}")
 
 
-@pytest.mark.parametrize("order", [TABLES, TABLES[::-1]])
-def test_stretches_of_one_grating_give_its_rows(monkeypatch, order):
-    with one_grating() as log:
-        wanted = {name: {} for name in order}
-        alone = list(tables_of(log, wanted))
-        monkeypatch.setattr(products, "_LONG", 1)
-        shared = list(tables_of(log, wanted, 2, processes=True))
-    assert [part.table for part in shared] == list(order)
-    assert all(part.found is not None for part in alone)
-    assert all(part.found is None for part in shared)  # by processes indeed
-    same(alone, shared)
-
-
 def gratings(log: Recording, count: int) -> Recording:
     """The log with its grating so many times."""
     ((name, one),) = log.channels.items()
     return replace(
         log, channels={f"{name}_{n}": replace(one, name=f"{name}_{n}") for n in range(count)}
     )
+
+
+@pytest.mark.parametrize("order", [TABLES, TABLES[::-1]])
+def test_processes_give_the_rows_of_one(order):
+    with one_grating() as one:
+        log, wanted = gratings(one, 2), {name: {} for name in order}
+        alone = list(tables_of(log, wanted))
+        shared = list(tables_of(log, wanted, 2, processes=True))
+    assert [part.table for part in shared] == [*order, *order]
+    assert all(part.found is not None for part in alone)
+    assert all(part.found is None for part in shared)  # by processes indeed
+    same(alone, shared)
 
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, None])
@@ -102,19 +99,3 @@ def test_a_process_that_is_stopped_at_a_form_keeps_it_from_nobody(monkeypatch, h
 
 def stopped(number: int, frame: object) -> None:
     raise KeyboardInterrupt
-
-
-def test_a_process_that_ends_early_leaves_no_gap(monkeypatch):
-    parent, measure = os.getpid(), Measuring.measure
-
-    def mortal(self, stretch=0, of=1):
-        if stretch == 2 and os.getpid() != parent:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return measure(self, stretch, of)
-
-    with one_grating() as log:
-        alone = list(tables_of(log, {name: {} for name in TABLES}))
-        monkeypatch.setattr(products, "_LONG", 1)
-        monkeypatch.setattr(Measuring, "measure", mortal)
-        shared = list(tables_of(log, {name: {} for name in TABLES}, 2, processes=True))
-    same(alone, shared)

@@ -3,11 +3,9 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
 
-from tirelog.errors import UsageError
 from tirelog.tables.writer import TableWriter
 
 
@@ -36,12 +34,3 @@ def test_rows_of_many_parts_are_all_there(tmp_path: Path):
     rows = (tmp_path / "t.csv").read_text().splitlines()
     assert rows[1:] == [f"a.csv,{k},ok" for k in range(count)]
     assert table.rows == count
-
-
-def test_columns_that_change_are_refused(tmp_path):
-    with (
-        pytest.raises(UsageError, match="has b, which the logs before have not"),
-        TableWriter("new", tmp_path / "t.csv", None) as table,
-    ):
-        table.write({"a": np.zeros(3)})
-        table.write({"b": np.zeros(3)})

@@ -30,15 +30,11 @@ def test_a_failed_write_leaves_the_older_file(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [tmp_path / "t.csv"]
 
 
-def test_output_folder_missing(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="folder has to exist"):
-        TableWriter("speed", tmp_path / "no" / "t.csv", None)
-
-
-def test_output_is_a_folder(tmp_path: Path) -> None:
+def test_an_output_that_cannot_be(tmp_path: Path) -> None:
     (tmp_path / "t.csv").mkdir()
-    with pytest.raises(OutputError, match="it is a folder"):
-        TableWriter("speed", tmp_path / "t.csv", None)
+    for name, said in (("no/t.csv", "folder has to exist"), ("t.csv", "it is a folder")):
+        with pytest.raises(OutputError, match=said):
+            TableWriter("speed", tmp_path / name, None)
 
 
 def test_unknown_suffix_and_format(tmp_path: Path) -> None:

@@ -9,9 +9,9 @@ from pathlib import Path as File
 from typing import Any
 
 from tirelog.api.logs import Path
-from tirelog.campaign.ledger import Entry, Ledger, folder_at
-from tirelog.campaign.manifest import Campaign, load_manifest
-from tirelog.campaign.runner import LogTask, plan_tasks, run_tasks, strangers, to_do, write_summary
+from tirelog.campaign.ledger import Entry, Folder, Ledger
+from tirelog.campaign.manifest import Campaign, LogTask, load_manifest
+from tirelog.campaign.runner import plan_tasks, run_tasks, strangers, to_do, write_summary
 from tirelog.errors import OutputError, UsageError, is_outside_log
 
 __all__ = [
@@ -107,7 +107,7 @@ def _log(task: LogTask, waiting: LogTask | None, ledger: Ledger) -> LogStatus:
 
 def _campaign(manifest: Path) -> tuple[Campaign, Ledger]:
     campaign = load_manifest(File(manifest))
-    return campaign, Ledger(folder_at(campaign.output))
+    return campaign, Ledger(Folder(campaign.output))
 
 
 @contextmanager

@@ -38,10 +38,10 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 from zipfile import BadZipFile
 
 import numpy as np
@@ -64,7 +64,6 @@ from tirelog.storage.whole import (
     failed_writes,
     json_of,
     json_value,
-    output_error,
     whole_file,
     whole_name,
 )
@@ -100,82 +99,59 @@ def json_table(data: bytes | None) -> dict[str, Any]:
 
 def swept(temporary: Path) -> None:
     """An empty folder at `temporary`.  A link in its place is removed, and not followed."""
-    try:
+    with failed_writes(temporary):
         if temporary.is_symlink():
             temporary.unlink()
         shutil.rmtree(temporary, ignore_errors=True)
         temporary.mkdir(parents=True)
-    except OSError as problem:
-        raise output_error(temporary, problem) from problem
 
 
-def folder_at(place: str | Path) -> Folder:
-    """The folder at a path or an address."""
-    url = address(place)
-    if url is None or url.startswith("file://"):
-        return LocalFolder(Path(url.removeprefix("file:/") if url else place))
-    return RemoteFolder(url.rstrip("/"))
+class Folder:
+    """A campaign's output folder, on this machine or at an address; files by their names in it.
 
-
-class LocalFolder:
-    """A folder on this machine.
-
-    `root`: its path; `temporary`: for the workers' temporary runs.
+    `root`: its path or address; `path`: the path, None at an address; `temporary`: a folder of this
+    machine for the workers' temporary runs.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path, self.root = path, str(path)
-        self.temporary = path / HIDDEN / "tmp"
+    def __init__(self, place: str | Path) -> None:
+        url = address(place)
+        here = url is None or url.startswith("file://")
+        self.path = Path(url.removeprefix("file:/") if url else place) if here else None
+        if self.path is not None:
+            self.root, self.temporary = str(self.path), self.path / HIDDEN / "tmp"
+            return
+        self.root = str(url).rstrip("/")
+        user = os.getuid() if hasattr(os, "getuid") else 0
+        digest = hashlib.sha256(self.root.encode()).hexdigest()[:16]
+        # always the same one, so that the next run sweeps what a kill left
+        self.temporary = Path(tempfile.gettempdir()) / f"tirelog-campaign-{user}-{digest}"
 
     @contextmanager
     def held(self) -> Iterator[None]:
         """The folder for this process alone, swept of what a kill may have left.
 
-        The lock is the kernel's, so it does not outlive a crash. UsageError: another run has it.
+        On this machine a lock says so, at an address nobody looks for another run. UsageError:
+        another run has it.
         """
-        hidden = self.path / HIDDEN
-        try:
-            hidden.mkdir(parents=True, exist_ok=True)
-            if hidden.is_symlink():
-                raise UsageError(
-                    "is a link",
-                    allowed="allowed is a folder of the campaign's own, which it empties",
-                    do="remove the link",
-                    file=hidden,
-                )
-            flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
-            lock = os.open(hidden / "lock", flags, 0o666)
-        except OSError as problem:
-            raise output_error(self.path, problem) from problem
-        with os.fdopen(lock):
-            try:
-                if sys.platform == "win32":
-                    import msvcrt
-
-                    msvcrt.locking(lock, msvcrt.LK_NBLCK, 1)
-                else:
-                    import fcntl
-
-                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                raise UsageError(
-                    "another campaign run works in this folder",
-                    allowed="one at a time is allowed",
-                    do="wait for it",
-                    file=self.path,
-                ) from None
+        with nullcontext() if self.path is None else _locked(self.path):
             self._sweep()
             try:
                 yield
             finally:
-                self._sweep()  # a worker that died has left what it was writing
+                swept(self.temporary)
+                if self.path is None:
+                    self.temporary.rmdir()
+                else:
+                    self._sweep()  # a worker that died has left what it was writing
 
     def _sweep(self) -> None:
         swept(self.temporary)
-        self.remove([name for name in self.names() if is_own(whole_name(name) or "")])
+        self.remove([name for name in self.names() if _half_written(name)])
 
     def read(self, name: str) -> bytes | None:
         """A file's bytes, or None if it is not there."""
+        if self.path is None:
+            return read_remote(str(self.place(name)))
         try:
             return (self.path / name).read_bytes()
         except OSError:
@@ -183,15 +159,24 @@ class LocalFolder:
 
     def read_all(self, names: Sequence[str]) -> dict[str, bytes]:
         """Several files; those that are not there are left out."""
-        return {name: data for name in names if (data := self.read(name)) is not None}
+        if self.path is not None:
+            return {name: data for name in names if (data := self.read(name)) is not None}
+        found = read_several([f"{self.root}/{name}" for name in names])
+        return {url.removeprefix(f"{self.root}/"): data for url, data in found.items()}
 
     def write(self, name: str, data: bytes) -> None:
         """OutputError: it cannot be written; what stood there stands."""
-        with whole_file(self.place(name)) as part, failed_writes(part):
+        place = self.place(name)
+        if isinstance(place, str):
+            write_remote(place, data)
+            return
+        with whole_file(place) as part, failed_writes(part):
             part.write_bytes(data)
 
-    def place(self, name: str) -> Path:
-        """Where a file is to be written, in a folder that is there."""
+    def place(self, name: str) -> Path | str:
+        """Where a file is to be written, on this machine in a folder that is there."""
+        if self.path is None:
+            return f"{self.root}/{name}"
         path = self.path / name
         with failed_writes(path):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -201,63 +186,67 @@ class LocalFolder:
 
     def remove(self, names: Sequence[str]) -> None:
         """Those that are not there are no error."""
+        if self.path is None:
+            remove_remote([f"{self.root}/{name}" for name in names])
+            return
         for name in names:
             (self.path / name).unlink(missing_ok=True)
 
     def names(self) -> set[str]:
         """Every file in the folder."""
+        if self.path is None:
+            return set(list_remote(self.root))
         files = (Path(folder, file) for folder, _, files in os.walk(self.path) for file in files)
         return {file.relative_to(self.path).as_posix() for file in files}
 
 
-class RemoteFolder:
-    """A folder at the address `root`, with the same doors as `LocalFolder`."""
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """The folder at `path` while this process has its lock.
 
-    def __init__(self, root: str) -> None:
-        self.root, user = root, os.getuid() if hasattr(os, "getuid") else 0
-        own = f"tirelog-campaign-{user}-{hashlib.sha256(root.encode()).hexdigest()[:16]}"
-        #: always the same one, so that the next run sweeps what a kill left
-        self.temporary = Path(tempfile.gettempdir()) / own
-
-    @contextmanager
-    def held(self) -> Iterator[None]:
-        """The folder, swept of what a kill may have left; nobody looks for another run."""
-        self.remove([name for name in self.names() if _half_written(name)])
-        swept(self.temporary)
+    The lock is the kernel's, so it does not outlive a crash. UsageError: another run has it.
+    """
+    hidden = path / HIDDEN
+    with failed_writes(path):
+        hidden.mkdir(parents=True, exist_ok=True)
+        if hidden.is_symlink():
+            raise UsageError(
+                "is a link",
+                allowed="allowed is a folder of the campaign's own, which it empties",
+                do="remove the link",
+                file=hidden,
+            )
+        flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
+        lock = os.open(hidden / "lock", flags, 0o666)
+    with os.fdopen(lock):
         try:
-            yield
-        finally:
-            swept(self.temporary)
-            self.temporary.rmdir()
+            if sys.platform == "win32":
+                import msvcrt
 
-    def read(self, name: str) -> bytes | None:
-        return read_remote(self.place(name))
+                msvcrt.locking(lock, msvcrt.LK_NBLCK, 1)
+            else:
+                import fcntl
 
-    def read_all(self, names: Sequence[str]) -> dict[str, bytes]:
-        found = read_several([self.place(name) for name in names])
-        return {url.removeprefix(f"{self.root}/"): data for url, data in found.items()}
-
-    def write(self, name: str, data: bytes) -> None:
-        write_remote(self.place(name), data)
-
-    def place(self, name: str) -> str:
-        return f"{self.root}/{name}"
-
-    def remove(self, names: Sequence[str]) -> None:
-        remove_remote([self.place(name) for name in names])
-
-    def names(self) -> set[str]:
-        return set(list_remote(self.root))
-
-
-Folder = LocalFolder | RemoteFolder
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise UsageError(
+                "another campaign run works in this folder",
+                allowed="one at a time is allowed",
+                do="wait for it",
+                file=path,
+            ) from None
+        yield
 
 
 def _half_written(name: str) -> bool:
-    """A file of the campaign's own under the name that `write_remote` and `upload` move from."""
+    """A file of the campaign's own under the name of what is not finished.
+
+    On this machine that of `part_name`, in a store the one that `remote` moves from.
+    """
     folder, _, last = name.rpartition("/")
-    own = f"{folder}/{last[1 : -len(PART)]}".lstrip("/")
-    return last.startswith(".") and last.endswith(PART) and is_own(own)
+    moved = last.startswith(".") and last.endswith(PART)
+    stored = f"{folder}/{last[1 : -len(PART)]}".lstrip("/") if moved else ""
+    return is_own(whole_name(name) or stored)
 
 
 # ---- What a campaign has done.
@@ -307,24 +296,17 @@ class Ledger:
         """
         if self._hashes is None:
             self._hashes = json_table(self.folder.read(_HASHES))
-        url = address(log)
-        if url is None:
-            stat = os.stat(log)
-            state: list[Any] = [stat.st_size, stat.st_mtime_ns]
-        else:
-            state = state_of(url)
+        state = state_of(log)
         known = self._hashes.get(log)
         if isinstance(known, list) and known[:-1] == state:
             return str(known[-1])
         with open_input(log) as stream:
-            digest = hashlib.sha256()
-            while part := stream.read(1 << 22):
-                digest.update(part)
-        self._hashes[log] = [*state, digest.hexdigest()]
-        return digest.hexdigest()
+            digest = hashlib.file_digest(cast(Any, stream), "sha256").hexdigest()
+        self._hashes[log] = [*state, digest]
+        return digest
 
     def save_hashes(self) -> None:
-        data = _bytes(self._hashes or {})
+        data = json_bytes(self._hashes or {})
         if self.folder.read(_HASHES) != data:
             self.folder.write(_HASHES, data)
 
@@ -347,7 +329,7 @@ class Ledger:
             del known[name]
 
     def record(self, entry: Entry) -> None:
-        self.folder.write(f"{_DONE}{entry.name}.json", _bytes(asdict(entry)))
+        self.folder.write(f"{_DONE}{entry.name}.json", json_bytes(asdict(entry)))
         if self._entries is not None:
             self._entries[entry.name] = entry
 
@@ -382,8 +364,9 @@ def _entry(data: bytes) -> Entry | None:
         return None
 
 
-def _bytes(data: Any) -> bytes:
-    return json.dumps(data, sort_keys=True, indent=1).encode()
+def json_bytes(data: Any) -> bytes:
+    """A table as a small file of ours."""
+    return (json.dumps(data, indent=1) + "\n").encode()
 
 
 def key_of(sha256: str, setup_text: str, tables: Any, version: str) -> str:

@@ -53,18 +53,16 @@ from tirelog.storage.schema import (
 from tirelog.storage.whole import toml_tables, toml_text
 
 _CONDITIONS = tuple(f.name for f in dataclasses.fields(LogConditions))
-MODEL_COMMANDS = ("compare", "diagnose", "ladder")
-EACH = ("log", "tire")
 
 
 @dataclass(frozen=True)
-class CampaignLog:
-    """One log: its path, setup, partition's name and tags.
+class LogTask:
+    """One log: its path, setup, partition's name and tags; then what a worker is to make of it.
 
-    The setup has the conditions of the campaign's table put in.
-
-    `problem` says why it cannot be read at all (its setup does not fit, ...); it is kept as failed,
-    and does not stop the rest.
+    The setup has the conditions of the campaign's table put in. `problem` says why the log cannot
+    be read at all (its setup does not fit, ...); it is kept as failed, and does not stop the rest.
+    With the rest, which `runner.plan_tasks` puts in, it can travel to another machine.
+    `observables`: whose pieces are kept. `unreached`: `problem` is not the log's own.
     """
 
     log: str
@@ -72,6 +70,12 @@ class CampaignLog:
     setup: Setup | None
     tags: Mapping[str, str] = field(default_factory=dict)
     problem: str = ""
+    key: str = ""
+    tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    output: str = ""
+    temporary: str = ""
+    observables: tuple[str, ...] = ()
+    unreached: bool = False
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,7 @@ class Campaign:
 
     name: str
     output: str
-    logs: tuple[CampaignLog, ...]
+    logs: tuple[LogTask, ...]
     tables: Mapping[str, Mapping[str, Any]]
     models: tuple[CampaignModel, ...]
     file: Path
@@ -109,7 +113,6 @@ _TABLES = {
 }
 _GLOB = replace(LINE, words='a pattern relative to the manifest, such as "logs/*.csv"')
 _MODEL = replace(LINE, words='the path of a model file, such as "beam.toml"')
-_COMMANDS = OneOf(MODEL_COMMANDS, several=True)
 _MANIFEST = Table(
     {
         "campaign": Table({"name": LINE, "output": LINE}),
@@ -119,7 +122,11 @@ _MANIFEST = Table(
         "tables": Table(_TABLES),
         "models": Entries(
             Table(
-                {"file": _MODEL, "commands": _COMMANDS, "each": words(*EACH)},
+                {
+                    "file": _MODEL,
+                    "commands": OneOf(("compare", "diagnose", "ladder"), several=True),
+                    "each": words("log", "tire"),
+                },
                 needed=("file",),
             )
         ),
@@ -208,7 +215,7 @@ def _refuse_twins(
 
 def _logs(
     entry: Mapping[str, str], place: FilePlace, base: Path, read: dict[str, dict[str, _Row]]
-) -> list[CampaignLog]:
+) -> list[LogTask]:
     """The logs of one [[logs]] entry, in the order of their paths; `read`: conditions by file."""
     pattern = entry["glob"]
     where = f"{place.table}: glob {pattern!r}"
@@ -270,7 +277,7 @@ def _setup_beside(log: str) -> Setup | None:
     return next((setup for setup in found if setup is not None), None)
 
 
-def _log(log: str, shared: Setup | None, rows: Mapping[str, _Row], base: Path) -> CampaignLog:
+def _log(log: str, shared: Setup | None, rows: Mapping[str, _Row], base: Path) -> LogTask:
     """One log with its setup and the conditions of its row."""
     inside = (
         str(Path(log).relative_to(base))
@@ -287,8 +294,8 @@ def _log(log: str, shared: Setup | None, rows: Mapping[str, _Row], base: Path) -
         if setup is not None and row is not None:
             setup = _with_conditions(setup, row)
     except SetupError as problem:  # a log whose setup is unusable is kept as failed
-        return CampaignLog(log, name, None, tags, str(problem))
-    return CampaignLog(
+        return LogTask(log, name, None, tags, str(problem))
+    return LogTask(
         log,
         name,
         setup,

@@ -25,9 +25,9 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from tirelog.campaign.ledger import Ledger, json_table, read_pieces
-from tirelog.campaign.manifest import Campaign, CampaignModel
-from tirelog.campaign.runner import LogTask, pieces_name
+from tirelog.campaign.ledger import Ledger, json_bytes, json_table, read_pieces
+from tirelog.campaign.manifest import Campaign, CampaignModel, LogTask
+from tirelog.campaign.runner import pieces_name
 from tirelog.errors import ReadError, TirelogError, UsageError
 from tirelog.physics.model.file import load_model
 from tirelog.physics.model.user_effects import own_effects
@@ -128,13 +128,13 @@ def _run(
         outcome = f": {found[0]}" if found[0] else ""
         outcome += f", {' '.join(found[1:])}" if found[1:] else ""
         said(f"{ledger.folder.root}/{folder}/{name}.json{outcome}")
-    ledger.folder.write(f"{folder}/page.json", _bytes(_page(pieces, results, manifest)))
+    ledger.folder.write(f"{folder}/page.json", json_bytes(_page(pieces, results, manifest)))
     for (
         name,
         result,
     ) in results.items():  # after the page, which is whole once these say so by their key
         ledger.folder.write(
-            f"{folder}/{name}.json", _bytes({"key": key, **about, **result.to_json()})
+            f"{folder}/{name}.json", json_bytes({"key": key, **about, **result.to_json()})
         )
 
 
@@ -233,7 +233,3 @@ def _kept(task: LogTask, observable: str, ledger: Ledger) -> Pieces:
             do="remove it and run again",
             file=ledger.folder.root,
         ) from None
-
-
-def _bytes(data: Mapping[str, Any]) -> bytes:
-    return (json.dumps(data, indent=1) + "\n").encode()

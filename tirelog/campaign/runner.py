@@ -22,15 +22,15 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, closing, contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tirelog.campaign.ledger import HIDDEN, Entry, Ledger, folder_at, key_of, log_of, pieces_bytes
-from tirelog.campaign.manifest import Campaign, CampaignLog
+from tirelog.campaign.ledger import HIDDEN, Entry, Folder, Ledger, key_of, log_of, pieces_bytes
+from tirelog.campaign.manifest import Campaign, LogTask
 from tirelog.data.recording import Recording
 from tirelog.errors import (
     ExitStatus,
@@ -62,22 +62,6 @@ if TYPE_CHECKING:
 # whatever the log's length. What models need are the means of like revolutions
 # (`inference.cells.pieces`, 25 kB each); the revolutions that they are made of (8 kB each, one
 # channel) are in memory only here, and only while they are averaged.
-
-
-@dataclass(frozen=True)
-class LogTask(CampaignLog):
-    """What a worker is sent: a log with its setup, and what to make of it.
-
-    It can travel to another machine. `observables`: whose pieces are kept. `unreached`: `problem`
-    is not the log's own.
-    """
-
-    key: str = ""
-    tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    output: str = ""
-    temporary: str = ""
-    observables: tuple[str, ...] = ()
-    unreached: bool = False
 
 
 def make_tables(task: LogTask) -> Entry:
@@ -170,7 +154,7 @@ def _make(
     The column `log` is the partition, so that readers of the dataset get it from the folder's name.
     """
     metadata = {"key": task.key, "log": task.log, "version": __version__}
-    folder = folder_at(task.output)
+    folder = Folder(task.output)
     with ExitStack() as open_tables:
         writers: dict[str, TableWriter] = {}
         for name in wanted:
@@ -214,7 +198,7 @@ def _keep_pieces(recording: Recording, task: LogTask, entry: Entry) -> None:
         except TirelogError as problem:
             entry.pieces[observable] = problem.message
             continue
-        with whole_file(folder_at(task.output).place(pieces_name(observable, task.name))) as part:
+        with whole_file(Folder(task.output).place(pieces_name(observable, task.name))) as part:
             part.write_bytes(pieces_bytes(pieces))
         entry.pieces[observable] = ""
 
@@ -355,7 +339,7 @@ def _in_a_row(before: int, error: str) -> int:
 
 
 def _task(
-    campaign: Campaign, log: CampaignLog, ledger: Ledger, observables: tuple[str, ...]
+    campaign: Campaign, log: LogTask, ledger: Ledger, observables: tuple[str, ...]
 ) -> LogTask:
     text = log.setup.text if log.setup else ""
     digest, problem, unreached = "", log.problem, False
@@ -367,12 +351,13 @@ def _task(
         problem, unreached = error.message, is_outside_log(error)
     tables = {name: dict(options) for name, options in campaign.tables.items()}
     key = key_of(digest, text + problem, _with_contents(tables, ledger), __version__)
-    given = {**vars(log), "problem": problem, "key": key, "tables": tables}
-    output, temporary = ledger.folder.root, str(ledger.folder.temporary)
-    return LogTask(
-        **given,
-        output=output,
-        temporary=temporary,
+    return replace(
+        log,
+        problem=problem,
+        key=key,
+        tables=tables,
+        output=ledger.folder.root,
+        temporary=str(ledger.folder.temporary),
         observables=observables,
         unreached=unreached,
     )
@@ -500,49 +485,32 @@ def _on_processes(tasks: list[LogTask], workers: int) -> Generator[Entry, None, 
     alone, so that no death is held against a neighbour; then a new pool goes on.
     """
     waiting = {task.name: task for task in tasks}
-    alone: deque[LogTask] = deque()
-    died: Counter[str] = Counter()
+    died: Counter[str] = Counter()  # of suspects: how often each did alone
     one_thread()  # inherited: a worker's share is one core
-    with _tracker_unheard():
-        while waiting:
-            suspect = alone.popleft() if alone else None
-            at_work: dict[str, LogTask] = {}
-            queue = [suspect] if suspect else list(waiting.values())
-            try:
-                for entry in _by_pool(queue, 1 if suspect else workers, at_work):
-                    del waiting[entry.name]
-                    yield entry
-            except BrokenProcessPool:
-                if suspect is None:
-                    alone.extend(at_work.values())
-                    continue
-                died[suspect.name] += 1
-                if died[suspect.name] < _ATTEMPTS:
-                    alone.appendleft(suspect)
-                else:
-                    del waiting[suspect.name]
-                    yield _of_the_machine(
-                        suspect,
-                        f"{suspect.log}: its worker died {_ATTEMPTS} times (out of memory, or "
-                        "killed); free memory or use fewer workers",
-                    )
-
-
-@contextmanager
-def _tracker_unheard() -> Iterator[None]:
-    """Processes that begin here do not hear of what a killed one has left.
-
-    multiprocessing's tracker, which ends with its parent too, would tell it.
-    """
-    told = os.environ.get("PYTHONWARNINGS")
-    os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (told, "ignore:resource_tracker")))
-    try:
-        yield
-    finally:
-        if told is None:
-            del os.environ["PYTHONWARNINGS"]
-        else:
-            os.environ["PYTHONWARNINGS"] = told
+    # nor do they hear, by multiprocessing's tracker, of what a killed one has left
+    os.environ["PYTHONWARNINGS"] = ",".join(
+        filter(None, (os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker"))
+    )
+    while waiting:
+        suspect = next((task for task in waiting.values() if task.name in died), None)
+        at_work: dict[str, LogTask] = {}
+        queue = [suspect] if suspect else list(waiting.values())
+        try:
+            for entry in _by_pool(queue, 1 if suspect else workers, at_work):
+                del waiting[entry.name]
+                yield entry
+        except BrokenProcessPool:
+            if suspect is None:
+                died.update(dict.fromkeys(at_work, 0))
+                continue
+            died[suspect.name] += 1
+            if died[suspect.name] == _ATTEMPTS:
+                del waiting[suspect.name]
+                yield _of_the_machine(
+                    suspect,
+                    f"{suspect.log}: its worker died {_ATTEMPTS} times (out of memory, or "
+                    "killed); free memory or use fewer workers",
+                )
 
 
 def _by_pool(

@@ -10,8 +10,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -29,7 +28,7 @@ from tirelog.runs.ingest import (
     LogStream,
     clock_of,
     is_file,
-    log_part,
+    local_file,
     open_log_bytes,
     open_recording,
     opened_log,
@@ -37,7 +36,7 @@ from tirelog.runs.ingest import (
     reader_of,
 )
 from tirelog.runs.store import is_run
-from tirelog.storage.whole import failed_writes, temporary_folder
+from tirelog.storage.whole import temporary_folder
 from tirelog.strain.passages.find import passages_of
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
@@ -120,7 +119,7 @@ def guessed(source: str, unit: str, samples: FloatArray) -> Guess:
     for of_kind, kind in _WORDS:
         fits = name is None or units.UNITS[name][0] in KINDS[kind].quantities
         if words & of_kind and fits:
-            unit_of = name or _suffix(source, kind) or _by_size(kind, known)
+            unit_of = name or _unit_of(source, kind, known)
             return _directed(kind, words, known, unit_of, "its name")
     volts = words & {"voltage", "volt", "volts"}
     why = "a voltage, and nothing says of what" if volts else "nothing says what it is"
@@ -173,14 +172,14 @@ def _no_vehicle(known: FloatArray, unit: str, share: float) -> bool:
     return float(np.quantile(np.abs(known), share)) * units.UNITS[unit][1] > _NO_VEHICLE_M_S2
 
 
-def _suffix(source: str, kind: str) -> str:
-    """The unit at the end of a name, as in acc_x_g, if it is one of the kind's; else ''."""
+def _unit_of(source: str, kind: str, known: FloatArray) -> str:
+    """The unit at the end of a name, as in acc_x_g, if it is one of the kind's.
+
+    Else the one that a channel of this kind is usually this large in.
+    """
     name = units.canonical(re.split(r"[_ ]", source)[-1])
-    return name if name and units.UNITS[name][0] in KINDS[kind].quantities else ""
-
-
-def _by_size(kind: str, known: FloatArray) -> str:
-    """The unit that a channel of this kind is usually this large in."""
+    if name and units.UNITS[name][0] in KINDS[kind].quantities:
+        return name
     size = float(np.quantile(np.abs(known), 0.98))
     return next((unit for most, unit in _SIZES[kind] if size <= most), _SIZES[kind][-1][1])
 
@@ -267,42 +266,35 @@ def contents(log: str) -> Contents:
 
     ReadError: nothing in it can be read.
     """
-    with _local(log) as path, open_log_bytes(str(path)) as raw:
-        head = read_head(raw, log)
-        stream = LogStream(head, raw, False)
-        with opened_log(str(path), head, stream, log) as opened:
-            inside = listed(opened.made, opened.path or path, log)
-            if not inside.series:
-                some = ", ".join(inside.others[:8])
-                only, why = some and f", only {some}", "; ".join(inside.unread[:_MOST_UNREAD])
-                if why:
-                    what = f"holds no series of numbers that can be read{only}: {why}"
-                    raise ReadError(what, file=log)
-                raise ReadError(
-                    f"holds no series of numbers{only}",
-                    allowed="a log has columns, topics or datasets of numbers",
-                    do="check the recording",
-                    file=log,
-                )
-            names = {f"c{k}": one for k, one in enumerate(inside.series)}
-            reader = reader_of(stream, opened, _setup(names), log)
-            found = _read(log, reader, names, inside.time)
-            said = (*inside.unread[:_MOST_UNREAD], *found.remarks)
-            return replace(found, others=inside.others, remarks=said)
+    with temporary_folder() as folder, open_log_bytes(log) as given:
+        path = local_file(given, log, folder)  # which can be opened again
+        with open_log_bytes(str(path)) as raw:
+            head = read_head(raw, log)
+            stream = LogStream(head, raw, False)
+            with opened_log(str(path), head, stream, log) as opened:
+                inside = listed(opened.made, opened.path or path, log)
+                _refuse_without_series(inside, log)
+                names = {f"c{k}": one for k, one in enumerate(inside.series)}
+                reader = reader_of(stream, opened, _setup(names), log)
+                found = _read(log, reader, names, inside.time)
+                said = (*inside.unread[:_MOST_UNREAD], *found.remarks)
+                return replace(found, others=inside.others, remarks=said)
 
 
-@contextmanager
-def _local(log: str) -> Iterator[Path]:
-    """The log as a file, which can be opened again."""
-    if is_file(log):
-        yield Path(log)
+def _refuse_without_series(inside: SeriesList, log: str) -> None:
+    """ReadError: nothing in the log is a series of numbers that can be read."""
+    if inside.series:
         return
-    with temporary_folder() as folder, open_log_bytes(log) as raw:
-        path = folder / "log"
-        with failed_writes(path), path.open("wb") as copy:
-            while part := log_part(raw, log):
-                copy.write(part)
-        yield path
+    some = ", ".join(inside.others[:8])
+    only, why = some and f", only {some}", "; ".join(inside.unread[:_MOST_UNREAD])
+    if why:
+        raise ReadError(f"holds no series of numbers that can be read{only}: {why}", file=log)
+    raise ReadError(
+        f"holds no series of numbers{only}",
+        allowed="a log has columns, topics or datasets of numbers",
+        do="check the recording",
+        file=log,
+    )
 
 
 def _setup(names: dict[str, Series]) -> Setup:
@@ -339,7 +331,7 @@ def _read(log: str, reader: LogReader, names: dict[str, Series], time: str) -> C
     for group in reader.groups:
         clock, rate, duration = clocks[group.name], None, None
         try:
-            axis = clock.axis()
+            axis = clock.axis
             rate, duration = axis.rate_Hz, axis.duration_s
             remarks += [said for said in clock.remarks if said not in remarks]
         except (ReadError, SetupError) as problem:
@@ -530,15 +522,14 @@ def _text(
 
 def _channel(name: str, one: FoundSeries, twins: dict[str, FoundSeries], surface: str) -> str:
     kind, unit = one.guess.kind, one.guess.unit
+    why, mark = (f"{MARK}: {one.guess.reason}", MARK) if kind != "signal" else ("", "")
+    of_log = bool(one.unit) and units.canonical(one.unit) == unit
     lines = [
         f"\n[channels.{_key(name)}]",
-        _line("kind", json.dumps(kind), f"{MARK}: {one.guess.reason}" if kind != "signal" else ""),
+        _line("kind", json.dumps(kind), why),
         _line("source", json.dumps(one.series.source), _shown(_range(one).strip())),
+        _line("unit", json.dumps(unit), "as the log says" if of_log else mark),
     ]
-    if one.unit and units.canonical(one.unit) == unit:
-        lines.append(_line("unit", json.dumps(unit), "as the log says"))
-    else:
-        lines.append(_line("unit", json.dumps(unit), MARK if kind != "signal" else ""))
     if kind in WAVELENGTH_KINDS:
         middle = float(np.median(one.known)) * units.UNITS[unit][1] * 1e9
         told = f"{MARK}: the median of the log; put the wavelength at rest"
@@ -553,12 +544,10 @@ def _channel(name: str, one: FoundSeries, twins: dict[str, FoundSeries], surface
             told = f"{MARK}: the nearest grating that hardly moves"
             lines.append(_line("temperature_channel", json.dumps(near[0]), told))
     if kind in STRAIN_KINDS:
-        side = {"outer": "down", "inner": "up"}.get(surface, "")
-        if side:
-            told = f"{MARK}: the patch takes the strain {side}"
-            lines.append(_line("surface", json.dumps(surface), told))
-        else:
-            lines.append('# surface = "outer"   # outer: a minimum in the patch; inner: a maximum')
+        side = {"outer": "down", "inner": "up"}.get(surface)
+        told = f"{MARK}: the patch takes the strain {side}"
+        unknown = '# surface = "outer"   # outer: a minimum in the patch; inner: a maximum'
+        lines.append(_line("surface", json.dumps(surface), told) if side else unknown)
     if kind == "wheel_encoder":
         lines.append("# steps = 48          # per turn of the wheel: needed")
     return "\n".join(lines) + "\n"

@@ -4,7 +4,7 @@ One streaming pass that keeps the stamps aside, then a fit in bounded memory.
 
     blocks: ClockFit.add(stamps [s] or None, sample numbers or None, n)      n samples each, NaN
         if its stamp is unknown
-    end:    ClockFit.axis() -> TimeAxis, .repairs, .flags, .remarks
+    end:    ClockFit.axis, a TimeAxis, .repairs, .flags, .remarks
 
 How the axis is decided, by what the stamps look like (T the sample period, r = stamp - T x sample
 number):
@@ -35,9 +35,10 @@ beyond a fifth the setup is refused.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import cached_property
 from itertools import pairwise
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -84,20 +85,18 @@ _LASTS = 5
 _UNUSUAL = 6.0
 
 
-@dataclass(frozen=True)
-class Ticks:
-    """First samples of ticks: their clock index and stamp [s], shape (n,) each.
+class Ticks(NamedTuple):
+    """What stamps that are coarser than their samples tell, by the ticks of their clock.
 
-    `missing` (n - 1,): samples that lack between one and the next; `gaps` the same as (first sample
-    behind, samples missing). `wrong`: [start, stop) of samples whose stamp is not the clock's.
+    `gaps`: (first sample behind, samples missing); `wrong`: [start, stop) of samples whose stamp is
+    not the clock's; `wandering`: (times, rates) if one rate will not do. `times(start, stop)` [s]
+    of samples [start, stop), the log's first at 0; three rates [Hz], of which the outer ones hold
+    nine tenths of it.
     """
 
-    stamps: Stamps
-    k: IntArray
-    stamp_s: FloatArray
-    missing: IntArray
-    gaps: tuple[tuple[int, int], ...]
-    wrong: tuple[tuple[int, int], ...] = ()
+    gaps: list[tuple[int, int]]
+    wrong: list[tuple[int, int]]
+    wandering: tuple[Times, tuple[float, ...]] | None
 
 
 def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | None:
@@ -110,9 +109,9 @@ def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | 
     index, k, stamp = _points(stamps, period)
     if k.size < 4 * _TICKS or not (np.diff(stamp) > 0.0).all():
         return None
-    wrong: tuple[tuple[int, int], ...] = ()
+    wrong = []
     if stamp[-1] - stamp[-2] > stamp[-2] - stamp[0]:  # nothing follows a leap longer than the log
-        wrong = ((int(index[-1]), stamps.spool.size),)
+        wrong.append((int(index[-1]), stamps.spool.size))
         index, k, stamp = index[:-1], k[:-1], stamp[:-1]
     from scipy.ndimage import median_filter  # a twentieth of a second, for few logs
 
@@ -135,30 +134,34 @@ def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | 
             at = start + int(lacking[start:stop].argmax())
             missing[at] = lasting
             gaps.append((int(index[at + 1]), lasting))
-    return Ticks(stamps, k, stamp, missing, tuple(gaps), wrong)
+    strays = _strays(k, stamp, missing) > _STRAYS_TICKS * resolution_s
+    return Ticks(gaps, wrong, _wandering(stamps, k, stamp, missing, gaps) if strays else None)
 
 
-def wandering(seen: Ticks, resolution_s: float) -> tuple[Times, tuple[float, ...]] | None:
-    """(times, rates) of the clock behind ticks of `resolution_s`; None if one rate will do.
+def _wandering(
+    stamps: Stamps,
+    k: IntArray,
+    stamp_s: FloatArray,
+    missing: IntArray,
+    gaps: list[tuple[int, int]],
+) -> tuple[Times, tuple[float, ...]]:
+    """(times, rates) as of `Ticks`, of first samples of ticks: clock index and stamp, (n,) each.
 
-    `times(start, stop)` [s] of samples [start, stop), the log's first at 0; three rates [Hz], of
-    which the outer ones hold nine tenths of it.
+    `missing` (n - 1,): samples that lack between one and the next; `gaps` the same.
     """
-    if _strays(seen) <= _STRAYS_TICKS * resolution_s:
-        return None
-    whole = seen.k + np.concatenate([[0], np.cumsum(seen.missing)])
+    whole = k + np.concatenate([[0], np.cumsum(missing)])
     groups = whole.size // _TICKS
     at = whole[: groups * _TICKS].reshape(groups, _TICKS).mean(axis=1)
-    time = seen.stamp_s[: groups * _TICKS].reshape(groups, _TICKS).mean(axis=1)
+    time = stamp_s[: groups * _TICKS].reshape(groups, _TICKS).mean(axis=1)
     slopes = np.diff(time) / np.diff(at)
-    behind = np.array([first for first, _ in seen.gaps], np.int64)
-    before = np.cumsum([0, *(missing for _, missing in seen.gaps)])
+    behind = np.array([first for first, _ in gaps], np.int64)
+    before = np.cumsum([0, *(samples for _, samples in gaps)])
 
     def time_of(index: IntArray) -> FloatArray:
-        k = seen.stamps.clock_index(index) + before[np.searchsorted(behind, index, side="right")]
-        found = np.interp(k, at, time)
-        found = np.where(k < at[0], time[0] + slopes[0] * (k - at[0]), found)
-        found = np.where(k > at[-1], time[-1] + slopes[-1] * (k - at[-1]), found)
+        own = stamps.clock_index(index) + before[np.searchsorted(behind, index, side="right")]
+        found = np.interp(own, at, time)
+        found = np.where(own < at[0], time[0] + slopes[0] * (own - at[0]), found)
+        found = np.where(own > at[-1], time[-1] + slopes[-1] * (own - at[-1]), found)
         return np.asarray(found, np.float64)
 
     begin = time_of(np.zeros(1, np.int64))
@@ -166,12 +169,12 @@ def wandering(seen: Ticks, resolution_s: float) -> tuple[Times, tuple[float, ...
     return lambda start, stop: time_of(np.arange(start, stop)) - begin, tuple(rates.tolist())
 
 
-def _strays(seen: Ticks) -> float:
+def _strays(k: IntArray, stamp_s: FloatArray, missing: IntArray) -> float:
     """How far [s] the ticks between two gaps reach about lines of one period, at most."""
-    piece = np.concatenate([[0], np.cumsum(seen.missing > 0)])
+    piece = np.concatenate([[0], np.cumsum(missing > 0)])
     size = np.bincount(piece)
-    k = seen.k - (np.bincount(piece, seen.k) / size)[piece]
-    stamp = seen.stamp_s - (np.bincount(piece, seen.stamp_s) / size)[piece]
+    k = k - (np.bincount(piece, k) / size)[piece]
+    stamp = stamp_s - (np.bincount(piece, stamp_s) / size)[piece]
     residual = stamp - k * (k @ stamp) / max(float(k @ k), 1.0)
     starts = np.concatenate([[0], np.cumsum(size)[:-1]])
     reach = np.maximum.reduceat(residual, starts) - np.minimum.reduceat(residual, starts)
@@ -245,7 +248,6 @@ class ClockFit:
         ] = []  # (index of the first sample behind, samples missing before it)
         self._last_number: float | None = None
         self._number_step, self._leaping = 0.0, False
-        self._axis: TimeAxis | None = None
 
     def add(self, stamps_s: FloatArray | None, number: FloatArray | None, n: int) -> None:
         """Takes the next `n` samples.
@@ -293,16 +295,6 @@ class ClockFit:
             number.size - 1 - int(known[-1])
         )
 
-    def axis(self) -> TimeAxis:
-        """The time axis of all samples added.
-
-        ReadError: neither stamps nor a declared rate. SetupError: a declared rate that the stamps
-        contradict beyond a fifth.
-        """
-        if self._axis is None:
-            self._axis = self._solve()
-        return self._axis
-
     @property
     def stamped(self) -> bool:
         """True if the samples so far have stamps, whether or not these tell a rate."""
@@ -310,7 +302,13 @@ class ClockFit:
 
     # ---- deciding --------------------------------------------------------------------------------
 
-    def _solve(self) -> TimeAxis:
+    @cached_property
+    def axis(self) -> TimeAxis:
+        """The time axis of all samples added.
+
+        ReadError: neither stamps nor a declared rate. SetupError: a declared rate that the stamps
+        contradict beyond a fifth.
+        """
         stamps, declared = self._stamps, self.setup_rate_Hz or self.file_rate_Hz
         ends = None
         if stamps is not None:
@@ -375,8 +373,8 @@ class ClockFit:
             return self._by_rate(declared, "stamps that do not rise")
         # where samples are numbered, their numbers say which are missing
         seen = None if self.counted else coarse_ticks(stamps, rough, self.resolution_s)
-        if seen and (found := wandering(seen, self.resolution_s)):
-            times, (low, middle, high) = found
+        if seen and seen.wandering:
+            times, (low, middle, high) = seen.wandering
             wanders = f"the sampling rate wanders between {low:.4g} and {high:.4g} Hz"
             if not self.setup_rate_Hz:
                 self._count("stamps_repaired", sum(b - a for a, b in seen.wrong))
@@ -390,7 +388,7 @@ class ClockFit:
         noise, rounded = stamps.noise(rough, self.resolution_s)
         noise = max(noise, 0.0 if stamps.bunched else 0.3 * self.resolution_s)
         jumps: list[Jump] = [(index, n * rough) for index, n in seen.gaps] if seen else []
-        passing = list(seen.wrong) if seen else []
+        passing = seen.wrong if seen else []
         rounding = self.resolution_s if rounded and not stamps.bunched else None
         if not seen:
             jumps, passing = stamps.jumps(rough, noise, rounding)

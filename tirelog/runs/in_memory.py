@@ -14,7 +14,7 @@ unpacked again: of an hour at 2.5 kHz they take 36 MB a channel.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -161,68 +161,27 @@ def without_spikes(channel: Channel) -> Channel:
     return replace(with_holes(channel, first, stop), flags=(*channel.flags, *flags))
 
 
-class _Cells:
-    """Least and largest sample of each cell of `size` samples, (m,), and the signal's range there.
-
-    `bottom` and `top` (m,): the range without the most extreme cells; NaN if not known.
-    """
-
-    def __init__(self, channel: Channel, size: int) -> None:
-        count = -(-channel.size // size)
-        self._read, self.size = channel.read, size
-        self.low, self.high = np.empty((2, count))
-        step = max(BLOCK_SAMPLES // size, 1)
-        for cell in range(0, count, step):
-            part = slice(cell, min(cell + step, count))
-            values = channel.read(part.start * size, part.stop * size)
-            self.low[part], self.high[part] = cell_extremes(values, size)
-        self.bottom, self.top = cell_ranges(self.low, self.high, AROUND, LEFT_OUT)
-        bottom, top = cell_ranges(self.low, self.high, AROUND, MANY_LEFT_OUT)
-        with np.errstate(invalid="ignore", over="ignore"):
-            odd = self._beyond(self.bottom, self.top, FAR)
-            many = self._beyond(bottom, top, VERY_FAR) & ~odd
-            self.bottom[many], self.top[many] = bottom[many], top[many]
-            self.odd = np.flatnonzero(odd | many)
-            #: what no passage of the log leaves by so much
-            self.never = VERY_FAR * float(np.fmax.reduce(top - bottom, initial=0.0))
-
-    def _beyond(self, bottom: FloatArray, top: FloatArray, far: float) -> NDArray[np.bool_]:
-        """Which cells leave the range from `bottom` to `top` (m,) by so many times its width."""
-        most = far * (top - bottom)
-        return (self.high > top + most) | (self.low < bottom - most)
-
-    def bursts(self, cell: int) -> list[tuple[int, int]]:
-        """Bursts around the most extreme sample of a `cell`: their first samples and those behind.
-
-        None if they last longer than bursts do, or stand upon something else that is high.
-        """
-        size, top, bottom = self.size, self.top[cell], self.bottom[cell]
-        begin = max((cell - 4) * size, 0)
-        values = self._read(begin, (cell + 5) * size)
-        with np.errstate(invalid="ignore", over="ignore"):
-            off = np.nan_to_num(np.maximum(values - top, bottom - values), nan=-np.inf)
-            range_ = top - bottom
-        own = slice(cell * size - begin, (cell + 1) * size - begin)
-        peak = own.start + int(np.argmax(off[own]))
-        near = slice(max(peak - 2 * size, 0), peak + 2 * size + 1)
-        sides = [side for side in (off[: near.start], off[near.stop :]) if side.size]
-        beside = BESIDE * max([0.0, *(float(np.median(side)) for side in sides)])
-        high = np.count_nonzero(off[near] > 0.5 * off[peak])
-        longest = 2 * size if off[peak] > self.never else size
-        if high > longest or not off[peak] > max(FAR * range_, beside):
-            return []
-        wild = near.start + np.flatnonzero(off[near] > max(OUTSIDE * range_, 0.5 * beside))
-        parts = np.split(wild, np.flatnonzero(np.diff(wild) > MOST_BETWEEN + 1) + 1)
-        return [(begin + int(part[0]), begin + int(part[-1]) + 1) for part in parts]
-
-
 def _bursts(channel: Channel) -> tuple[IntArray, IntArray]:
     """First sample of each burst of `channel`, and the one behind its last, (n,) each, apart."""
     size = int(LONGEST_S * channel.axis.rate_Hz)
     found: set[tuple[int, int]] = set()
     if size >= FEWEST_SAMPLES:
-        cells = _Cells(channel, size)
-        found.update(*(cells.bursts(cell) for cell in cells.odd.tolist()))
+        low, high = np.empty((2, -(-channel.size // size)))
+        step = max(BLOCK_SAMPLES // size, 1)
+        for cell in range(0, low.size, step):
+            part = slice(cell, min(cell + step, low.size))
+            values = channel.read(part.start * size, part.stop * size)
+            low[part], high[part] = cell_extremes(values, size)
+        bottom, top = cell_ranges(low, high, AROUND, LEFT_OUT)
+        lowest, highest = cell_ranges(low, high, AROUND, MANY_LEFT_OUT)
+        with np.errstate(invalid="ignore", over="ignore"):
+            odd = _beyond(low, high, bottom, top, FAR)
+            many = _beyond(low, high, lowest, highest, VERY_FAR) & ~odd
+            # what no passage of the log leaves by so much
+            never = VERY_FAR * float(np.fmax.reduce(highest - lowest, initial=0.0))
+        bottom, top = np.where(many, lowest, bottom), np.where(many, highest, top)
+        for cell in np.flatnonzero(odd | many).tolist():
+            found.update(_bursts_of_cell(channel, size, cell, bottom[cell], top[cell], never))
     joined: list[tuple[int, int]] = []
     for first, stop in sorted(found):
         if joined and first <= joined[-1][1]:
@@ -231,6 +190,41 @@ def _bursts(channel: Channel) -> tuple[IntArray, IntArray]:
             joined.append((first, stop))
     firsts, stops = np.array(joined, np.int64).reshape(-1, 2).T
     return firsts, stops
+
+
+def _beyond(
+    low: FloatArray, high: FloatArray, bottom: FloatArray, top: FloatArray, far: float
+) -> NDArray[np.bool_]:
+    """Which cells (m,) leave the range from `bottom` to `top` by so many times its width."""
+    most = far * (top - bottom)
+    return (high > top + most) | (low < bottom - most)
+
+
+def _bursts_of_cell(
+    channel: Channel, size: int, cell: int, bottom: float, top: float, never: float
+) -> list[tuple[int, int]]:
+    """Bursts around the most extreme sample of a `cell`: their first samples and those behind.
+
+    None if they last longer than bursts do, or stand upon something else that is high. `bottom` and
+    `top`: the signal's range there; `never`: how far no passage of the log leaves it.
+    """
+    begin = max((cell - 4) * size, 0)
+    values = channel.read(begin, (cell + 5) * size)
+    with np.errstate(invalid="ignore", over="ignore"):
+        off = np.nan_to_num(np.maximum(values - top, bottom - values), nan=-np.inf)
+        range_ = top - bottom
+    own = slice(cell * size - begin, (cell + 1) * size - begin)
+    peak = own.start + int(np.argmax(off[own]))
+    near = slice(max(peak - 2 * size, 0), peak + 2 * size + 1)
+    sides = [side for side in (off[: near.start], off[near.stop :]) if side.size]
+    beside = BESIDE * max([0.0, *(float(np.median(side)) for side in sides)])
+    high = np.count_nonzero(off[near] > 0.5 * off[peak])
+    longest = 2 * size if off[peak] > never else size
+    if high > longest or not off[peak] > max(FAR * range_, beside):
+        return []
+    wild = near.start + np.flatnonzero(off[near] > max(OUTSIDE * range_, 0.5 * beside))
+    parts = np.split(wild, np.flatnonzero(np.diff(wild) > MOST_BETWEEN + 1) + 1)
+    return [(begin + int(part[0]), begin + int(part[-1]) + 1) for part in parts]
 
 
 def cell_extremes(values: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
@@ -269,7 +263,7 @@ def cell_ranges(
 #
 #     stored numbers, axis --some places: does a change follow a change?--> no: the channel as it is
 #         --all of it: places where the value changes--> every how many samples a value is new
-#         --the first sample of each value--> SampleAndHold: places, and a time axis of their own
+#         --the first sample of each value--> places, and a time axis of their own
 #
 # A logger that is faster than its instrument writes each value several times. Such a staircase has
 # no derivative, and its noise is not a sample's. Changes are compared on the stored numbers, so it
@@ -299,18 +293,6 @@ _COVERED = 0.9
 _EVEN = 2.0
 
 
-@dataclass(frozen=True)
-class SampleAndHold:
-    """`at` (m,): the first sample of each value; `axis`: their times; `least` and `most` samples
-    that a value stands, as a rule.
-    """
-
-    at: IntArray
-    axis: TimeAxis
-    least: int
-    most: int
-
-
 def without_repeats(channel: Channel, quiet: Channel) -> tuple[Channel, str]:
     """(the channel with each value that is held once, a remark, '' if there is none).
 
@@ -318,26 +300,23 @@ def without_repeats(channel: Channel, quiet: Channel) -> tuple[Channel, str]:
     channel, of whose losses nobody hears.
     """
     stored, looked_at = channel.samples, quiet.samples
-    if channel.kind not in (*STRAIN_KINDS, *ACCELERATION_KINDS):
+    found = None
+    if channel.kind in (*STRAIN_KINDS, *ACCELERATION_KINDS) and isinstance(looked_at, Scaled):
+        found = sample_and_hold(looked_at, channel.axis)
+    if found is None or not isinstance(stored, Scaled):
         return channel, ""
-    if not isinstance(stored, Scaled) or not isinstance(looked_at, Scaled):
-        return channel, ""
-    found = sample_and_hold(looked_at, channel.axis)
-    if found is None:
-        return channel, ""
-    at, raw = found.at, stored.raw
+    raw, (at, axis, least, most) = stored.raw, found
 
     def once(start: int, stop: int) -> NDArray[Any]:
         some = at[start:stop]
         return raw(int(some[0]), int(some[-1]) + 1)[some - some[0]] if some.size else raw(0, 0)
 
-    samples = replace(stored, raw=once)
     flags = tuple(_moved(doubt, at) for doubt in channel.flags)
-    often = f"{found.least}" if found.least == found.most else f"{found.least} to {found.most}"
+    often = f"{least}" if least == most else f"{least} to {most}"
     return (
-        replace(channel, samples=samples, axis=found.axis, flags=flags),
+        replace(channel, samples=replace(stored, raw=once), axis=axis, flags=flags),
         f"the log repeats each value {often} times: it was taken once, at its first time, "
-        f"{found.axis.rate_Hz:.4g} values per second",
+        f"{axis.rate_Hz:.4g} values per second",
     )
 
 
@@ -348,11 +327,13 @@ def _moved(doubt: Doubt, at: IntArray) -> Doubt:
     return max(int(first), 0), max(int(last), 0) + 1, word
 
 
-def sample_and_hold(stored: Scaled, axis: TimeAxis) -> SampleAndHold | None:
-    """How the values of a channel are held; None if they are not."""
-    if not _likely(stored, axis.size):
-        return None
-    changes = _all_changes(stored, axis.size)
+def sample_and_hold(stored: Scaled, axis: TimeAxis) -> tuple[IntArray, TimeAxis, int, int] | None:
+    """How the values of a channel are held; None if they are not.
+
+    (m,) the first sample of each value; their times; least and most samples that a value stands, as
+    a rule.
+    """
+    changes = _all_changes(stored, axis.size) if _likely(stored, axis.size) else None
     if changes is None:
         return None
     segments = list(pairwise([*(axis.first.tolist() or [0]), axis.size]))
@@ -366,7 +347,7 @@ def sample_and_hold(stored: Scaled, axis: TimeAxis) -> SampleAndHold | None:
             np.arange(first + (int(some[0]) - first if some.size else 0) % every, end, every)
             for (first, end), some in zip(segments, own, strict=True)
         ]
-        return SampleAndHold(np.concatenate(parts), _axis(axis, parts, float(every)), every, every)
+        return np.concatenate(parts), _axis(axis, parts, float(every)), every, every
     usual = int(np.bincount(steps[steps <= _PIECE]).argmax())
     near = steps[np.abs(steps - usual) <= 1]
     if usual < 2 or near.sum() < _COVERED * steps.sum():
@@ -377,8 +358,7 @@ def sample_and_hold(stored: Scaled, axis: TimeAxis) -> SampleAndHold | None:
         for (first, end), some in zip(segments, own, strict=True)
     ]
     common = np.flatnonzero(np.bincount(near) > _SINGLE * near.size)
-    at = np.concatenate(parts)
-    return SampleAndHold(at, _axis(axis, parts, period), int(common[0]), int(common[-1]))
+    return np.concatenate(parts), _axis(axis, parts, period), int(common[0]), int(common[-1])
 
 
 def _likely(stored: Scaled, size: int) -> bool:

@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 
@@ -132,26 +132,28 @@ def _setup_for(log: str, setup: Setup | None) -> Setup:
     return load_setup(beside)
 
 
-def open_log_bytes(log: str) -> BinaryIO:
+@contextmanager
+def failed_reads(log: str, more: type[Exception] = OSError) -> Iterator[None]:
+    """What the system says of a log that it does not give becomes a ReadError."""
     try:
+        yield
+    except (OSError, more) as problem:
+        what = getattr(problem, "strerror", None) or problem
+        raise ReadError(
+            f"cannot be read ({what})",
+            allowed="a log is a file or '-'",
+            do="give another path",
+            file=log,
+        ) from None
+
+
+def open_log_bytes(log: str) -> BinaryIO:
+    with failed_reads(log, ValueError):  # a NUL in the name
         if log.endswith(".toml") and is_file(log):
             with open_input(log) as stream:
                 text = stream.read(LARGEST_BYTES).decode("utf-8", "replace")
             refuse_other_role(text, "a log", UsageError, log)
         return open_input(log)
-    except (OSError, ValueError) as problem:
-        raise _unreadable(log, problem) from None
-
-
-def _unreadable(log: str, problem: Exception) -> ReadError:
-    """A ReadError for what the system says of a log."""
-    what = getattr(problem, "strerror", None) or problem
-    return ReadError(
-        f"cannot be read ({what})",
-        allowed="a log is a file or '-'",
-        do="give another path",
-        file=log,
-    )
 
 
 def is_file(log: str) -> bool:
@@ -165,17 +167,16 @@ def is_file(log: str) -> bool:
         return False
 
 
-@dataclass(frozen=True)
-class OpenedLog:
+class OpenedLog(NamedTuple):
     """A log with its format ('' for text), as a file if that has to be one.
 
     `made` is the format of what it was made, and so of the file; its own if it was not converted.
     """
 
     format: str
+    made: str
     path: Path | None = None
     converted: Converted | None = None
-    made: str = ""
 
 
 def reader_of(stream: LogStream, opened: OpenedLog, setup: Setup, log: str) -> LogReader:
@@ -215,29 +216,32 @@ def opened_log(log: str, head: bytes, stream: LogStream, name: str = "") -> Iter
         refuse_foreign(head, name or log)
     converts = format in FORMATS
     if format not in ("HDF5", "Parquet") and not converts:
-        yield OpenedLog(format, made=format)
-    elif is_file(log) and not converts:
-        yield OpenedLog(format, Path(log), made=format)
-    else:
-        with temporary_folder() as folder:
-            path = Path(log) if is_file(log) else folder / "log"
-            if path.parent == folder:
-                with failed_writes(path), path.open("wb") as copy:
-                    while part := log_part(stream, log):
-                        copy.write(part)
-            if converts:
-                made, converted = resolve_name(_BY_LIBRARY)(format, path, folder, name or log)
-                yield OpenedLog(format, made, converted, FORMATS[format].made)
-            else:
-                yield OpenedLog(format, path, made=format)
+        yield OpenedLog(format, format)
+        return
+    with temporary_folder() as folder:
+        path = local_file(stream, log, folder)
+        if converts:
+            made, converted = resolve_name(_BY_LIBRARY)(format, path, folder, name or log)
+            yield OpenedLog(format, FORMATS[format].made, made, converted)
+        else:
+            yield OpenedLog(format, format, path)
 
 
-def log_part(stream: io.RawIOBase | BinaryIO, log: str) -> bytes:
-    """The next bytes of a log.  ReadError: it cannot be read on."""
-    try:
-        return stream.read(1 << 20) or b""
-    except OSError as problem:
-        raise _unreadable(log, problem) from None
+def local_file(stream: io.RawIOBase | BinaryIO, log: str, folder: Path) -> Path:
+    """The log as a file: itself, or its bytes copied into `folder`.
+
+    ReadError: it cannot be read on.
+    """
+    if is_file(log):
+        return Path(log)
+    path = folder / "log"
+    part: bytes | None = b""
+    with failed_writes(path), path.open("wb") as copy:
+        while part is not None:
+            copy.write(part)
+            with failed_reads(log):
+                part = stream.read(1 << 20) or None
+    return path
 
 
 def ingest(
@@ -271,10 +275,8 @@ def ingest(
                     do="give the run's path to the other commands",
                     file=log,
                 )
-            try:
+            with failed_reads(log):
                 reader = reader_of(stream, opened, setup, log)
-            except OSError as problem:
-                raise _unreadable(log, problem) from None
             run = _write(
                 RunWriter(folder, reader.setup, reader.groups), reader, summary, stream, blocks
             )
@@ -287,11 +289,9 @@ def read_head(raw: BinaryIO, log: str) -> bytes:
     ReadError: there are none.
     """
     head = b""
-    try:
+    with failed_reads(log):
         while len(head) < HEAD_BYTES and (part := raw.read(HEAD_BYTES - len(head))):
             head += part
-    except OSError as problem:
-        raise _unreadable(log, problem) from None
     if not head:
         raise ReadError(
             "is empty",
@@ -307,14 +307,14 @@ def _blocks(reader: LogReader, summary: IngestSummary) -> Iterator[RawBlock]:
 
     ReadError: not even the first.
     """
-    some = False
+    blocks = reader.blocks()
+    with failed_reads(summary.log):
+        block = next(blocks, None)
     try:
-        for block in reader.blocks():
-            some = True
+        while block is not None:
             yield block
+            block = next(blocks, None)
     except OSError as problem:
-        if not some:
-            raise _unreadable(summary.log, problem) from None
         what = problem.strerror or problem
         summary.losses.append(
             f"cannot be read to its end ({what}); what follows is lost; copy it again"
@@ -362,7 +362,7 @@ def _write(
     axes, flags = {}, {}
     for name, clock in clocks.items():
         try:
-            axes[name] = clock.axis()
+            axes[name] = clock.axis
         except (ReadError, SetupError) as problem:
             if report.damage:
                 raise of_damaged(report.damage, problem, summary.log) from None

@@ -18,11 +18,10 @@ import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain, pairwise
-from typing import IO, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
-from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: values kept in memory before they go to a file
@@ -34,44 +33,18 @@ class Spool:
 
     def __init__(self) -> None:
         self.size = 0
-        self._parts: list[FloatArray] = []
-        self._file: IO[bytes] | None = None
+        self._file = tempfile.SpooledTemporaryFile(8 * _IN_MEMORY, prefix="tirelog-")  # noqa: SIM115
+        weakref.finalize(self, self._file.close)
 
     def append(self, values: FloatArray) -> None:
-        self.size += values.size
-        if self.size <= _IN_MEMORY:
-            self._parts.append(np.array(values, np.float64))
-            return
-        if self._file is None:
-            self._file = tempfile.TemporaryFile(prefix="tirelog-")  # noqa: SIM115
-            weakref.finalize(self, self._file.close)
         self._file.seek(0, 2)
-        for part in (*self._parts, values):
-            self._file.write(np.ascontiguousarray(part, np.float64).data)
-        self._parts = []
+        self._file.write(np.ascontiguousarray(values, np.float64).tobytes())
+        self.size += values.size
 
     def read(self, start: int, stop: int) -> FloatArray:
         start, stop = max(start, 0), min(stop, self.size)
-        if self._file is not None:
-            self._file.seek(8 * start)
-            return np.frombuffer(self._file.read(8 * max(stop - start, 0)), np.float64)
-        if len(self._parts) != 1:
-            self._parts = [np.concatenate([np.zeros(0), *self._parts])]
-        return self._parts[0][start:stop]
-
-
-@compiled
-def residual_range(first: int, stamps: FloatArray, period_s: float) -> tuple[float, float]:
-    """(least, largest) residual [s] of `stamps` (n,) against a clock, at indices from `first` on.
-
-    Unknown ones (NaN) do not count; (inf, -inf) if none is known.
-    """
-    low, high = np.inf, -np.inf
-    for i in range(stamps.size):
-        residual = stamps[i] - period_s * (first + i)
-        low = residual if residual < low else low
-        high = residual if residual > high else high
-    return low, high
+        self._file.seek(8 * start)
+        return np.frombuffer(self._file.read(8 * max(stop - start, 0)), np.float64)
 
 
 #: stamps looked at at once
@@ -172,13 +145,9 @@ class Stamps:
         Of the first ones alone if these are further apart than `most` [s].
         """
         low, high = np.inf, -np.inf
-        for start in range(0, self.spool.size, _CHUNK):
-            stamps = self.spool.read(start, start + _CHUNK)
-            inside = slice(*np.searchsorted(self._behind, [start + 1, start + stamps.size]))
-            for begin, stop in pairwise([0, *(self._behind[inside] - start), stamps.size]):
-                first = int(self.clock_index(start + begin))
-                least, largest = residual_range(first, stamps[begin:stop], period)
-                low, high = min(low, least), max(high, largest)
+        for index, stamps in self.known():
+            residual = stamps - period * self.clock_index(index)
+            low, high = min(low, float(residual.min())), max(high, float(residual.max()))
             if high - low > most:
                 break
         return low, high
@@ -303,32 +272,45 @@ class Stamps:
     ) -> tuple[float, float, float, list[Piece]]:
         """(T, its standard error, scatter of the stamps about their lines, pieces).
 
-        By least squares with one T; the scatter is a standard deviation. Sums are kept about their
-        means and merged, so that no digits cancel in long logs.
+        By least squares with one T; the scatter is a standard deviation. Sums are kept from each
+        piece's first point on, so that no digits cancel in long logs.
         """
         edges = np.array([index for index, _ in jumps], np.int64)
-        sums = np.zeros((edges.size + 1, 6))  # points, mean k, mean r, S_kk, S_kr, S_rr
         starts, stops = (np.array([span[end] for span in passing], np.int64) for end in (0, 1))
+        first = np.full((2, edges.size + 1), np.nan)  # k and r of the first point of each piece
+        sums = np.zeros((6, edges.size + 1))  # of 1, k, r, k k, k r, r r, by piece
         for index, k, stamps in self.points(period):
-            if not edges.size and not starts.size:
-                sums[0] = _merged(sums[0], k, stamps - period * k)
-                continue
-            off = np.searchsorted(starts, index, side="right") > np.searchsorted(
-                stops, index, side="right"
-            )
-            piece = np.searchsorted(edges, index, side="right")
-            residual = stamps - period * k
-            for p in np.unique(piece[~off]):
-                here = (piece == p) & ~off
-                sums[p] = _merged(sums[p], k[here], residual[here])
-        total = sums[:, 3].sum()
-        slope = sums[:, 4].sum() / total if total > 0 else 0.0
-        free = max(sums[:, 0].sum() - len(sums) - 1, 1.0)
-        spread = float(np.sqrt(max(sums[:, 5].sum() - slope * sums[:, 4].sum(), 0.0) / free))
-        firsts = [0, *edges.tolist()]
+            if passing:
+                begun, ended = (np.searchsorted(at, index, side="right") for at in (starts, stops))
+                on = begun == ended
+                index, k, stamps = index[on], k[on], stamps[on]
+            cuts = np.searchsorted(index, edges).tolist()
+            for piece, (begin, stop) in enumerate(pairwise([0, *cuts, index.size])):
+                if begin == stop:
+                    continue
+                x = k[begin:stop].astype(float)
+                y = stamps[begin:stop] - period * x
+                if np.isnan(first[0, piece]):
+                    first[:, piece] = x[0], y[0]
+                x, y = x - first[0, piece], y - first[1, piece]
+                # stamps beyond 1e150 make a clock that is not finite, and is not used
+                with np.errstate(over="ignore", invalid="ignore"):
+                    sums[:, piece] += x.size, x.sum(), y.sum(), x @ x, x @ y, y @ y
+        count, by_k, by_r, by_kk, by_kr, by_rr = sums
+        with np.errstate(over="ignore", invalid="ignore"):
+            mean_k, mean_r = means = sums[1:3] / np.maximum(count, 1.0)
+            total = float((by_kk - by_k * mean_k).sum())
+            cross = float((by_kr - by_k * mean_r).sum())
+            square = float((by_rr - by_r * mean_r).sum())
+        slope = cross / total if total > 0 else 0.0
+        free = max(count.sum() - count.size - 1, 1.0)
+        spread = float(np.sqrt(max(square - slope * cross, 0.0) / free))
+        middles = (np.nan_to_num(first) + means).T.tolist()
         pieces = [
-            Piece(f, int(s[0]), float(s[1]), float(s[2] + period * s[1]))
-            for f, s in zip(firsts, sums)
+            Piece(begin, int(n), middle_k, middle_r + period * middle_k)
+            for begin, n, (middle_k, middle_r) in zip(
+                [0, *edges.tolist()], count, middles, strict=True
+            )
         ]
         return period + slope, spread / np.sqrt(total) if total > 0 else np.inf, spread, pieces
 
@@ -440,19 +422,3 @@ def _unpaired(
         else:
             kept.append(jump)
     return kept, sorted(passing)
-
-
-# stamps beyond 1e150 make a clock that is not finite, and is not used
-@np.errstate(over="ignore", invalid="ignore")
-def _merged(sums: FloatArray, k: IntArray, r: FloatArray) -> FloatArray:
-    """Sums about means of the points so far and of these ones."""
-    n, mean_k, mean_r = float(k.size), k.mean(), r.mean()
-    by_k, by_r = k - mean_k, r - mean_r
-    new = np.array([n, mean_k, mean_r, by_k @ by_k, by_k @ by_r, by_r @ by_r])
-    if not sums[0]:
-        return new
-    both = sums[0] + n
-    step_k, step_r, weight = mean_k - sums[1], mean_r - sums[2], sums[0] * n / both
-    cross = weight * np.array([step_k * step_k, step_k * step_r, step_r * step_r])
-    means = [both, sums[1] + step_k * n / both, sums[2] + step_r * n / both]
-    return np.concatenate([means, sums[3:] + new[3:] + cross])

@@ -95,6 +95,8 @@ _PROVENANCE = {
     "remarks?": [object],
     "repairs?": {str: {str: int}},
     "counts?": {str: int},
+    "sha256?": str,
+    "bytes?": int,
 }
 
 
@@ -246,7 +248,7 @@ def _checked_run(file: h5py.File, log: str) -> Run:
             do="copy it again, or ingest the log again",
         )
     # ValueError: a part is not of the kind that the commands rely on
-    provenance = json_of(text_at(file, "provenance", LARGEST), _PROVENANCE)
+    provenance = {"bytes": 0} | json_of(text_at(file, "provenance", LARGEST), _PROVENANCE)
     for key in ("losses", "remarks"):
         provenance[key] = [str(line) for line in provenance.get(key) or ()]
     setup = parse_setup(

@@ -10,6 +10,7 @@ it answers may take as long as it takes.
 from __future__ import annotations
 
 import errno
+import os
 import posixpath
 import re
 import sys
@@ -241,25 +242,21 @@ def match_remote(pattern: str) -> list[str]:
     return sorted(_found(pattern, ReadError, names) or [])
 
 
-def state_of(url: str) -> list[Any]:
-    """What changes when the bytes at `url` do, as far as the store tells without reading them.
+#: what stores call the marks of an object's bytes
+_MARKS = ("ETag", "etag", "md5Hash", "LastModified", "last_modified", "mtime", "updated", "created")
 
-    ReadError: not there.
+
+def state_of(path: str) -> list[Any]:
+    """What changes when the bytes at a path or address do, as far as it is told without reading.
+
+    OSError, ReadError: not there.
     """
+    url = address(path)
+    if url is None:
+        about = os.stat(path)
+        return [about.st_size, about.st_mtime_ns]
     info = _answer(url, ReadError, lambda system: system.info(url))
-    marks = [
-        info.get(name)
-        for name in (
-            "ETag",
-            "etag",
-            "md5Hash",
-            "LastModified",
-            "last_modified",
-            "mtime",
-            "updated",
-            "created",
-        )
-    ]
+    marks = [info.get(name) for name in _MARKS]
     return [info.get("size"), *(str(mark) for mark in marks if mark is not None)]
 
 

@@ -26,7 +26,7 @@ import sys
 import tempfile
 import tomllib
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -291,22 +291,12 @@ def whole_file(path: Path | str) -> Iterator[Path]:
     address is uploaded to at the end.
     UsageError: it is an input.  OutputError: folder missing or read-only, disk full.
     """
-    url = address(path)
-    if url is not None:
-        refuse_inputs(path)
-        with temporary_folder() as folder:
-            local = folder / (_cut(Path(path).name) or "result")
-            local.touch()
+    refuse_inputs(path)
+    if address(path) is not None or _streams(Path(path)):
+        with _delivered(path) as local:
             yield local
-            refuse_inputs(path)  # a log that a pattern matched is known once it is read
-            upload(local, url)
         return
     path = Path(path)
-    refuse_inputs(path)
-    if _streams(path):
-        with _written_through(path) as local:
-            yield local
-        return
     with failed_writes(path):
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
@@ -384,23 +374,26 @@ def _streams(path: Path) -> bool:
 
 
 @contextmanager
-def _written_through(path: Path) -> Iterator[Path]:
-    """A temporary path whose bytes go to the device or pipe `path` at the end.
+def _delivered(path: Path | str) -> Iterator[Path]:
+    """A temporary path whose bytes go to the address, device or pipe `path` at the end.
 
-    That is opened now, so that its reader sees an end also if nothing comes.
+    A device or pipe is opened now, so that its reader sees an end also if nothing comes.
     """
-    with failed_writes(path):
-        own = _stream_of(path)
-        refuse_inputs(path if own is None else own, name=str(path))
-        stream = os.fdopen(
-            os.open(path, os.O_WRONLY | getattr(os, "O_NOCTTY", 0)) if own is None else os.dup(own),
-            "wb",
-            buffering=0,
-        )
-    with stream, temporary_folder() as folder:
-        local = folder / (_cut(path.name) or "result")
+    url, own = address(path), _stream_of(Path(path))
+    with ExitStack() as leaving:
+        if url is None:
+            with failed_writes(path):
+                refuse_inputs(path if own is None else own, name=str(path))
+                flags = os.O_WRONLY | getattr(os, "O_NOCTTY", 0)
+                opened = os.open(path, flags) if own is None else os.dup(own)
+                stream = leaving.enter_context(os.fdopen(opened, "wb", buffering=0))
+        local = leaving.enter_context(temporary_folder()) / (_cut(Path(path).name) or "result")
         local.touch()
         yield local
+        if url is not None:
+            refuse_inputs(path)  # a log that a pattern matched is known once it is read
+            upload(local, url)
+            return
         with failed_writes(path), local.open("rb") as made:
             if own is not None and sys.stdout is not None:
                 sys.stdout.flush()
@@ -417,10 +410,8 @@ def make_folder(path: Path | str) -> None:
     if address(path) is None:
         folder = Path(path)
         _new_folders.extend(one for one in (folder, *folder.parents) if not one.exists())
-        try:
+        with failed_writes(path):
             folder.mkdir(parents=True, exist_ok=True)
-        except OSError as problem:
-            raise output_error(path, problem) from None
 
 
 # ---- TOML and JSON text to plain tables.

@@ -82,13 +82,14 @@ class TableWriter(AbstractContextManager["TableWriter"]):
         self._names: tuple[str, ...] | None = None
         self._schema: pa.Schema | None = None
         self._parquet: Any = None
-        self._file: AbstractContextManager[Path] | None = None
         self._stream: BinaryIO
+        self._leaving = ExitStack()
         if output is None:
             self._stream = sys.stdout.buffer
+            self._leaving.callback(self._stream.flush)
         else:
-            self._file = whole_file(output)
-            self._stream = self._file.__enter__().open("wb")
+            self._stream = self._leaving.enter_context(whole_file(output)).open("wb")
+            self._leaving.callback(self._stream.close)
 
     def write(self, columns: Mapping[str, Any]) -> None:
         """Append rows.
@@ -157,23 +158,14 @@ class TableWriter(AbstractContextManager["TableWriter"]):
             self._stream.write(b"[")
 
     def __exit__(self, kind: Any, value: Any, trace: Any) -> None:
-        if self._file is None:
-            if kind is None:
-                self._end()
-            self._stream.flush()
-            return
-        with (
-            ExitStack() as leaving
-        ):  # what the last bytes may meet (a full disk) is the file's to say, as what the first may
-            leaving.push(self._file)
-            leaving.callback(self._stream.close)
-            if kind is None:
-                self._end()
-                return
-            if self._parquet is not None:
+        # what the last bytes may meet (a full disk) is the file's to say, as what the first may
+        with self._leaving:
+            if value is not None:
                 with suppress(Exception):  # else it complains when it is forgotten
-                    self._parquet.close()
-            raise value
+                    if self._parquet is not None:
+                        self._parquet.close()
+                raise value
+            self._end()
 
     def _end(self) -> None:
         """Whatever stands behind the last row; of a table without rows its columns."""
