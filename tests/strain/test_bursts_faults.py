@@ -127,6 +127,33 @@ def test_a_log_without_bursts_is_read_as_it_was(clean):
     assert np.array_equal(own.read(), channel(clean[0]).read())
 
 
+@pytest.mark.parametrize("code", [9999.0, 0.0, -1e6])
+@pytest.mark.parametrize("length_s", [0.012, 0.05, 0.3])
+def test_a_code_is_lost_however_long(clean, code, length_s):
+    values, times = clean
+    hit, begins = values.copy(), np.arange(1.3, 15.0, max(1.0, 6 * length_s))
+    held = np.zeros(values.size, bool)
+    for begin in begins:
+        held[int(begin * RATE_HZ) : int((begin + length_s) * RATE_HZ)] = True
+    hit[held] = code
+    assert np.array_equal(np.isnan(without_spikes(channel(hit)).read()), held)
+    found, before = (find_passages(channel(x), RADIUS_M) for x in (hit, values))
+    far = np.min(np.abs(times[:, None] - begins - 0.5 * length_s), axis=1) > 0.5 * length_s + 0.3
+    for time in times[far]:  # within a fortieth of a sample
+        i, j = (np.argmin(np.abs(some.time_s - time)) for some in (found, before))
+        assert abs(found.time_s[i] - before.time_s[j]) < 1e-5
+
+
+def test_limits_of_a_signal_are_no_codes(clean):
+    """Clipped at a third of its height, in coarse steps, or at rest for most of the time."""
+    values = clean[0]
+    clipped = np.maximum(values, REFERENCE_NM - 0.4)
+    coarse = REFERENCE_NM + 0.4 * np.round((values - REFERENCE_NM) / 0.4)
+    resting = np.where(values < REFERENCE_NM - 0.6, REFERENCE_NM - 1.2, REFERENCE_NM)
+    for some in (clipped, coarse, resting):
+        assert np.array_equal(without_spikes(channel(some)).read(), channel(some).read())
+
+
 def test_a_lonely_slow_passage_is_no_burst():
     """A wheel that is pushed past its patch once, at 3 m/s, and stands before and after."""
     time = np.arange(0.0, 20.0, 1 / RATE_HZ)

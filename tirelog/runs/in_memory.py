@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -101,17 +102,17 @@ def _whole(
     return lambda start, stop: values[start:stop]
 
 
-# ---- Bursts of bad samples: what leaves everything around it by far, and comes back within 8 ms.
+# ---- Error codes, however long, and bursts of bad samples of up to 8 ms.
 #
-#     Channel --extremes of cells of 8 ms, in one pass--> range of the signal over 2 s, without its
-#             few most extreme cells
+#     Channel --extremes of cells of 8 ms, in one pass
+#             --a number that comes again, off all others by twice their range--> a code, lost
+#             --> range of the signal over 2 s, without its few most extreme cells
 #             --samples beyond that by twice the range, and not for longer than a cell--> lost
 #
 # An instrument's error code or a knock on a plug is no strain. Left in, a burst a hundred times as
 # high as the patch is all that a search by height sees. A passage of 8 ms is no burst: its wheel
-# runs
-# at 10 m/s and more, and so passes many times in 2 s. Samples alone that are less far off are left
-# to whoever reads the channel, who knows their neighbours.
+# runs at 10 m/s and more, and so passes many times in 2 s. Samples alone that are less far off are
+# left to whoever reads the channel, who knows their neighbours.
 
 
 #: a burst lasts no longer than this [s]; twice as long, one is as long as passages at 5 m/s, of
@@ -144,6 +145,10 @@ BESIDE = 3.0
 #: samples in a row that may stand within the range, in the midst of a burst; twice as many make one
 #: of two with some good samples between
 MOST_BETWEEN = 2
+#: samples that hold a code at least; with fewer, two knocks of one height are one
+FEWEST_ALIKE = 3
+#: samples of a cell of a channel that is too slow for bursts, or has no patch
+SLOW_CELL = 64
 
 
 def without_spikes(channel: Channel) -> Channel:
@@ -154,42 +159,115 @@ def without_spikes(channel: Channel) -> Channel:
     if channel.mended:
         return channel
     channel = replace(in_memory(channel), mended=True)
-    first, stop = _bursts(channel)
-    if not first.size:
+    size = int(LONGEST_S * channel.axis.rate_Hz)
+    if size < FEWEST_SAMPLES:
+        return _without(channel, codes_of(channel, _extremes(channel, SLOW_CELL)))
+    cells = _extremes(channel, size)
+    while codes := codes_of(channel, cells):
+        channel = _without(channel, codes)
+        cells = _extremes(channel, size)
+    return _without(channel, _bursts(channel, size, *cells))
+
+
+def without_codes(channel: Channel) -> Channel:
+    """A channel beside those with a patch, such as a pressure, its error codes lost.
+
+    They are looked for when it is first read. One sample so far off is enough: no tire has it.
+    """
+
+    @cache
+    def mended() -> Channel:
+        coded = channel
+        while codes := codes_of(coded, _extremes(coded, SLOW_CELL), 1):
+            coded = _without(coded, codes)
+        return coded
+
+    return replace(channel, samples=lambda start, stop: mended().read(start, stop))
+
+
+def _without(channel: Channel, ranges: list[tuple[int, int]]) -> Channel:
+    """The channel, the samples of these ranges lost and flagged."""
+    if not ranges:
         return channel
-    flags = [(int(a), int(b), Quality.SPIKE) for a, b in zip(first, stop, strict=True)]
+    first, stop = np.array(ranges, np.int64).T
+    flags = tuple((*one, Quality.SPIKE) for one in ranges)
     return replace(with_holes(channel, first, stop), flags=(*channel.flags, *flags))
 
 
-def _bursts(channel: Channel) -> tuple[IntArray, IntArray]:
-    """First sample of each burst of `channel`, and the one behind its last, (n,) each, apart."""
-    size = int(LONGEST_S * channel.axis.rate_Hz)
+def _extremes(channel: Channel, size: int) -> tuple[FloatArray, FloatArray]:
+    """The least and the largest of each `size` samples of a channel, shape (m,) each."""
+    low, high = np.empty((2, -(-channel.size // size)))
+    step = max(BLOCK_SAMPLES // size, 1)
+    for cell in range(0, low.size, step):
+        part = slice(cell, min(cell + step, low.size))
+        values = channel.read(part.start * size, part.stop * size)
+        low[part], high[part] = cell_extremes(values, size)
+    return low, high
+
+
+def codes_of(
+    channel: Channel, cells: tuple[FloatArray, FloatArray], fewest: int = FEWEST_ALIKE
+) -> list[tuple[int, int]]:
+    """Ranges of samples that hold an error code: its first and the one behind its last.
+
+    A code is a number that comes exactly, `fewest` times and more, and whose distance from all
+    other samples is FAR times their range. A clipped signal has samples beside its limit,
+    and so has none. `cells` are the least and the largest of the channel's cells, (m,) each.
+    """
+    low, high = (cells_[np.isfinite(cells_)] for cells_ in cells)
+    if not low.size:
+        return []
+    ends = float(low.min()), float(high.max())
+    inner = np.concatenate([low, high])
+    inner = inner[~np.isin(inner, ends)]
+    if not inner.size or not _far(ends, float(inner.min()), float(inner.max())):
+        return []
+    alike: dict[float, list[int]] = {end: [] for end in ends}
+    least, most = np.inf, -np.inf
+    for start in range(0, channel.size, BLOCK_SAMPLES):
+        values = channel.read(start, min(start + BLOCK_SAMPLES, channel.size))
+        for end, samples in alike.items():
+            samples += (start + np.flatnonzero(values == end)).tolist()
+        others = values[~np.isin(values, ends) & np.isfinite(values)]
+        least, most = others.min(initial=least), others.max(initial=most)
+    far = _far(ends, float(least), float(most))
+    places = np.sort([i for end in far if len(alike[end]) >= fewest for i in alike[end]])
+    parts = np.split(places, np.flatnonzero(np.diff(places) > 1) + 1)
+    return [(int(part[0]), int(part[-1]) + 1) for part in parts if part.size]
+
+
+def _far(ends: tuple[float, float], least: float, most: float) -> list[float]:
+    """Which of the `ends` are far from what lies between `least` and `most`, which has a width."""
+    far = FAR * (most - least)
+    below, above = least - ends[0], ends[1] - most
+    return [end for end, gap in zip(ends, (below, above), strict=True) if gap > far > 0.0]
+
+
+def _bursts(
+    channel: Channel, size: int, low: FloatArray, high: FloatArray
+) -> list[tuple[int, int]]:
+    """First sample of each burst of `channel`, and the one behind its last, apart.
+
+    `low` and `high` (m,): the least and the largest of its cells of `size` samples.
+    """
     found: set[tuple[int, int]] = set()
-    if size >= FEWEST_SAMPLES:
-        low, high = np.empty((2, -(-channel.size // size)))
-        step = max(BLOCK_SAMPLES // size, 1)
-        for cell in range(0, low.size, step):
-            part = slice(cell, min(cell + step, low.size))
-            values = channel.read(part.start * size, part.stop * size)
-            low[part], high[part] = cell_extremes(values, size)
-        bottom, top = cell_ranges(low, high, AROUND, LEFT_OUT)
-        lowest, highest = cell_ranges(low, high, AROUND, MANY_LEFT_OUT)
-        with np.errstate(invalid="ignore", over="ignore"):
-            odd = _beyond(low, high, bottom, top, FAR)
-            many = _beyond(low, high, lowest, highest, VERY_FAR) & ~odd
-            # what no passage of the log leaves by so much
-            never = VERY_FAR * float(np.fmax.reduce(highest - lowest, initial=0.0))
-        bottom, top = np.where(many, lowest, bottom), np.where(many, highest, top)
-        for cell in np.flatnonzero(odd | many).tolist():
-            found.update(_bursts_of_cell(channel, size, cell, bottom[cell], top[cell], never))
+    bottom, top = cell_ranges(low, high, AROUND, LEFT_OUT)
+    lowest, highest = cell_ranges(low, high, AROUND, MANY_LEFT_OUT)
+    with np.errstate(invalid="ignore", over="ignore"):
+        odd = _beyond(low, high, bottom, top, FAR)
+        many = _beyond(low, high, lowest, highest, VERY_FAR) & ~odd
+        # what no passage of the log leaves by so much
+        never = VERY_FAR * float(np.fmax.reduce(highest - lowest, initial=0.0))
+    bottom, top = np.where(many, lowest, bottom), np.where(many, highest, top)
+    for cell in np.flatnonzero(odd | many).tolist():
+        found.update(_bursts_of_cell(channel, size, cell, bottom[cell], top[cell], never))
     joined: list[tuple[int, int]] = []
     for first, stop in sorted(found):
         if joined and first <= joined[-1][1]:
             joined[-1] = joined[-1][0], max(joined[-1][1], stop)
         else:
             joined.append((first, stop))
-    firsts, stops = np.array(joined, np.int64).reshape(-1, 2).T
-    return firsts, stops
+    return joined
 
 
 def _beyond(

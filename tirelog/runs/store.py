@@ -57,11 +57,11 @@ from tirelog.readers.hdf5.source import (
     refuse,
     walk,
 )
-from tirelog.runs.in_memory import without_repeats
+from tirelog.runs.in_memory import without_codes, without_repeats
 from tirelog.runs.temporary import CHUNK, Run, Stored, check_open, scaled_to_si
 from tirelog.storage.whole import LARGEST_BYTES, json_of
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.kinds import KINDS
+from tirelog.vocabulary.kinds import KINDS, SLOW_KINDS
 from tirelog.vocabulary.quality import Doubt, Quality, flag_of
 
 #: of the run's layout; another one is refused
@@ -382,7 +382,7 @@ def _channel(
         for key in ("steps", "gauge_length_m")
         if getattr(channel, key) is not None
     }
-    return Channel(
+    made = Channel(
         name,
         channel.kind,
         KINDS[channel.kind].to_si(channel.source_unit)[2],
@@ -394,6 +394,7 @@ def _channel(
         more,
         at_hand=stored.at_hand,
     )
+    return without_codes(made) if channel.kind in SLOW_KINDS else made
 
 
 def _read(dataset: h5py.Dataset, start: int, stop: int, name: str, losses: list[str]) -> np.ndarray:

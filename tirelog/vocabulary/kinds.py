@@ -111,6 +111,13 @@ _ALL = (
 KINDS: Mapping[str, Kind] = {kind.name: kind for kind in _ALL}
 #: kinds of channel in which the patch's strain is found
 STRAIN_KINDS = tuple(kind.name for kind in _ALL if kind.measures == "strain")
+#: kinds of channel whose values change little from one sample to the next, beside those in which a
+#: patch or teeth are found
+SLOW_KINDS = tuple(
+    kind.name
+    for kind in _ALL
+    if kind.measures not in ("strain", "acceleration", "wheel angle", "signal")
+)
 #: kinds whose source is a wavelength: one of 0 or below is a lost peak
 WAVELENGTH_KINDS = tuple(kind.name for kind in _ALL if kind.wavelength)
 #: kinds of channel in which the patch's acceleration is found

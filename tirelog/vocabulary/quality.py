@@ -66,7 +66,7 @@ class Quality(IntFlag):
     LOST_PEAK = "samples of the window are lost, or no patch was found in it", _ALL
     GAP = "the recording has a gap there", _ALL
     CLIPPED = "the signal stands at the end of its range", _ALL
-    SPIKE = "samples far off all beside them, up to 8 ms of them, were left out", _PASSAGES
+    SPIKE = "samples far off all others, or an error code, were left out", _PASSAGES
     FEW_SAMPLES = "too few samples in the window for a waveform", _PASSAGES
     EDGE_OF_LOG = "the log begins or ends there", _ALL
     SPURIOUS_PEAK = "a reported peak was not taken for this grating's", _PASSAGES
