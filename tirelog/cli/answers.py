@@ -18,7 +18,7 @@ import typer
 
 import tirelog.api as api
 from tirelog.cli import options, pages
-from tirelog.cli.session import CampaignProgress, Session, say, write_json
+from tirelog.cli.session import Session, campaign_progress, say, write_json
 from tirelog.errors import ExitStatus, UsageError, printable, refuse_unknown
 from tirelog.vocabulary.tables import COMPARE, ERRORS_BY
 
@@ -95,15 +95,15 @@ def write_answer(
     session: Session,
     name: str,
     answer: Any,
-    page: Callable[[Any], None] | None = None,
+    page: Iterable[str | api.answers.AnswerTable] = (),
     rows: Sequence[Mapping[str, Any]] | None = None,
     empty: Sequence[str] = (),
 ) -> None:
     """The answer as JSON, as a page if it has one, or as a table `name` of its rows, or others."""
     if session.json:
         write_json(answer.to_json(), session.output)
-    elif page is not None and session.paged:
-        page(answer)
+    elif page and session.paged:
+        pages.print_answer(page)
     else:
         session.write_rows(name, [answer.rows() if rows is None else rows], empty)
 
@@ -130,7 +130,7 @@ def compare(
         parts = None if by is None else result.by(by)
         asked.show(session, result, result.notes, kind=kind)
         if parts is None:
-            write_answer(session, "compare", result, pages.comparison_page)
+            write_answer(session, "compare", result, result.page())
         else:
             session.write_rows("compare", parts)
 
@@ -171,7 +171,7 @@ def diagnose(
         follows = asked.request(asked.model).with_options(result.next_command)
         result = replace(result, next_command=follows)
         asked.show(session, result, result.before.remarks)
-        write_answer(session, "diagnose", result, pages.diagnosis_page)
+        write_answer(session, "diagnose", result, pages.diagnosis_page(result))
 
 
 @with_question
@@ -261,7 +261,7 @@ def propose(
         if format == "json":
             write_json(result.to_json() | {"next_command": follows}, None)
         else:
-            pages.proposal_page(result, follows)
+            pages.print_answer(pages.proposal_page(result, follows))
 
 
 # ---- `tirelog report LOG... -o report.html`.
@@ -321,19 +321,12 @@ def report(
 # ---- `tirelog campaign run | status MANIFEST`.
 
 
-campaigns = options.Commands(
-    help="Every log of a test campaign, every table, resumable.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
-
 Manifest = Annotated[Path, typer.Argument(help="The campaign's manifest (TOML).")]
 Only = Annotated[
     str | None, typer.Option("--only", help="Only logs whose path or name matches this pattern.")
 ]
 
 
-@campaigns.command("run")
 def run(
     manifest: Manifest,
     workers: Annotated[
@@ -364,7 +357,7 @@ def run(
         scheduler=scheduler,
         only=only,
         retry_failed=retry_failed,
-        began=partial(CampaignProgress, quiet),
+        began=partial(campaign_progress, quiet),
         said=session.note,
         during=session.working_on,
     )
@@ -376,7 +369,6 @@ def run(
         raise typer.Exit(int(ExitStatus.INPUT_LOST))
 
 
-@campaigns.command("status")
 def status(manifest: Manifest, quiet: options.Quiet = False) -> None:
     """Say what is done, failed and open; also while a run works."""
     found = api.campaigns.campaign_status(manifest)

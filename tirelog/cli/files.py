@@ -101,7 +101,7 @@ def ingest(
     """
     with Session(setup, quiet) as session:
         with session.working_on(f"reading {log}"):
-            summary = api.logs.ingest(log, output, session.setup())
+            summary = api.logs.ingest(log, output, session.setup)
         session.hear(log, summary.remarks, summary.losses)
         if not quiet:
             with api.logs.opened_run(output, log) as recording:
@@ -110,8 +110,6 @@ def ingest(
 
 # ---- `tirelog setup new LOG` and `tirelog setup check LOG`.
 
-
-app = options.Commands(help="Draft the setup of a log, and check one.", no_args_is_help=True)
 
 NOTHING = "nothing is implausible, missing, unused or guessed"
 Log = Annotated[str, typer.Argument(help="A log; '-' is standard input.")]
@@ -126,7 +124,6 @@ NewSetup = Annotated[
 ]
 
 
-@app.command("new")
 def new(log: Log, output: NewSetup = None, quiet: options.Quiet = False) -> None:
     """Draft a setup from what a log holds; what is guessed is marked."""
     made = api.logs.draft_setup(log, output)
@@ -139,7 +136,6 @@ def new(log: Log, output: NewSetup = None, quiet: options.Quiet = False) -> None
         )
 
 
-@app.command("check")
 def check_setup(log: Log, setup: options.SetupFile = None, quiet: options.Quiet = False) -> None:
     """Say what is implausible, missing, unused or still guessed in the setup of a log."""
     found = api.logs.check_setup(log, setup)
