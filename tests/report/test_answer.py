@@ -34,10 +34,10 @@ from tirelog.report.page import (
     GREY,
     INK,
     PALE,
-    LogColours,
     Report,
     ReportRequest,
     Section,
+    log_colours,
     render,
 )
 from tirelog.report.sections import models
@@ -394,7 +394,7 @@ def test_obstacles_are_told_hit_by_hit() -> None:
         to_json=lambda: total,
     )
     result.hits_table = partial(TransientComparison.hits_table, result)
-    section = models.obstacles(result, "tirelog compare", LogColours(["f/0.csv", "f/a.csv"]))
+    section = models.obstacles(result, "tirelog compare", log_colours(["f/0.csv", "f/a.csv"]))
     assert "5 hits on an obstacle" in section.text[0]
     assert "the model covers 98 %" in section.text[0]
     assert "20 microstrain added, 3 missed, at a floor of 1" in section.text[0]
@@ -427,7 +427,7 @@ def test_what_is_unknown_is_written_down_if_asked_and_obstacles_have_their_secti
     monkeypatch.setattr("tirelog.report.build.propose", lambda *_, **__: proposal())
     asked = ReportRequest(("made",), model=Path("M.toml"), setup=Path("s.toml"), propose=asked_for)
     (answer, *sections), missing = model_story(
-        [], MODEL, None, asked, BY_ID, lambda _: None, LogColours(["made"])
+        [], MODEL, None, asked, BY_ID, lambda _: None, log_colours(["made"])
     )
     assert answer.card is not None
     assert answer.card.word == "Unknown effect"

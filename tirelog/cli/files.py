@@ -248,18 +248,17 @@ def table_command(table: LogTable) -> Callable[..., None]:
         asked = {option.name: given[option.name] for option in (*table.options, *table.views)}
         plot, kind = given.get("plot"), given.get("kind", "page")
         options.refuse_kind_alone(kind, plot)
-        picture = api.parts.TablePicture(table, plot, kind)
         with (
             Session(given["setup"], given["quiet"], given["output"], given["format"]) as session,
             session.table(table.given(asked)) as writer,
+            api.parts.table_picture(table, plot, kind) as keep,
         ):
             for recording, part in session.parts(
                 given["logs"], table.name, given["channel"], **asked
             ):
                 if part.columns:
                     writer.write(part.columns)
-                picture.keep(recording, part)
-            picture.draw()
+                keep(recording, part)
 
     own: list[tuple[str, Any, Any]] = [
         (option.name, Annotated[option.kind | None, table_option(option)], None)
@@ -395,11 +394,11 @@ def phase_shift(
             do="give --calibrate FILE",
         )
     applied = api.parts.calibration_notes(calibration)
-    picture = api.parts.TablePicture(TABLE, plot)
     asked = {"zero": zero, "calibration": calibration}
     with (
         Session(setup, quiet, output, format) as session,
         session.table(TABLE.name, calibration=str(calibration or "")) as writer,
+        api.parts.table_picture(TABLE, plot) as keep,
     ):
         if calibrate is None:
             made = session.parts(logs, TABLE.name, channel, by_time=by_time, **asked)
@@ -413,6 +412,5 @@ def phase_shift(
             made = ((read[0][0], part) for part in rows)
         for recording, part in made:
             writer.write(part.columns)
-            picture.keep(recording, part)
+            keep(recording, part)
         session.note(*applied)
-        picture.draw()

@@ -189,10 +189,6 @@ def aligned(rows: Iterable[tuple[str, ...]], indent: str = "  ") -> str:
 # Nothing of it is written if standard error is no terminal.
 
 
-#: seconds after which the line shows what is worked on now
-_REFRESHED_S = 0.1
-
-
 @contextmanager
 def working(*, shown: bool) -> Iterator[Callable[..., None]]:
     """A line that says what is worked on and for how long; with several things how many are done.
@@ -218,7 +214,7 @@ def working(*, shown: bool) -> Iterator[Callable[..., None]]:
             while not left.is_set():
                 text, done, total = told[0]
                 line.update(task, description=text, completed=done, total=total or None)
-                left.wait(_REFRESHED_S)
+                left.wait(0.1)  # until it shows what is worked on by then
 
     drawing = threading.Thread(target=draw, daemon=True)
     if shown:

@@ -42,11 +42,11 @@ from tirelog.products import OF_A_DRIVE, tables_of
 from tirelog.report.page import (
     Card,
     Figure,
-    LadderRow,
     LogColours,
     Report,
     ReportRequest,
     Section,
+    log_colours,
 )
 from tirelog.report.sections import models
 from tirelog.report.sections import recorded as sections
@@ -75,7 +75,7 @@ def build(
         deque(once_each(recordings, model.observables, asked.channel, []), maxlen=0)
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     report = Report(_title(recordings, asked), made=f"Made on {now} by tirelog {__version__}")
-    colours = LogColours(recording.log for recording in recordings)
+    colours = log_colours(recording.log for recording in recordings)
     look = asked.command("info")
     if recordings:
         report.sections.append(sections.recorded(recordings, look, colours))
@@ -162,7 +162,9 @@ def _tables(
             passage = [
                 f
                 for recording in recordings[:1]
-                for f in sections.passage_figures(recording, table, speed, colours(recording.log))
+                for f in sections.passage_figures(
+                    recording, table, speed, colours[Path(recording.log).name]
+                )
             ]
             report.sections.append(sections.footprint_section(*drawn, passage))
         elif name == "dissipation":
@@ -276,7 +278,7 @@ def model_story(
     """
     logs = measured_for(recordings, model.observables, asked.channel, level=not model.ac_coupled)
     own = own_effects(model.effects_file, asked=False)
-    colours = LogColours(r.log for r in recordings) if colours is None else colours
+    colours = log_colours(r.log for r in recordings) if colours is None else colours
     compared = compare(logs.revolutions, model)
     asked_of = or_refusal(diagnose)(logs.revolutions, model, effects=own, progress=progress)
     found = None if isinstance(asked_of, ModelError) else asked_of
@@ -342,7 +344,7 @@ def story_of(
 
     `command(name)`: the line that repeats it; `next_command`: what to type next.
     """
-    colours = LogColours(models.logs_of(compared)) if colours is None else colours
+    colours = log_colours(models.logs_of(compared)) if colours is None else colours
     best: Comparison | None = None
     added: Sequence[str] = () if found is None else (*found.found.came_in, *found.selected)
     missing: list[tuple[str, str]] = []
@@ -617,14 +619,12 @@ def _section(data: dict[str, Any]) -> Section:
     figures = [Figure(**one) for one in data.pop("figures")]
     tables = [AnswerTable(**one) for one in data.pop("tables")]
     card = data.pop("card", None)
-    if card is not None:
-        rungs = [LadderRow(**one) for one in card["rungs"]]
-        card = Card(**card | {"facts": [tuple(one) for one in card["facts"]], "rungs": rungs})
     for pairs in ("formulas", "sources"):
         data[pairs] = tuple((str(name), str(text)) for name, text in data.get(pairs, ()))
     if not all(_ID.fullmatch(name) for name in (data["id"], *(figure.id for figure in figures))):
         raise ValueError
-    return Section(**data, figures=figures, tables=tables, card=card)
+    answer = None if card is None else Card(**card)
+    return Section(**data, figures=figures, tables=tables, card=answer)
 
 
 def model_pages(campaign: Path) -> Iterator[Told]:
