@@ -5,23 +5,9 @@ from typing import Any
 
 import pytest
 
+from tests.report.test_browser import loaded, unfold
+
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
-
-
-@pytest.fixture(scope="module")
-def opened(browser: Any, model_page: Path) -> Any:
-    """(page, what went wrong)."""
-    context = browser.new_context(viewport={"width": 1440, "height": 900})
-    page = context.new_page()
-    problems: list[str] = []
-    page.on(
-        "console", lambda m: problems.append(m.text) if m.type in ("error", "warning") else None
-    )
-    page.on("pageerror", lambda e: problems.append(str(e)))
-    page.goto(model_page.as_uri())
-    page.wait_for_selector("html[data-ready=true]", timeout=240_000)
-    yield page, problems
-    context.close()
 
 
 def test_on_a_phone_in_the_dark_every_figure_has_a_name_and_its_width(
@@ -61,7 +47,7 @@ def test_on_a_phone_in_the_dark_every_figure_has_a_name_and_its_width(
     line = "#answer-waves .scatterlayer .js-line"
     stroke = page.evaluate(f"getComputedStyle(document.querySelector('{line}')).stroke")
     assert stroke == "rgb(185, 194, 202)"  # the first model's grey on dark paper
-    page.evaluate("document.querySelectorAll('details').forEach(fold => { fold.open = true; })")
+    unfold(page)
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
     page.keyboard.press("Tab")
     page.evaluate("document.querySelector('summary').focus()")
@@ -71,8 +57,8 @@ def test_on_a_phone_in_the_dark_every_figure_has_a_name_and_its_width(
     context.close()
 
 
-def test_hostile_folder_names_are_only_text(opened: Any) -> None:
-    page, problems = opened
-    assert page.query_selector("main b, .plot svg a, header b") is None
-    assert "a <b>&amp; b" in page.text_content("#about")
-    assert problems == []
+def test_hostile_folder_names_are_only_text(browser: Any, model_page: Path) -> None:
+    with loaded(browser, model_page) as (page, problems, _):
+        assert page.query_selector("main b, .plot svg a, header b") is None
+        assert "a <b>&amp; b" in page.text_content("#about")
+        assert problems == []

@@ -61,26 +61,21 @@ Log = TypeVar("Log", "Recording", "api.logs.Contents")
 # SIGTERM, SIGHUP   unwind like an interrupt, so that what is not finished is removed
 
 
-#: signals that end a process from outside; a shell shows 128 more than their number as the status
+#: signals that end a process from outside
 _ENDINGS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
-
-
-class Stopped(KeyboardInterrupt):
-    """A signal to end the process."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(signal.Signals(number).name)
-        self.status = 128 + number
 
 
 @contextmanager
 def endings_unwind() -> Iterator[None]:
-    """While open, SIGTERM and SIGHUP raise Stopped, once; an ignored one (`nohup`) stays so."""
+    """While open, SIGTERM and SIGHUP are a KeyboardInterrupt of their name, once.
+
+    An ignored one (`nohup`) stays so.
+    """
 
     def stop(number: int, _: FrameType | None) -> None:
         for ending in mine:
             signal.signal(ending, signal.SIG_IGN)  # the second must not disturb the sweeping
-        raise Stopped(number)
+        raise KeyboardInterrupt(signal.Signals(number).name)
 
     here = threading.current_thread() is threading.main_thread()
     mine = [number for number in _ENDINGS if here and signal.getsignal(number) is signal.SIG_DFL]
