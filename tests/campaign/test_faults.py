@@ -29,7 +29,7 @@ from tirelog.campaign.ledger import (
 from tirelog.campaign.manifest import load_manifest
 from tirelog.campaign.runner import plan_tasks
 from tirelog.cli import run
-from tirelog.cli.session import CampaignProgress
+from tirelog.cli.session import campaign_progress
 from tirelog.errors import TirelogError, UsageError
 from tirelog.inference.cells.pieces import pieces_of
 from tirelog.wheel.calibration import Calibration, SpeedMap, write_calibration
@@ -323,7 +323,7 @@ def test_a_file_of_ours_that_was_damaged_is_an_empty_one(data: bytes) -> None:
 def test_a_log_s_name_does_not_reach_the_terminal_as_it_is(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    CampaignProgress(quiet=False, of=2)(
+    campaign_progress(quiet=False, of=2)(
         Entry("a\x1b[31m\n.csv", "a", "key", rows={"speed": 3}), 1, 2
     )
     assert capsys.readouterr().err.startswith("tirelog: 1/2 a\\x1b[31m\\n.csv: 3 rows")

@@ -1,14 +1,17 @@
 """A small log with known pulses, its setup, and the command line in this process."""
 
-from collections.abc import Callable
+import re
+import shlex
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from tirelog.cli import run
+from tirelog.cli.app import command
 
 SETUP = """[tire]
 name = "test"
@@ -59,6 +62,30 @@ def _rows(seconds: float, speed_m_s: float) -> tuple[str, ...]:
     return tuple(f"{a:.4f},{b:.4f},1542.0000" for a, b in zip(t, wavelength, strict=True))
 
 
+def commands(parsed: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """(path, command) of every command that does something."""
+    below = getattr(parsed, "commands", None)
+    if below is None:
+        yield path, parsed
+    for name, one in (below or {}).items():
+        yield from commands(one, f"{path} {name}".strip())
+
+
+def command_of(words: list[str]) -> tuple[Any, list[str]]:
+    """The command, or group of commands, that words begin with, and the words behind its name."""
+    one, rest = command(), words
+    while rest and rest[0] in getattr(one, "commands", {}):
+        one, rest = one.commands[rest[0]], rest[1:]
+    return one, rest
+
+
+def refuse_other_options(one: Any, words: str) -> None:
+    """AssertionError: an option among the words is none of the command's."""
+    known = {option for p in one.params for option in (*p.opts, *p.secondary_opts)}
+    used = re.findall(r"(?<![\w-])--?[a-z][\w-]*", words)
+    assert [option for option in used if option not in known] == [], words
+
+
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with log.csv and its setup, made the working folder."""
@@ -70,11 +97,12 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def tirelog(capfdbinary: pytest.CaptureFixture[bytes]) -> Command:
-    """Run a command line; status, standard output, standard error."""
+    """Run a command line, as it is typed or by its words; status, standard output, and error."""
 
     def call(*arguments: object) -> Outcome:
         capfdbinary.readouterr()
-        status = run([str(a) for a in arguments])
+        words = shlex.split(str(arguments[0])) if len(arguments) == 1 else map(str, arguments)
+        status = run(list(words))
         out, err = capfdbinary.readouterr()
         return Outcome(status, out.decode(), err.decode())
 
@@ -84,10 +112,5 @@ def tirelog(capfdbinary: pytest.CaptureFixture[bytes]) -> Command:
 @pytest.fixture
 def model(folder: Path, tirelog: Command) -> Path:
     """The file of a new beam model, in the folder of the log."""
-    assert (
-        tirelog(
-            "model", "new", "--carcass", "beam", "--setup", "log.toml", "-o", "beam.toml"
-        ).status
-        == 0
-    )
+    assert tirelog("model new --carcass beam --setup log.toml -o beam.toml").status == 0
     return folder / "beam.toml"

@@ -1,6 +1,5 @@
 """Property: `info` tells what is in any log without a setup, and `setup` drafts and checks one."""
 
-import io
 import json
 from pathlib import Path
 
@@ -177,13 +176,13 @@ def test_no_terminal_is_too_narrow(
     if described:
         keys = f'kind = "signal"\nsource = "{name}"\n'
         (place / "l.toml").write_text(f"[channels.{name}]\n{keys}")
-    shown = io.StringIO()
-    console = Console(file=shown, width=width, highlight=False, markup=False, soft_wrap=True)
-    monkeypatch.setattr("tirelog.cli.pages.page", lambda _: console)
-    assert tirelog("info", "l.csv").status == 0
-    lines = shown.getvalue().splitlines()
+    console = Console(width=width, highlight=False, markup=False, soft_wrap=True)
+    monkeypatch.setattr("tirelog.cli.pages.console", lambda _: console)
+    told = tirelog("info", "l.csv")
+    assert told.status == 0
+    lines = told.out.splitlines()
     assert name in "".join(line.strip() for line in lines)
-    assert "…" not in shown.getvalue()
+    assert "…" not in told.out
     wide = [line for line in lines if len(line) > width and name not in line]
     assert wide == (lines[:1] if described and width == 40 else [])  # the terminal's to wrap
 

@@ -8,20 +8,11 @@ from types import SimpleNamespace
 import pytest
 import typer
 
+from tests.cli.conftest import commands
 from tirelog.cli import options
 from tirelog.cli.app import EXAMPLES, GROUPS, command
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
-
-
-def commands(parsed, path=""):
-    """(path, command) of every command that does something."""
-    below = getattr(parsed, "commands", None)
-    if below is None:
-        yield path, parsed
-        return
-    for name, one in below.items():
-        yield from commands(one, f"{path} {name}".strip())
 
 
 ALL = dict(commands(command()))

@@ -11,75 +11,32 @@ from .conftest import Command
 #: command lines that would write on their log, setup, model or another input (names that are links
 #: end in _link)
 OVERWRITES = {
-    "the log": ["speed", "log.csv", "-o", "log.csv"],
-    "the log by a link": ["footprint", "log.csv", "-o", "log_link", "--format", "csv"],
-    "the log by a hard link": ["dissipation", "log.csv", "-o", "log_hard.csv"],
-    "the second log": ["speed", "log.csv", "more.csv", "--setup", "log.toml", "-o", "more.csv"],
-    "a log in the tables' folder": [
-        "tables",
-        "made/speed.csv",
-        "--setup",
-        "log.toml",
-        "-o",
-        "made",
-    ],
-    "the setup beside": ["speed", "log.csv", "-o", "log.toml", "--format", "csv"],
-    "the setup given": [
-        "inflation",
-        "more.csv",
-        "--setup",
-        "log.toml",
-        "-o",
-        "log.toml",
-        "--format",
-        "csv",
-    ],
-    "the log by its run": ["ingest", "log.csv", "-o", "log.csv"],
-    "the log by a picture": ["footprint", "log.png", "--setup", "log.toml", "--plot", "log.png"],
-    "the log by a calibration": ["phase-shift", "log.csv", "--calibrate", "log.csv"],
-    "the scenario": ["simulate", "s.h5", "-o", "s.h5"],
-    "the scenario by the truth": ["simulate", "s.csv.truth.json", "-o", "s.csv"],
-    "the log by a fit": ["model", "fit", "log.csv", "--model", "m.toml", "-o", "log.csv"],
-    "the setup by a fit": ["model", "fit", "log.csv", "--model", "m.toml", "-o", "log.toml"],
-    "a model that is a log too": [
-        "model",
-        "fit",
-        "log.csv",
-        "--model",
-        "log_link",
-        "-o",
-        "log.csv",
-    ],
-    "a worn model": [
-        *("model", "worn", "m.toml", "--new-depth", "0.008", "--depth", "0.003", "-o", "m.toml")
-    ],
-    "the model by the ladder": ["ladder", "log.csv", "--model", "m.toml", "--save", "m.toml"],
-    "the model by a proposal": ["propose", "log.csv", "--model", "m.toml", "-o", "m.toml"],
-    "the log by a proposal": ["propose", "log.csv", "--model", "m.toml", "-o", "log.csv"],
-    "the model by a document": [
-        "compare",
-        "log.csv",
-        "--model",
-        "m.toml",
-        "-o",
-        "m.toml",
-        "--format",
-        "json",
-    ],
-    "the model by a diagnosis": [
-        "diagnose",
-        "log.csv",
-        "--model",
-        "m.toml",
-        "-o",
-        "m.toml",
-        "--format",
-        "json",
-    ],
-    "the setup by a model": ["model", "new", "--setup", "log.toml", "-o", "log.toml"],
-    "the setup by a page": ["report", "log.csv", "-o", "log.toml"],
-    "the table checked": ["check", "t.csv", "--against", "u.csv", "-o", "t.csv"],
-    "the table blessed": ["check", "t.csv", "--against", "t.csv", "--bless"],
+    "the log": "speed log.csv -o log.csv",
+    "the log by another path": "speed log.csv -o made/../log.csv",
+    "the log by a link": "footprint log.csv -o log_link --format csv",
+    "the log by a hard link": "dissipation log.csv -o log_hard.csv",
+    "the second log": "speed log.csv more.csv --setup log.toml -o more.csv",
+    "a log in the tables' folder": "tables made/speed.csv --setup log.toml -o made",
+    "the setup beside": "speed log.csv -o log.toml --format csv",
+    "the setup given": "inflation more.csv --setup log.toml -o log.toml --format csv",
+    "the log by its run": "ingest log.csv -o log.csv",
+    "the log by a picture": "footprint log.png --setup log.toml --plot log.png",
+    "the log by a calibration": "phase-shift log.csv --calibrate log.csv",
+    "the scenario": "simulate s.h5 -o s.h5",
+    "the scenario by the truth": "simulate s.csv.truth.json -o s.csv",
+    "the log by a fit": "model fit log.csv --model m.toml -o log.csv",
+    "the setup by a fit": "model fit log.csv --model m.toml -o log.toml",
+    "a model that is a log too": "model fit log.csv --model log_link -o log.csv",
+    "a worn model": "model worn m.toml --new-depth 0.008 --depth 0.003 -o m.toml",
+    "the model by the ladder": "ladder log.csv --model m.toml --save m.toml",
+    "the model by a proposal": "propose log.csv --model m.toml -o m.toml",
+    "the log by a proposal": "propose log.csv --model m.toml -o log.csv",
+    "the model by a document": "compare log.csv --model m.toml -o m.toml --format json",
+    "the model by a diagnosis": "diagnose log.csv --model m.toml -o m.toml --format json",
+    "the setup by a model": "model new --setup log.toml -o log.toml",
+    "the setup by a page": "report log.csv -o log.toml",
+    "the table checked": "check t.csv --against u.csv -o t.csv",
+    "the table blessed": "check t.csv --against t.csv --bless",
 }
 
 
@@ -94,37 +51,19 @@ def test_an_input_is_never_an_output(folder: Path, tirelog: Command, name: str) 
     for table in ("t.csv", "u.csv"):
         (folder / table).write_text("log,channel,revolution,time_s,quality\na,b,0,1.0,ok\n")
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-    outcome = tirelog(*OVERWRITES[name])
+    outcome = tirelog(OVERWRITES[name])
     assert outcome.status == 2, outcome.err
     assert "no output takes the place of an input" in outcome.err
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
 TWO_OUTPUTS = {
-    "a table and a picture": ["footprint", "log.csv", "-o", "p.png", "--plot", "p.png"],
-    "by another path": ["footprint", "log.csv", "-o", "made/../p.png", "--plot", "./p.png"],
-    "by a link": ["footprint", "log.csv", "-o", "p_link", "--plot", "p.png"],
-    "by a folder's link": ["footprint", "log.csv", "-o", "made/p.png", "--plot", "same/p.png"],
-    "an answer and a picture": [
-        "compare",
-        "log.csv",
-        "--model",
-        "m",
-        "-o",
-        "p.png",
-        "--plot",
-        "p.png",
-    ],
-    "a table and a model": [
-        "ladder",
-        "log.csv",
-        "--model",
-        "m",
-        "-o",
-        "b.toml",
-        "--save",
-        "b.toml",
-    ],
+    "a table and a picture": "footprint log.csv -o p.png --plot p.png",
+    "by another path": "footprint log.csv -o made/../p.png --plot ./p.png",
+    "by a link": "footprint log.csv -o p_link --plot p.png",
+    "by a folder's link": "footprint log.csv -o made/p.png --plot same/p.png",
+    "an answer and a picture": "compare log.csv --model m -o p.png --plot p.png",
+    "a table and a model": "ladder log.csv --model m -o b.toml --save b.toml",
 }
 
 
@@ -135,15 +74,14 @@ def test_two_outputs_are_never_one_file(folder: Path, tirelog: Command, name: st
     (folder / "p_link").symlink_to("p.png")
     (folder / "m").write_text("")
     before = sorted(folder.rglob("*"))
-    outcome = tirelog(*TWO_OUTPUTS[name], "--format", "csv")
+    outcome = tirelog(f"{TWO_OUTPUTS[name]} --format csv")
     assert outcome.status == 2, outcome.err
     assert "is given for two outputs" in outcome.err
     assert sorted(folder.rglob("*")) == before
 
 
 def test_two_outputs_may_both_go_nowhere(folder: Path, tirelog: Command) -> None:
-    outcome = tirelog("dissipation", "log.csv", "-o", "/dev/null", "--format", "csv", "--plot",
-                      "p.png")  # fmt: skip
+    outcome = tirelog("dissipation log.csv -o /dev/null --format csv --plot p.png")  # fmt: skip
     assert outcome.status == 0, outcome.err
     outcome = tirelog("phase-shift", "log.csv", "-o", "/dev/null", "--calibrate", "/dev/null")
     assert "two outputs" not in outcome.err
@@ -176,11 +114,13 @@ def test_an_unreadable_log_leaves_the_older_table(folder: Path, tirelog: Command
     assert not (folder / "new.csv").exists()
 
 
-def test_a_log_that_is_not_there_does_not_stop_the_others(folder: Path, tirelog: Command) -> None:
-    outcome = tirelog("speed", "nope.csv", "log.csv")
+def test_a_log_that_cannot_be_read_does_not_stop_the_others(folder: Path, tirelog: Command) -> None:
+    (folder / "bad.csv").write_bytes(b"")
+    outcome = tirelog("speed nope.csv bad.csv log.csv --setup log.toml")
     assert outcome.status == 3
     assert "error: nope.csv: cannot be read (No such file or directory)" in outcome.err
-    assert outcome.out.count("\nlog.csv,") > 10
+    assert "error: bad.csv: is empty" in outcome.err
+    assert outcome.out.splitlines()[1].startswith("log.csv,strain_1,0,")
     for log in ("nope.csv", ".", "/"):
         outcome = tirelog("info", log)
         assert outcome.status == 4
@@ -189,7 +129,7 @@ def test_a_log_that_is_not_there_does_not_stop_the_others(folder: Path, tirelog:
 
 def test_credentials_are_in_no_message(folder: Path, tirelog: Command) -> None:
     outcome = tirelog(
-        "speed", "nosuch://me:s3cr3t@host/a.csv?X-Amz-Signature=s3cr3t", "--setup", "log.toml"
+        "speed 'nosuch://me:s3cr3t@host/a.csv?X-Amz-Signature=s3cr3t' --setup log.toml"
     )
     assert outcome.status in (2, 4)
     assert "nosuch://host/a.csv?X-Amz-Signature=***" in outcome.err

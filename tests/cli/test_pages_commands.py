@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import pytest
 
+from tests.cli.conftest import command_of, refuse_other_options
 from tirelog.cli import run
-from tirelog.cli.app import command
 
 ROOT = Path(__file__).parents[2]
 SAMPLES = ROOT / "sample_data"
@@ -42,19 +42,21 @@ PARSED_ONLY = {
 NEW_COMMANDS = ("table.md",)
 #: what `tirelog ... | this` stands beside, and what a page types before or between
 OTHERS = (
-    "cat",
-    "cd",
-    "cp",
-    "cut",
-    "grep",
-    "gzip",
-    "head",
-    "jq",
-    "ls",
-    "make",
-    "pip",
-    "pytest",
-    "tail",
+    *(
+        "cat",
+        "cd",
+        "cp",
+        "cut",
+        "grep",
+        "gzip",
+        "head",
+        "jq",
+        "ls",
+        "make",
+        "pip",
+        "pytest",
+        "tail",
+    ),
     "zstd",
 )
 #: a word in capitals stands for a name of the reader's own
@@ -109,12 +111,9 @@ def reason(words: str) -> str | None:
 
 def parse(words: list[str]) -> None:
     """The parser takes the command; nothing is run."""
-    group, path = command(), []
-    while hasattr(group, "commands") and words and words[0] in group.commands:
-        path.append(words[0])
-        group, words = group.commands[words[0]], words[1:]
-    assert not hasattr(group, "commands"), words
-    assert not group.make_context(" ".join(path), words).args
+    one, rest = command_of(words)
+    assert not hasattr(one, "commands"), words
+    assert not one.make_context("tirelog", rest).args
 
 
 def test_the_pages_have_commands_and_the_list_of_those_not_run_is_of_use() -> None:
@@ -141,16 +140,11 @@ def test_every_command_in_a_sentence_exists() -> None:
             continue
         text = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.M | re.S)
         for words in re.findall(r"`tirelog ([a-z][^`\n]*)`", text):
-            group, names = command(), words.split()
-            while hasattr(group, "commands") and names and names[0] in group.commands:
-                group, names = group.commands[names[0]], names[1:]
-            if hasattr(group, "commands"):  # a group alone, or one of several: model new | show
+            one, names = command_of(words.split())
+            if hasattr(one, "commands"):  # a group alone, or one of several: model new | show
                 assert not names or "NAME" in names or "..." in names, (page, words)
                 continue
-            known = {option for p in group.params for option in (*p.opts, *p.secondary_opts)}
-            own_part = re.split(r"\||&&", words)[0]
-            used = re.findall(r"(?<![\w-])--?[a-z][\w-]*", own_part)
-            assert [o for o in used if o not in known] == [], (page, words)
+            refuse_other_options(one, re.split(r"\||&&", words)[0])
             found += 1
     assert found > 20
 

@@ -139,16 +139,6 @@ def test_several_logs_make_one_table(folder: Path, tirelog: Command) -> None:
     assert table.groupby("log")["revolution"].max().nunique() == 1
 
 
-def test_a_reader_that_leaves_is_no_error(folder: Path) -> None:
-    command = (
-        f"{sys.executable} -m tirelog speed log.csv log.csv log.csv | head -1; "
-        f"echo ${{PIPESTATUS[0]}}"
-    )
-    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "0"
-    assert "Error" not in done.stderr
-
-
 def test_ndjson_is_one_object_a_line(folder: Path, tirelog: Command) -> None:
     rows = [
         json.loads(line)

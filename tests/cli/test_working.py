@@ -3,11 +3,12 @@
 import importlib
 import io
 import time
+from contextlib import contextmanager
 
 import pytest
 
 from tirelog.cli import session
-from tirelog.cli.session import Working
+from tirelog.cli.session import working
 from tirelog.errors import TirelogError
 
 
@@ -40,10 +41,10 @@ def until(seen, text, seconds=10.0):
 
 def test_a_line_says_what_is_worked_on_and_goes(on_terminal):
     terminal = on_terminal()
-    with Working(shown=True) as line:
-        line.say("reading a.csv", 0, 2)
+    with working(shown=True) as say:
+        say("reading a.csv", 0, 2)
         until(terminal, "reading a.csv")
-        line.say("reading b\x1b[31m.csv", 1, 2)
+        say("reading b\x1b[31m.csv", 1, 2)
         until(terminal, "reading b")
     shown = terminal.getvalue()
     assert "\x1b[31m.csv" not in shown  # what a file's name holds is not sent to the terminal
@@ -52,12 +53,12 @@ def test_a_line_says_what_is_worked_on_and_goes(on_terminal):
 
 def test_what_is_quick_or_not_shown_leaves_nothing(on_terminal, monkeypatch):
     terminal = on_terminal()
-    with Working(shown=False) as line:
-        line.say("reading a.csv")
+    with working(shown=False) as say:
+        say("reading a.csv")
         time.sleep(0.05)
     monkeypatch.setattr(session, "PATIENCE_S", 60.0)
-    with Working(shown=True) as line:
-        line.say("reading a.csv")
+    with working(shown=True) as say:
+        say("reading a.csv")
     assert terminal.getvalue() == ""
 
 
@@ -100,26 +101,20 @@ def test_what_takes_long_is_said_in_a_terminal(tirelog, folder, monkeypatch, wor
         '[tables.speed]\n[[models]]\nfile = "m.toml"\n'
     )
     assert tirelog("model", "new", "-o", "m.toml", "--quiet").status == 0
-    said, shown = [], []
+    said, open_lines = [], []
 
-    class Line(Working):
-        def __enter__(self):
-            shown.append(self)
-            return super().__enter__()
-
-        def __exit__(self, *problem):
-            shown.remove(self)
-            super().__exit__(*problem)
-
-        def say(self, text, *more):
-            said.append(text)
+    @contextmanager
+    def line(*, shown: bool):
+        open_lines.append(shown)
+        yield lambda text, *more: said.append(text)
+        open_lines.pop()
 
     def begun(*given, **more):
-        assert shown
-        assert said
+        assert open_lines
+        assert said[-1]
         raise Begun("so far")
 
-    monkeypatch.setattr("tirelog.cli.session.Working", Line)
+    monkeypatch.setattr(session, "working", line)
     module, name = work.rsplit(".", 1)
     monkeypatch.setattr(importlib.import_module(module), name, begun)
     assert "so far" in tirelog(*words.split()).err

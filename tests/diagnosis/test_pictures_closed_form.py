@@ -17,7 +17,7 @@ from tirelog.plots import answers
 from tirelog.plots.answers import coloured
 from tirelog.plots.record import Panel
 from tirelog.plots.style import COLOURS, draw_panel
-from tirelog.report.page import LogColours, figure
+from tirelog.report.page import figure, log_colours
 from tirelog.report.sections.models import styles
 
 PHI = np.linspace(-np.pi, np.pi, 64, endpoint=False)
@@ -116,7 +116,7 @@ def test_logs_whose_names_hold_commas_are_two_on_the_page():
         logs=("dry, a.csv", "wet, a.csv"),
     )
     given.__dict__.update(waveforms=waves)
-    colours = LogColours(["other.csv", "wet, a.csv"])
+    colours = log_colours(["other.csv", "wet, a.csv"])
     marks = answers.wave_marks(given, 1e6, styles(waves.logs, colours))
     traces = figure("waveforms", "", "", Panel(marks=marks)).traces
     measured = [trace for trace in traces if trace["name"].startswith("measured, ")]

@@ -6,7 +6,7 @@ import pytest
 
 import tirelog
 from tests.diagnosis.planted import MODEL, stack
-from tirelog.cli.pages import comparison_page
+from tirelog.cli.pages import print_answer
 from tirelog.inference.measured import MeasuredLogs
 
 
@@ -22,7 +22,7 @@ def test_what_ranks_models_does_not_depend_on_them(capsys: pytest.CaptureFixture
         for error, above in (("rmse", "excess_within"), ("rmse_heldout", "excess_heldout_within")):
             square = one[above] ** 2 + one["noise_floor_within"] ** 2
             assert square == pytest.approx(one[error] ** 2)
-    comparison_page(bad)
+    print_answer(bad.page())
     page = capsys.readouterr().out
     assert page.index("above scatter") < page.index("floor")
     assert "do not rank models by excess" in page

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.toy import stack_of
-from tirelog.cli.pages import comparison_page
+from tirelog.cli.pages import print_answer
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.candidates.assessment import at_noise_floor
@@ -177,7 +177,7 @@ def test_each_has_its_own_errors_in_its_own_unit_and_all_are_in_floors(capsys):
     told = found.to_json()
     assert set(told["observables"]) == set(ALL)
     assert {row["observable"] for row in found.tables["regime"]} == set(ALL)
-    comparison_page(found)
+    print_answer(found.page())
     page = " ".join(capsys.readouterr().out.split())
     assert found.agreement in page
     assert "fitted together, in noise floors" in page

@@ -14,7 +14,6 @@ from tirelog.storage.whole import (
     all_or_none,
     inputs_kept,
     part_name,
-    refuse_inputs,
     taken_as_input,
     temporary_folder,
     whole_file,
@@ -139,32 +138,6 @@ def test_a_device_is_written_through(tmp_path: Path) -> None:
 def test_a_device_that_is_full(tmp_path: Path) -> None:
     full = device(tmp_path / "full", 7)
     with pytest.raises(OutputError, match="disk is full"), whole_file(full) as part:
-        part.write_text("1")
-
-
-@pytest.mark.parametrize("how", ["itself", "link", "hard link", "dots"])
-def test_an_input_is_no_output(tmp_path: Path, how: str) -> None:
-    log = tmp_path / "log.csv"
-    log.write_text("recorded")
-    other = {"itself": log, "dots": tmp_path / "sub" / ".." / "log.csv"}.get(
-        how, tmp_path / "other.csv"
-    )
-    (tmp_path / "sub").mkdir()
-    if how == "link":
-        other.symlink_to(log)
-    elif how == "hard link":
-        other.hardlink_to(log)
-    with inputs_kept():
-        taken_as_input(log)
-        with (
-            pytest.raises(UsageError, match="no output takes the place of an input"),
-            whole_file(other),
-        ):
-            pass
-        with pytest.raises(UsageError, match="is an input of this command"):
-            refuse_inputs(tmp_path / "new.csv", other)
-    assert log.read_text() == "recorded"
-    with whole_file(other) as part:  # the next command has inputs of its own
         part.write_text("1")
 
 

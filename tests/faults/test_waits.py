@@ -63,31 +63,23 @@ def run_on_pipe(words: str, file: str, *, before: bool = False) -> int:
 
 
 @pytest.mark.parametrize(
-    ("words", "file"),
+    ("words", "file", "silent"),
     [
-        ("speed pipe.csv --setup drive.toml", "drive.csv.gz"),
-        ("speed drive.csv.gz --setup pipe.csv", "drive.toml"),
-        ("model show pipe.csv", "model.toml"),
-        ("check pipe.csv --against speed.csv", "speed.csv"),
+        ("speed pipe.csv --setup drive.toml", "drive.csv.gz", False),
+        ("speed pipe.csv --setup drive.toml", "drive.csv.gz", True),
+        ("speed drive.csv.gz --setup pipe.csv", "drive.toml", False),
+        ("speed drive.csv.gz --setup pipe.csv", "drive.toml", True),
+        ("model show pipe.csv", "model.toml", False),
+        ("check pipe.csv --against speed.csv", "speed.csv", False),
     ],
 )
-def test_a_pipe_without_a_writer_is_noticed_and_waited_for(work, capfd, words, file):
-    assert run_on_pipe(words, file) == 0
+def test_a_pipe_without_a_writer_or_a_word_is_noticed_and_waited_for(
+    work, capfd, words, file, silent
+):
+    assert run_on_pipe(words, file, before=silent) == 0
     said = capfd.readouterr().err
     assert said.count(NOTICE) == 1
     assert "pipe.csv: is a pipe" in said
-
-
-@pytest.mark.parametrize(
-    ("words", "file"),
-    [
-        ("speed pipe.csv --setup drive.toml", "drive.csv.gz"),
-        ("speed drive.csv.gz --setup pipe.csv", "drive.toml"),
-    ],
-)
-def test_a_pipe_whose_writer_is_silent_is_noticed(work, capfd, words, file):
-    assert run_on_pipe(words, file, before=True) == 0
-    assert capfd.readouterr().err.count(NOTICE) == 1
 
 
 @pytest.mark.parametrize(

@@ -9,24 +9,13 @@ from pathlib import Path
 import pytest
 
 from tests.campaign.conftest import dataset, make_campaign
+from tests.cli.test_printed_commands import SCENARIO
 from tests.diagnosis.periodic import write_log
 from tirelog.cli import run
 
 ROOT = Path(__file__).parents[2]
 HIDDEN = ROOT / "tests" / "faults" / "without_posix"
 SAMPLES = ROOT / "sample_data"
-SCENARIO = """seed = 1
-truth = "beam"
-[[manoeuvres]]
-duration_s = 1
-speed_m_s = 12
-[channels.strain_1]
-kind = "fbg_strain"
-source = "CH1_FBG1"
-angle_deg = 150.0
-reference_wavelength_nm = 1550.0
-noise = 0.0008
-"""
 GROUPS = {
     "tables": f"""speed log.csv -o O/speed.csv
 speed log.csv -o O/speed.parquet
@@ -101,7 +90,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a log, a scenario and a model of one free parameter, made the working one."""
     monkeypatch.chdir(tmp_path)
     write_log(tmp_path / "log.csv", 3, "half_sine", manoeuvres=2, seconds=1.0)
-    (tmp_path / "scenario.toml").write_text(SCENARIO)
+    (tmp_path / "scenario.toml").write_text(SCENARIO.replace("duration_s = 2", "duration_s = 1"))
     assert run(["model", "new", "--setup", "log.toml", "-o", "beam.toml"]) == 0
     model = re.sub(r"\{value = ([^,]+),.*\}", r"\1", (tmp_path / "beam.toml").read_text())
     lever = "lever_arm_m = {value = 3e-4, min = 0.0, max = 0.02}"

@@ -74,16 +74,7 @@ def model_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     with_model = [*logs, "--model", model, "--quiet", "-o"]
     for words in (
-        [
-            "model",
-            "new",
-            "--carcass",
-            "beam",
-            "--setup",
-            str(folder / "hidden_1.toml"),
-            "-o",
-            plain,
-        ],
+        ["model", "new", "--setup", str(folder / "hidden_1.toml"), "-o", plain],
         ["model", "add", plain, "viscous_damping", "-o", model],
         ["ladder", *with_model, str(folder / "ladder.json")],
         ["report", *with_model, page, "--ladder", climbed],

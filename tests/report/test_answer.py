@@ -34,10 +34,10 @@ from tirelog.report.page import (
     GREY,
     INK,
     PALE,
-    LogColours,
     Report,
     ReportRequest,
     Section,
+    log_colours,
     render,
 )
 from tirelog.report.sections import models
@@ -116,6 +116,14 @@ def test_the_rungs_are_the_ladder_s(model_page: Path) -> None:
     errors = np.array([step["rmse_heldout"] for step in taken])
     np.testing.assert_allclose(lengths, 100.0 * errors / errors.max(), atol=0.06)
     assert words(rungs[1]).split("hydrodynamic wedge")[0].split() == ["+", "water_film"]
+    drawn = data(model_page)["figures"]["ladder-steps"]["traces"]
+    assert drawn[0]["x"] == [step["effect"] for step in taken]
+    floors = [1e6 * step["noise_floor"] for step in taken]
+    np.testing.assert_allclose(numbers(drawn[0]["y"]), 1e6 * errors, rtol=1e-6)
+    np.testing.assert_allclose(numbers(drawn[2]["y"]), floors, rtol=1e-6)
+    for section, command in (("model", "compare"), ("ladder", "ladder")):
+        made = f"Made with <code>tirelog {command} .*--model"
+        assert re.search(made, part(model_page, section))
 
 
 def test_before_and_after_are_drawn_at_one_scale(model_page: Path) -> None:
@@ -353,48 +361,21 @@ def test_no_proposal_is_its_reason() -> None:
 def test_obstacles_are_told_hit_by_hit() -> None:
     since = np.arange(0.0, 0.3, 0.01)
     row = {
-        "log": "f/a.csv",
-        "time_s": 1.25,
-        "time_se_s": 1e-6,
-        "speed_m_s": 12.0,
-        "added": 2e-5,
-        "missed": 3e-6,
-        "rmse": 3e-6,
-        "rmse_steady": 1e-6,
-        "noise_floor": 1e-6,
-        "excess": 2e-6,
-        "covered": 0.98,
-        "quality": "ok",
-    }
-    hit = SimpleNamespace(
-        time_s=1.25,
-        speed_m_s=12.0,
-        since_s=since,
-        measured=1e-5 * since,
-        predicted=2e-5 * since,
-        added=3e-5 * since,
-        missed=1e-6 * since,
-    )
-    edges = np.array([0.0, 20.0, 40.0])
-    sizes = dict.fromkeys(("added", "missed", "residual", "steady", "floor"), np.ones(2))
-    one = SimpleNamespace(
-        hit=hit,
-        log=SimpleNamespace(log="f/a.csv"),
-        edges_Hz=edges,
-        bands=sizes,
-        row=lambda: row,
-    )
+        "log": "f/a.csv", "time_s": 1.25, "time_se_s": 1e-6, "speed_m_s": 12.0, "added": 2e-5,
+        "missed": 3e-6, "rmse": 3e-6, "rmse_steady": 1e-6, "noise_floor": 1e-6, "excess": 2e-6,
+        "covered": 0.98, "quality": "ok",
+    }  # fmt: skip
+    sizes = {"measured": 1e-5, "predicted": 2e-5, "added": 3e-5, "missed": 1e-6}
+    curves = {name: size * since for name, size in sizes.items()}
+    hit = SimpleNamespace(time_s=1.25, speed_m_s=12.0, since_s=since, **curves)
+    bands = dict.fromkeys(("added", "missed", "residual", "steady", "floor"), np.ones(2))
+    log, edges = SimpleNamespace(log="f/a.csv"), np.array([0.0, 20.0, 40.0])
+    one = SimpleNamespace(hit=hit, log=log, edges_Hz=edges, bands=bands, row=lambda: row)
     total = {**row, "nuisance_parameters": 20, "hits": [row]}
-    result = SimpleNamespace(
-        observable="strain",
-        unit="1",
-        hits=(one,) * 5,
-        remarks=("mind",),
-        tables={"hit": [row] * 5},
-        to_json=lambda: total,
-    )
+    told = {"hits": (one,) * 5, "remarks": ("mind",), "tables": {"hit": [row] * 5}}
+    result = SimpleNamespace(observable="strain", unit="1", to_json=lambda: total, **told)
     result.hits_table = partial(TransientComparison.hits_table, result)
-    section = models.obstacles(result, "tirelog compare", LogColours(["f/0.csv", "f/a.csv"]))
+    section = models.obstacles(result, "tirelog compare", log_colours(["f/0.csv", "f/a.csv"]))
     assert "5 hits on an obstacle" in section.text[0]
     assert "the model covers 98 %" in section.text[0]
     assert "20 microstrain added, 3 missed, at a floor of 1" in section.text[0]
@@ -427,7 +408,7 @@ def test_what_is_unknown_is_written_down_if_asked_and_obstacles_have_their_secti
     monkeypatch.setattr("tirelog.report.build.propose", lambda *_, **__: proposal())
     asked = ReportRequest(("made",), model=Path("M.toml"), setup=Path("s.toml"), propose=asked_for)
     (answer, *sections), missing = model_story(
-        [], MODEL, None, asked, BY_ID, lambda _: None, LogColours(["made"])
+        [], MODEL, None, asked, BY_ID, lambda _: None, log_colours(["made"])
     )
     assert answer.card is not None
     assert answer.card.word == "Unknown effect"

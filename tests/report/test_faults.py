@@ -26,11 +26,14 @@ __all__ = ["folder", "tirelog"]
         (["log.csv", "--propose", "-o", "page.html"], "--propose asks what a model lacks"),
         (["log.csv", "--table", "log.csv", "-o", "page.html"], "is no table of"),
         (["log.csv", "--model", "log.toml", "-o", "page.html"], "log.toml"),
+        (["log.csv", "--ladder", "steps.json", "-o", "page.html"], "is no ladder"),
     ],
 )
 def test_unusable_input_ends_with_status_2(
     folder: Path, tirelog: Command, arguments: list[str], said: str
 ) -> None:
+    ladder = {"observable": "strain", "unit": "1", "steps": [{"step": 0}]}
+    (folder / "steps.json").write_text(json.dumps({"ladders": [ladder]}))
     outcome = tirelog("report", *arguments)
     assert outcome.status == 2
     assert said in outcome.err
@@ -38,29 +41,9 @@ def test_unusable_input_ends_with_status_2(
     assert not (folder / "page.html").exists()
 
 
-def test_a_ladder_without_its_steps_is_none(folder: Path, tirelog: Command) -> None:
-    (folder / "M.ladder.json").write_text(
-        json.dumps({"ladders": [{"observable": "strain", "unit": "1", "steps": [{"step": 0}]}]})
-    )
-    outcome = tirelog("report", "log.csv", "--ladder", "M.ladder.json", "-o", "page.html")
-    assert outcome.status == 2
-    assert "is no ladder" in outcome.err
-
-
 def test_a_model_that_does_not_suit_the_log_is_named(folder: Path, tirelog: Command) -> None:
-    assert (
-        tirelog(
-            "model",
-            "new",
-            "--carcass",
-            "ring",
-            "--observable",
-            "radial_acceleration",
-            "-o",
-            "M.toml",
-        ).status
-        == 0
-    )
+    new = "model new --carcass ring --observable radial_acceleration -o M.toml"
+    assert tirelog(new).status == 0
     outcome = tirelog("report", "log.csv", "--model", "M.toml", "-o", "page.html")
     assert outcome.status == 0
     page = (folder / "page.html").read_text()

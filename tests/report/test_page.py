@@ -50,51 +50,21 @@ def test_the_page_s_numbers_are_the_table_s(
 
 def test_given_tables_make_the_same_page(page_file: Path) -> None:
     folder = page_file.parent
-    assert (
-        run(
-            [
-                "dissipation",
-                str(folder / "log.csv"),
-                "--fit",
-                "-o",
-                str(folder / "fit.csv"),
-                "--quiet",
-            ]
-        )
-        == 0
-    )
-    tables = [
-        part
-        for name in ("speed", "footprint", "dissipation", "fit")
-        for part in ("--table", str(folder / f"{name}.csv"))
-    ]
-    assert (
-        run(
-            [
-                "report",
-                str(folder / "log.csv"),
-                *tables,
-                "-o",
-                str(folder / "given.html"),
-                "--quiet",
-            ]
-        )
-        == 0
-    )
+    log, fit = str(folder / "log.csv"), str(folder / "fit.csv")
+    assert run(["dissipation", log, "--fit", "-o", fit, "--quiet"]) == 0
+    names = ("speed", "footprint", "dissipation", "fit")
+    tables = [word for name in names for word in ("--table", str(folder / f"{name}.csv"))]
+    assert run(["report", log, *tables, "-o", str(folder / "given.html"), "--quiet"]) == 0
     ours, given = data(page_file)["figures"], data(folder / "given.html")["figures"]
     assert ours.keys() == given.keys()
     for name in ours:
         for a, b in zip(ours[name]["traces"], given[name]["traces"], strict=True):
-            finite = np.abs(numbers(a["y"])[np.isfinite(numbers(a["y"]))])
-            peak = float(
-                finite.max(initial=0.0)
-            )  # one passage is cut out at the table's rounded time
-            # a line through one speed hangs on the difference of two numbers, of which text keeps
-            # nine digits
+            y = numbers(a["y"])
+            # one passage is cut out at the table's rounded time; a line through one speed hangs on
+            # the difference of two numbers, of which text keeps nine digits
+            peak = float(np.abs(y[np.isfinite(y)]).max(initial=0.0))
             rtol = 1e-4 if a["name"].endswith("fitted line") else 1e-6
-            np.testing.assert_allclose(
-                numbers(a["y"]), numbers(b["y"]), rtol=rtol, atol=1e-6 * peak
-            )
+            np.testing.assert_allclose(y, numbers(b["y"]), rtol=rtol, atol=1e-6 * peak)
 
 
 def test_no_peak_of_the_signal_vanishes(page_file: Path) -> None:

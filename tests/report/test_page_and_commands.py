@@ -17,6 +17,7 @@ import pytest
 import tirelog
 from tests.cli.conftest import Command
 from tests.cli.conftest import tirelog as command
+from tests.report.test_page import data, numbers
 from tirelog.cli import run
 
 __all__ = ["command"]
@@ -75,13 +76,13 @@ def test_the_comparison_is_the_command_s(folder: Path, command: Command) -> None
     beside = found["with_nuisances"]
     assert beside["nuisances"] == ["wheel"]
     assert beside["rmse_heldout"] < 0.5 * found["rmse_heldout"]
-    for numbers in (found, beside):
+    for errors in (found, beside):
         held, fitted, floor = (
-            f"{1e6 * numbers[name]:.3g}" for name in ("rmse_heldout", "rmse", "noise_floor")
+            f"{1e6 * errors[name]:.3g}" for name in ("rmse_heldout", "rmse", "noise_floor")
         )
         assert (
             f"held out {held} microstrain, fit {fitted}, noise floor {floor}, reduced chi-square "
-            f"{numbers['reduced_chi2']:.3g}"
+            f"{errors['reduced_chi2']:.3g}"
         ) in text
     held = f"{1e6 * found['rmse_heldout']:.3g}"
     assert f"manoeuvres held out from the fit: {held} microstrain" in text
@@ -103,3 +104,7 @@ def test_the_diagnosis_is_the_command_s(folder: Path, command: Command) -> None:
     assert f"{without} → {before}" in card
     _, compared = said(folder, "model")
     assert without == f"{1e6 * answer(command, compared)['rmse_heldout']:.3g}"
+    ranked = data(folder / "page.html")["figures"]["ranking"]["traces"]
+    drawn = {name: x for t in ranked for name, x in zip(t["y"], numbers(t["x"]), strict=True)}
+    shares = {c["effect"]: 100 * c["excess_removed"] for c in found["effects"]}
+    assert drawn == pytest.approx(shares, rel=1e-3, abs=1e-2)

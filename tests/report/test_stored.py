@@ -11,7 +11,7 @@ from tirelog.cli import run
 from tirelog.diagnosis.answer import AnswerTable
 from tirelog.errors import UsageError
 from tirelog.report.build import model_pages, read_stored, stored
-from tirelog.report.page import Card, Figure, LadderRow, Section, packed_array
+from tirelog.report.page import Card, Figure, Section, packed_array
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
 
@@ -24,9 +24,8 @@ def section(name: str = "effects") -> Section:
         [{"type": "heatmap", "z": packed_array([[1.0, 2.0], [3.0, 4.0]])}],
         {"height": 300},
     )
-    card = Card(
-        "Missing", "x is.", [("a", "b")], "tirelog y", ["z"], [LadderRow("r", "s", 2.0, 1.0)]
-    )
+    rung = {"name": "r", "said": "s", "error": 2.0, "floor": 1.0}
+    card = Card("Missing", "x is.", [["a", "b"]], "tirelog y", ["z"], [rung])
     return Section(
         name,
         "Effects",

@@ -9,6 +9,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from tests.cli.conftest import Command, folder, tirelog
+from tests.diagnosis.toy import stack_of
+from tirelog.data.recording import Conditions, Stack
 from tirelog.physics.moving.ring import Mode
 from tirelog.plots.style import draw_panel, picture
 from tirelog.plots.turns import (
@@ -22,6 +24,7 @@ from tirelog.plots.turns import (
     order_maps,
     speed_classes,
 )
+from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.tables import FOOTPRINT
 
 __all__ = ["folder", "tirelog"]
@@ -42,20 +45,21 @@ def sketch(log: str = "a.csv", turns: int = 60) -> TurnsSketch:
         quality=np.zeros(turns, np.int64),
     )
     found: Any = SimpleNamespace(
-        footprint=footprint, passages=SimpleNamespace(speed_m_s=speed, time_s=np.arange(turns))
+        footprint=footprint,
+        passages=SimpleNamespace(speed_m_s=speed, time_s=np.arange(turns)),
+        channel=SimpleNamespace(name="strain_1"),
     )
-    return TurnsSketch(
-        log,
-        "strain_1",
-        RADIUS_M,
-        PHI,
-        1e-5 * speed[:, None] * np.cos(PHI) + noise,
-        np.arange(turns) * 0.1,
-        speed,
-        1,
-        found,
-        0.13,
-    )
+    tire = SimpleNamespace(static_footprint_length_m=0.13)
+    recording: Any = SimpleNamespace(log=log, setup=SimpleNamespace(tire=tire))
+    values = 1e-5 * speed[:, None] * np.cos(PHI) + noise
+    return TurnsSketch(recording, found, turns_of(values, speed, 0.1 * np.arange(turns)), 1)
+
+
+def turns_of(values: FloatArray, speed_m_s: FloatArray, time_s: FloatArray) -> Stack:
+    """Revolutions as they are cut out of a log."""
+    conditions = Conditions.of(len(values), speed_m_s=speed_m_s, time_s=time_s)
+    numbers = np.arange(len(values))
+    return stack_of(values=values, noise=1e-6, conditions=conditions, manoeuvre=numbers)
 
 
 def test_orders_have_the_amplitudes_that_were_put_in() -> None:
@@ -71,12 +75,12 @@ def test_orders_have_the_amplitudes_that_were_put_in() -> None:
 def test_an_order_map_stands_at_the_wheel_s_frequency() -> None:
     speed = np.linspace(10.0, 20.0, 50)
     wave = 1e-4 * np.cos(5 * PHI) * np.ones((50, 1))
-    found = map_of(wave, speed, np.arange(50.0), RADIUS_M)
+    found = map_of(turns_of(wave, speed, np.arange(50.0)))
     assert found.along == "speed"
     assert found.wheel_Hz[[0, -1]] == pytest.approx(np.array([10.0, 20.0]) / (2 * np.pi * RADIUS_M))
     assert np.nanmax(found.amplitude, axis=1) == pytest.approx(1e-4)
     assert np.nanargmax(found.amplitude, axis=1).tolist() == [4] * len(found.amplitude)
-    one = map_of(wave, np.full(50, 12.0), np.arange(50.0), RADIUS_M)
+    one = map_of(turns_of(wave, np.full(50, 12.0), np.arange(50.0)))
     assert one.along == "time"
     assert one.wheel_Hz == pytest.approx(12.0 / (2 * np.pi * RADIUS_M))
     axes = Figure().add_subplot()
@@ -98,13 +102,11 @@ def test_a_wave_is_felt_on_the_belt_at_another_frequency(direction: str, sign: f
 
 
 def test_revolutions_of_like_speed_are_taken_together() -> None:
-    slow, fast = speed_classes(sketch())
-    assert [slow.speed_m_s, fast.speed_m_s] == [10.0, 20.0]
-    assert [slow.turns, fast.turns] == [30, 30]
-    assert slow.mean == pytest.approx(1e-4 * np.cos(PHI), abs=1e-6)
-    assert fast.mean == pytest.approx(2e-4 * np.cos(PHI), abs=1e-6)
-    assert np.median(fast.scatter) == pytest.approx(1e-6, rel=0.1)
-    assert np.median(fast.se) == pytest.approx(1e-6 / 30**0.5, rel=0.1)
+    slow, fast = speed_classes(sketch().turns)
+    assert [slow[:2], fast[:2]] == [(10.0, 30), (20.0, 30)]
+    assert slow[2] == pytest.approx(1e-4 * np.cos(PHI), abs=1e-6)
+    assert fast[2] == pytest.approx(2e-4 * np.cos(PHI), abs=1e-6)
+    assert np.median(fast[3]) == pytest.approx(1e-6, rel=0.1)
 
 
 def test_a_contact_length_has_the_error_that_all_passages_share() -> None:
@@ -155,42 +157,17 @@ def test_more_logs_than_fit_on_a_slide_are_said() -> None:
 
 
 def test_of_many_revolutions_each_nth_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    numbers = np.arange(25)
-    stacks = [
-        FakeStack(numbers[:7]),
-        FakeStack(numbers[7:12]),
-        FakeStack(numbers[12:]),
-    ]
+    whole = sketch(turns=25)
+    cut = Stacks(whole.turns.take(rows) for rows in (slice(7), slice(7, 12), slice(12, None)))
     monkeypatch.setattr("tirelog.plots.turns._MOST_TURNS", 10)
-    monkeypatch.setattr("tirelog.plots.turns.stacks_from_logs", lambda *given: Stacks(stacks))
-    tire = SimpleNamespace(static_footprint_length_m=None)
-    recording: Any = SimpleNamespace(log="a.csv", setup=SimpleNamespace(tire=tire))
-    channel: Any = SimpleNamespace(channel=SimpleNamespace(name="strain_1"))
-    made = TurnsSketch.of(recording, channel)
+    monkeypatch.setattr("tirelog.plots.turns.stacks_from_logs", lambda *given: cut)
+    made = TurnsSketch.of(whole.recording, whole.found)
     assert made.every == 3
-    assert made.time_s.tolist() == list(range(0, 25, 3))
+    assert made.turns.conditions.time_s.tolist() == whole.turns.conditions.time_s[::3].tolist()
 
 
-class FakeStack(SimpleNamespace):
-    """Revolutions whose time is their number."""
-
-    def __init__(self, numbers: np.ndarray) -> None:
-        super().__init__(
-            values=numbers[:, None] * np.ones(4),
-            phi_rad=np.zeros(4),
-            radius_m=0.3,
-            conditions=SimpleNamespace(time_s=numbers, speed_m_s=numbers),
-        )
-
-    def __len__(self) -> int:
-        return len(self.values)
-
-    def take(self, which: slice) -> "FakeStack":
-        return FakeStack(self.values[which, 0])
-
-
-class Stacks(list[FakeStack]):
-    def outlines(self) -> list[FakeStack]:
+class Stacks(list[Stack]):
+    def outlines(self) -> list[Stack]:
         return list(self)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tirelog.report.page import LogColours
+from tirelog.report.page import log_colours
 from tirelog.report.sections import recorded as sections
 from tirelog.tables.frame import differences
 from tirelog.vocabulary.columns import TABLES
@@ -169,7 +169,7 @@ def test_an_unknown_word_of_a_foreign_table_is_kept() -> None:
     counts = sections.quality(table, "footprint").rows
     assert sorted(counts) == [["gap;wobbly", "1"], ["ok", "2"], ["wobbly", "1"]]
     section = sections.footprint_section(
-        table, "tirelog footprint a.csv", [], LogColours(["a.csv"])
+        table, "tirelog footprint a.csv", [], log_colours(["a.csv"])
     )
     assert any("2 passages without a mark" in text for text in section.text)
     assert not len(differences(table, table.copy(), {}))

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path as File
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from tirelog.data.recording import Recording
@@ -47,7 +46,7 @@ Path = str | os.PathLike[str]
 Logs = Path | Recording | Iterable[Path | Recording]
 
 
-class OpenLog(Recording):
+class OpenLog(Recording, AbstractContextManager["OpenLog"]):
     """A Recording that closes what it reads from when it is left, closed or forgotten."""
 
     _closing: weakref.finalize[..., OpenLog] | None = None
@@ -57,15 +56,7 @@ class OpenLog(Recording):
         if self._closing is not None:
             self._closing()
 
-    def __enter__(self) -> OpenLog:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def __repr__(self) -> str:

@@ -1,14 +1,15 @@
 """Rows of tables, part by part: what commands write, and what the DataFrames are made of.
 
     open log --parts_of, parts_of_drive--> Part (rows of a channel, remarks) --> files, DataFrames
-                                           --TablePicture--> a picture
+                                           --table_picture--> a picture
 
 No table is held in memory here, and pandas is not needed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path as File
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
@@ -27,8 +28,8 @@ from tirelog.products import (
 from tirelog.vocabulary.tables import LogTable
 
 __all__ = [
-    "Part", "TablePicture", "calibrated", "calibration_notes", "checked_options", "parts_of",
-    "parts_of_drive", "refuse_other_tables", "save_calibration",
+    "Part", "calibrated", "calibration_notes", "checked_options", "parts_of", "parts_of_drive",
+    "refuse_other_tables", "save_calibration", "table_picture",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -99,34 +100,31 @@ def parts_of_drive(
     return made, [name for name in names if name not in suited]
 
 
-class TablePicture:
-    """The picture of a table: what it needs of each part, kept while its log is open."""
+@contextmanager
+def table_picture(
+    table: LogTable, path: Path | None, kind: str = ""
+) -> Iterator[Callable[[Recording, Part], None]]:
+    """What hears of each part while its log is open; the picture is written to `path` at the end.
 
-    def __init__(self, table: LogTable, path: Path | None, kind: str = "") -> None:
-        """Without a path nothing is kept, and none is drawn.
+    Without a path, or a part, none is drawn. UsageError: the table has no picture, or none of that
+    kind (default: its first); what hears says so of a log that it cannot be drawn of.
+    """
+    if path is not None and not table.picture:
+        raise UsageError(f"{table.name} has no picture", do="draw its rows")
+    kinds = [kind or next(iter(table.pictures))] if table.pictures else []
+    for one in kinds:
+        refuse_unknown(one, table.pictures, f"no picture is called {one!r}", do="choose one")
+    kept = list[Any]()
 
-        UsageError: the table has no picture, or none of that kind (default: its first).
-        """
-        self._table, self._path, self._kept = table, path, list[Any]()
-        self._kind = kind or next(iter(table.pictures), "")
-        if path is not None and not table.picture:
-            raise UsageError(f"{table.name} has no picture", do="draw its rows")
-        if table.pictures:
-            what = f"no picture is called {self._kind!r}"
-            refuse_unknown(self._kind, table.pictures, what, do="choose one")
+    def keep(recording: Recording, part: Part) -> None:
+        if path is not None and table.sketch:
+            kept.append(resolve_name(table.sketch)(recording, part, *(kinds or [""])))
+        elif path is not None:
+            kept.append((recording, part))
 
-    def keep(self, recording: Recording, part: Part) -> None:
-        """What the picture needs of a part.  UsageError: it cannot be drawn of this log."""
-        if self._path is not None:
-            sketch = resolve_name(self._table.sketch) if self._table.sketch else None
-            own = (recording, part) if sketch is None else sketch(recording, part, self._kind)
-            self._kept.append(own)
-
-    def draw(self) -> None:
-        """The picture, written to the path; none if there was no part."""
-        if self._path is not None and self._kept:
-            kind = (self._kind,) if self._table.pictures else ()
-            resolve_name(self._table.picture)(self._kept, File(self._path), *kind)
+    yield keep
+    if path is not None and kept:
+        resolve_name(table.picture)(kept, File(path), *kinds)
 
 
 def calibrated(

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from tirelog.api.logs import Logs, Path, each_log
-from tirelog.api.parts import TablePicture, calibrated, checked_options, parts_of
+from tirelog.api.parts import calibrated, checked_options, parts_of, table_picture
 from tirelog.data.setup import Setup
 from tirelog.errors import UsageError, refuse_unknown
 from tirelog.storage.whole import whole_file
@@ -337,11 +337,10 @@ def plot_table(
         No such table, picture or option, or a log that it cannot be drawn of.
     """
     refuse_unknown(name, LOG_TABLES, f"no table is called {name!r}", do="choose among them")
-    picture = TablePicture(LOG_TABLES[name], path, kind)
-    for recording in each_log(logs, setup):
-        for part in parts_of(recording, name, options):
-            picture.keep(recording, part)
-    picture.draw()
+    with table_picture(LOG_TABLES[name], path, kind) as keep:
+        for recording in each_log(logs, setup):
+            for part in parts_of(recording, name, options):
+                keep(recording, part)
 
 
 def _table(

@@ -10,6 +10,7 @@ the next program: a reader that leaves is not an error.
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import warnings
 from contextlib import nullcontext, suppress
@@ -23,9 +24,6 @@ from tirelog.errors import (
     system_message,
 )
 
-#: exit status of an interrupt, as a shell tells it: 128 + SIGINT
-_INTERRUPTED = 130
-
 
 def _status_of(problem: BaseException, command: str) -> int:
     """Say what went wrong in a `command`; the exit status for it."""
@@ -34,9 +32,10 @@ def _status_of(problem: BaseException, command: str) -> int:
     if isinstance(problem, TirelogError):
         text, status = str(problem), int(problem.exit_status)
     elif isinstance(problem, KeyboardInterrupt) or type(problem).__name__ == "Abort":
-        how = f"stopped ({problem})" if str(problem).startswith("SIG") else "interrupted"
+        name = str(problem) if str(problem).startswith("SIG") else "SIGINT"
+        how = "interrupted" if name == "SIGINT" else f"stopped ({name})"
         text = f"{how}; nothing was left under the result's name; start it again"
-        status = getattr(problem, "status", _INTERRUPTED)
+        status = 128 + signal.Signals[name]  # as a shell tells it
     elif type(problem).__name__ == "NoArgsIsHelpError":
         with suppress(OSError, ValueError):
             sys.stderr.write(f"{problem}\n")

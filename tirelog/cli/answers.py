@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -18,7 +19,7 @@ import typer
 
 import tirelog.api as api
 from tirelog.cli import options, pages
-from tirelog.cli.session import CampaignProgress, Session, say, write_json
+from tirelog.cli.session import Session, campaign_progress, say, write_json
 from tirelog.errors import ExitStatus, UsageError, printable, refuse_unknown
 from tirelog.vocabulary.tables import COMPARE, ERRORS_BY
 
@@ -41,23 +42,23 @@ class Question:
     effects: options.EffectsFile = None
     plot: options.Plot = None
 
-    @property
+    @cached_property
     def session(self) -> Session:
         """The session that reads the logs and writes the answer."""
         return Session(self.setup, self.quiet, self.output, self.format)
 
+    @contextmanager
     def answered(
-        self,
-        session: Session,
-        doing: str,
-        ask: Callable[[api.answers.MeasuredLogs, api.models.Model], Answer],
-    ) -> Answer:
-        """What is answered; a log that cannot be read is said and left out."""
-        read = api.models.load_model(self.model, effects=self.effects)
-        found = api.answers.measure(session.recordings(self.logs), read, self.channel)
-        session.note(*found.notes)
-        with session.working_on(doing):
-            return ask(found, read)
+        self, doing: str, ask: Callable[[api.answers.MeasuredLogs, api.models.Model], Answer]
+    ) -> Iterator[Answer]:
+        """What is answered, in the session; a log that cannot be read is said and left out."""
+        with self.session as session:
+            read = api.models.load_model(self.model, effects=self.effects)
+            found = api.answers.measure(session.recordings(self.logs), read, self.channel)
+            session.note(*found.notes)
+            with session.working_on(doing):
+                answer = ask(found, read)
+            yield answer
 
     def request(self, model: Path) -> api.answers.ReportRequest:
         """What was asked, of which a command line on the same logs is made, with this model."""
@@ -65,13 +66,12 @@ class Question:
             tuple(self.logs), self.setup, model, channel=self.channel, effects=self.effects
         )
 
-    def show(self, session: Session, answer: Any, remarks: Iterable[str], **how: str) -> None:
+    def show(self, answer: Any, remarks: Iterable[str], **how: str) -> None:
         """What a reader should know first, said; and the picture, if one is asked for."""
-        session.note(*remarks)
+        self.session.note(*remarks)
         if self.plot is not None:
-            session.note(
-                *(f"more is drawn in {beside}" for beside in answer.draw(self.plot, **how))
-            )
+            others = answer.draw(self.plot, **how)
+            self.session.note(*(f"more is drawn in {beside}" for beside in others))
 
 
 def with_question(command: Callable[..., None]) -> Callable[..., None]:
@@ -95,15 +95,15 @@ def write_answer(
     session: Session,
     name: str,
     answer: Any,
-    page: Callable[[Any], None] | None = None,
+    page: Iterable[str | api.answers.AnswerTable] = (),
     rows: Sequence[Mapping[str, Any]] | None = None,
     empty: Sequence[str] = (),
 ) -> None:
     """The answer as JSON, as a page if it has one, or as a table `name` of its rows, or others."""
     if session.json:
         write_json(answer.to_json(), session.output)
-    elif page is not None and session.paged:
-        page(answer)
+    elif page and session.paged:
+        pages.print_answer(page)
     else:
         session.write_rows(name, [answer.rows() if rows is None else rows], empty)
 
@@ -125,14 +125,13 @@ def compare(
     options.refuse_kind_alone(kind, asked.plot)
     if by is not None:
         refuse_unknown(by, ERRORS_BY, f"--by {by}", do="choose one")
-    with asked.session as session:
-        result = asked.answered(session, "fitting the model", api.answers.compare)
+    with asked.answered("fitting the model", api.answers.compare) as result:
         parts = None if by is None else result.by(by)
-        asked.show(session, result, result.notes, kind=kind)
+        asked.show(result, result.notes, kind=kind)
         if parts is None:
-            write_answer(session, "compare", result, pages.comparison_page)
+            write_answer(asked.session, "compare", result, result.page())
         else:
-            session.write_rows("compare", parts)
+            asked.session.write_rows("compare", parts)
 
 
 @with_question
@@ -160,27 +159,25 @@ def diagnose(
         raise UsageError(
             f"--leave-one-out {leave_one_out}", allowed="allowed are log, tire", do="choose one"
         )
-    with asked.session as session:
-        ask = partial(
-            api.answers.diagnose,
-            bootstrap=bootstrap,
-            leave_one_out=session.tires if leave_one_out == "tire" else bool(leave_one_out),
-            progress=session.say,
-        )
-        result = asked.answered(session, "diagnosing", ask)
-        follows = asked.request(asked.model).with_options(result.next_command)
-        result = replace(result, next_command=follows)
-        asked.show(session, result, result.before.remarks)
-        write_answer(session, "diagnose", result, pages.diagnosis_page)
+    ask = partial(
+        api.answers.diagnose,
+        bootstrap=bootstrap,
+        leave_one_out=asked.session.tires if leave_one_out == "tire" else bool(leave_one_out),
+        progress=asked.session.say,
+    )
+    with asked.answered("diagnosing", ask) as found:
+        follows = asked.request(asked.model).with_options(found.next_command)
+        result = replace(found, next_command=follows)
+        asked.show(result, result.before.remarks)
+        write_answer(asked.session, "diagnose", result, pages.diagnosis_page(result))
 
 
 @with_question
 def form(asked: Question) -> None:
     """Read the tire's contact pressure and stiffness out of its logs, with standard errors."""
-    with asked.session as session:
-        result = asked.answered(session, "fitting the form", api.answers.tire_form)
-        asked.show(session, result, result.notes)
-        write_answer(session, "form", result)
+    with asked.answered("fitting the form", api.answers.tire_form) as result:
+        asked.show(result, result.notes)
+        write_answer(asked.session, "form", result)
 
 
 @with_question
@@ -206,16 +203,16 @@ def ladder(
     """Add effects one by one until nothing more is worth adding; one row per step."""
     if save is not None:
         api.models.refuse_another(save)
-    with asked.session as session:
-        ask = partial(api.answers.ladder, propose=propose, keep=asked.model, progress=session.say)
-        result = asked.answered(session, "climbing", ask)
+    told = asked.session.say
+    ask = partial(api.answers.ladder, propose=propose, keep=asked.model, progress=told)
+    with asked.answered("climbing", ask) as result:
         if not asked.quiet:
             pages.ladder_bars(result)
-        asked.show(session, result, result.remarks)
+        asked.show(result, result.remarks)
         if save is not None:
             api.models.save_model(result.model, save)
         rows = result.strengths_by_log if by_log else None
-        write_answer(session, "ladder", result, rows=rows, empty=_BY_LOG)
+        write_answer(asked.session, "ladder", result, rows=rows, empty=_BY_LOG)
 
 
 @with_question
@@ -247,21 +244,21 @@ def propose(
         )
     if output is not None:
         api.models.refuse_another(output)
-    with asked.session as session:
-        ask = partial(api.answers.propose, despite=despite, shape=shape, progress=session.say)
-        result = asked.answered(session, "proposing", ask)
+    told = asked.session.say
+    ask = partial(api.answers.propose, despite=despite, shape=shape, progress=told)
+    with asked.answered("proposing", ask) as result:
         follows = ""
         if result.status != "nothing":
-            asked.show(session, result, ())
+            asked.show(result, ())
             follows = asked.request(output or Path("BETTER.toml")).command("compare", model=True)
         elif unwritten := [str(path) for path in (output, asked.plot) if path is not None]:
-            session.note(f"{' and '.join(unwritten)} not written: there is no proposal")
+            asked.session.note(f"{' and '.join(unwritten)} not written: there is no proposal")
         if output is not None and result.model is not None:
             api.models.save_model(result.model, output)
         if format == "json":
             write_json(result.to_json() | {"next_command": follows}, None)
         else:
-            pages.proposal_page(result, follows)
+            pages.print_answer(pages.proposal_page(result, follows))
 
 
 # ---- `tirelog report LOG... -o report.html`.
@@ -321,19 +318,12 @@ def report(
 # ---- `tirelog campaign run | status MANIFEST`.
 
 
-campaigns = options.Commands(
-    help="Every log of a test campaign, every table, resumable.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
-
 Manifest = Annotated[Path, typer.Argument(help="The campaign's manifest (TOML).")]
 Only = Annotated[
     str | None, typer.Option("--only", help="Only logs whose path or name matches this pattern.")
 ]
 
 
-@campaigns.command("run")
 def run(
     manifest: Manifest,
     workers: Annotated[
@@ -364,7 +354,7 @@ def run(
         scheduler=scheduler,
         only=only,
         retry_failed=retry_failed,
-        began=partial(CampaignProgress, quiet),
+        began=partial(campaign_progress, quiet),
         said=session.note,
         during=session.working_on,
     )
@@ -376,7 +366,6 @@ def run(
         raise typer.Exit(int(ExitStatus.INPUT_LOST))
 
 
-@campaigns.command("status")
 def status(manifest: Manifest, quiet: options.Quiet = False) -> None:
     """Say what is done, failed and open; also while a run works."""
     found = api.campaigns.campaign_status(manifest)

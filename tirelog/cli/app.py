@@ -12,33 +12,51 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from tirelog.cli.options import Commands
+from tirelog.cli.options import keeping_inputs
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
 # ---- The commands, by name.
 
 
-#: every command in the order of help: a table of `vocabulary.tables` (of a drive, before `tables`;
-#: others after it), or the module in `tirelog.cli` and the function or sub-application in it
+#: every command in the order of help, one of a group behind the group's name: a table of
+#: `vocabulary.tables` (of a drive, before `tables`; others after it), or the module in
+#: `tirelog.cli` and the function in it
 COMMANDS: Mapping[str, str | LogTable] = {
     "ingest": "files:ingest",
     "info": "files:info",
     **{name: table for name, table in LOG_TABLES.items() if table.driven},
     "tables": "files:tables",
     **{name: table for name, table in LOG_TABLES.items() if not table.driven},
-    "setup": "files:app",
+    "setup new": "files:new",
+    "setup check": "files:check_setup",
     "simulate": "files:simulate",
     "effects": "model:effects",
-    "model": "model:app",
+    "model new": "model:new",
+    "model show": "model:show",
+    "model add": "model:add",
+    "model remove": "model:remove",
+    "model worn": "model:worn",
+    "model nuisance": "model:nuisance",
+    "model fit": "model:fit",
+    "model predict": "model:predict",
+    "model forces": "model:forces",
+    "model modes": "model:modes",
     "compare": "answers:compare",
     "diagnose": "answers:diagnose",
     "propose": "answers:propose",
     "form": "answers:form",
     "ladder": "answers:ladder",
     "report": "answers:report",
-    "campaign": "answers:campaigns",
+    "campaign run": "answers:run",
+    "campaign status": "answers:status",
     "check": "files:check",
     "phase-shift": "files:phase_shift",  # which does more than write its table
+}
+#: groups of commands, with what help says of each
+HELP: Mapping[str, str] = {
+    "setup": "Draft the setup of a log, and check one.",
+    "model": "Make, change, fit and evaluate model files.",
+    "campaign": "Every log of a test campaign, every table, resumable.",
 }
 
 
@@ -68,12 +86,12 @@ def _callback(
 
 
 def command(asked: str = "") -> Any:
-    """The command line as typer's command object: the command `asked` for alone, else the whole.
+    """The command line as typer's command object: the command or group `asked`, else the whole.
 
     The whole also if there is no such command. One alone is made in 10 ms, the whole in 55 (CPU, 23
     November 2026, Python 3.11).
     """
-    app = Commands(
+    app = typer.Typer(
         name="tirelog",
         cls=WholeHelp,
         rich_markup_mode=None,
@@ -82,12 +100,15 @@ def command(asked: str = "") -> Any:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_callback)
-    for name in [asked] if asked in COMMANDS else COMMANDS:
-        target = _function(COMMANDS[name])
-        if isinstance(target, typer.Typer):
-            app.add_typer(target, name=name, cls=WholeHelp)
-        else:
-            app.command(name)(target)
+    groups = {"": app}
+    for path in [one for one in COMMANDS if one.split()[0] == asked] or COMMANDS:
+        group, _, name = path.rpartition(" ")
+        if group not in groups:
+            groups[group] = typer.Typer(
+                help=HELP[group], cls=WholeHelp, rich_markup_mode=None, no_args_is_help=True
+            )
+            app.add_typer(groups[group], name=group)
+        groups[group].command(name)(keeping_inputs(_function(COMMANDS[path])))
     parsed = typer.main.get_command(app)
     dress(parsed)
     return parsed

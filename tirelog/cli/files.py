@@ -101,7 +101,7 @@ def ingest(
     """
     with Session(setup, quiet) as session:
         with session.working_on(f"reading {log}"):
-            summary = api.logs.ingest(log, output, session.setup())
+            summary = api.logs.ingest(log, output, session.setup)
         session.hear(log, summary.remarks, summary.losses)
         if not quiet:
             with api.logs.opened_run(output, log) as recording:
@@ -110,8 +110,6 @@ def ingest(
 
 # ---- `tirelog setup new LOG` and `tirelog setup check LOG`.
 
-
-app = options.Commands(help="Draft the setup of a log, and check one.", no_args_is_help=True)
 
 NOTHING = "nothing is implausible, missing, unused or guessed"
 Log = Annotated[str, typer.Argument(help="A log; '-' is standard input.")]
@@ -126,7 +124,6 @@ NewSetup = Annotated[
 ]
 
 
-@app.command("new")
 def new(log: Log, output: NewSetup = None, quiet: options.Quiet = False) -> None:
     """Draft a setup from what a log holds; what is guessed is marked."""
     made = api.logs.draft_setup(log, output)
@@ -139,7 +136,6 @@ def new(log: Log, output: NewSetup = None, quiet: options.Quiet = False) -> None
         )
 
 
-@app.command("check")
 def check_setup(log: Log, setup: options.SetupFile = None, quiet: options.Quiet = False) -> None:
     """Say what is implausible, missing, unused or still guessed in the setup of a log."""
     found = api.logs.check_setup(log, setup)
@@ -252,18 +248,17 @@ def table_command(table: LogTable) -> Callable[..., None]:
         asked = {option.name: given[option.name] for option in (*table.options, *table.views)}
         plot, kind = given.get("plot"), given.get("kind", "page")
         options.refuse_kind_alone(kind, plot)
-        picture = api.parts.TablePicture(table, plot, kind)
         with (
             Session(given["setup"], given["quiet"], given["output"], given["format"]) as session,
             session.table(table.given(asked)) as writer,
+            api.parts.table_picture(table, plot, kind) as keep,
         ):
             for recording, part in session.parts(
                 given["logs"], table.name, given["channel"], **asked
             ):
                 if part.columns:
                     writer.write(part.columns)
-                picture.keep(recording, part)
-            picture.draw()
+                keep(recording, part)
 
     own: list[tuple[str, Any, Any]] = [
         (option.name, Annotated[option.kind | None, table_option(option)], None)
@@ -399,11 +394,11 @@ def phase_shift(
             do="give --calibrate FILE",
         )
     applied = api.parts.calibration_notes(calibration)
-    picture = api.parts.TablePicture(TABLE, plot)
     asked = {"zero": zero, "calibration": calibration}
     with (
         Session(setup, quiet, output, format) as session,
         session.table(TABLE.name, calibration=str(calibration or "")) as writer,
+        api.parts.table_picture(TABLE, plot) as keep,
     ):
         if calibrate is None:
             made = session.parts(logs, TABLE.name, channel, by_time=by_time, **asked)
@@ -417,6 +412,5 @@ def phase_shift(
             made = ((read[0][0], part) for part in rows)
         for recording, part in made:
             writer.write(part.columns)
-            picture.keep(recording, part)
+            keep(recording, part)
         session.note(*applied)
-        picture.draw()

@@ -15,8 +15,6 @@ from tirelog.cli import options, pages
 from tirelog.cli.session import Session
 from tirelog.errors import UsageError, refuse_unknown
 
-app = options.Commands(help="Make, change, fit and evaluate model files.", no_args_is_help=True)
-
 
 def _words(text: str) -> list[str]:
     """The words of a list with commas."""
@@ -42,7 +40,6 @@ def _assignments(sets: list[str], prefix: str = "") -> dict[str, float | str]:
     return values
 
 
-@app.command()
 def new(
     output: options.NewModel,
     carcass: Annotated[
@@ -74,7 +71,7 @@ def new(
     session = Session(setup, quiet)
     model, remarks = api.models.new_model(
         carcass,
-        session.setup(),
+        session.setup,
         observable=None if observable is None else _words(observable),
         contact=contact,
         values=_assignments(sets),
@@ -91,7 +88,6 @@ def new(
     )
 
 
-@app.command()
 def show(
     model: options.Model,
     against: Annotated[
@@ -120,7 +116,6 @@ def show(
     Session(None, quiet, output, format).show("model", shown, rows)
 
 
-@app.command()
 def add(
     model: options.Model,
     effect: Annotated[
@@ -138,14 +133,13 @@ def add(
     """Add an effect at its start values (or --set ones); a grating's length is fixed if the
     setup gives it.
     """
-    read, given = api.models.load_model(model, effects=effects), Session(setup, quiet).setup()
+    read, given = api.models.load_model(model, effects=effects), Session(setup, quiet).setup
     values = _assignments(sets, f"{effect}.")
     api.models.save_model(
         api.models.added(read, effect, values, setup=given, effects=effects), new_model
     )
 
 
-@app.command()
 def remove(
     model: options.Model,
     effect: Annotated[str, typer.Argument(help="Effect of the model.")],
@@ -159,7 +153,6 @@ def remove(
     )
 
 
-@app.command()
 def worn(
     model: options.Model,
     output: options.NewModel,
@@ -187,7 +180,6 @@ def worn(
     )
 
 
-@app.command()
 def nuisance(
     model: options.Model,
     name: Annotated[
@@ -205,7 +197,6 @@ def nuisance(
     api.models.save_model(api.models.load_model(model).with_nuisance(name, use), new_model)
 
 
-@app.command()
 def fit(
     logs: options.Logs,
     model: options.ModelFile,
@@ -283,7 +274,6 @@ Slips = Annotated[
 ]
 
 
-@app.command()
 def predict(
     model: options.Model,
     speed: Speeds,
@@ -361,7 +351,7 @@ def predict(
     and what sensors read.
     """
     session = Session(setup, quiet, output, format)
-    read, given = api.models.load_model(model, effects=effects), session.setup()
+    read, given = api.models.load_model(model, effects=effects), session.setup
     conditions = options.conditions_given(
         given, {"time_s": time, "temperature_K": temperature},
         speed=speed, load=load, pressure=pressure, acceleration=acceleration, slip=slip,
@@ -401,7 +391,6 @@ def predict(
     session.write(name, [api.models.table_columns(name, rows)])
 
 
-@app.command()
 def forces(
     model: options.Model,
     speed: Speeds,
@@ -426,7 +415,7 @@ def forces(
     what this model does not have: a beam has no hub, a ring no critical speed.
     """
     session = Session(setup, quiet, output, format)
-    read, given = api.models.load_model(model, effects=effects), session.setup()
+    read, given = api.models.load_model(model, effects=effects), session.setup
     conditions = options.conditions_given(
         given, {"time_s": 0.0},
         speed=speed, load=load, pressure=pressure, acceleration=acceleration, slip=slip,
@@ -437,7 +426,6 @@ def forces(
     session.write("forces", [rows])
 
 
-@app.command()
 def modes(
     model: options.Model,
     speed: Annotated[float, typer.Option(help="Speed [m/s] at which the tire turns.")] = 0.0,

@@ -366,19 +366,12 @@ def _inputs(given: dict[str, Any], outputs: tuple[str, ...]) -> Iterator[Path | 
             yield from filter(None, map(setup_beside, filter(None, several)))
 
 
-class Commands(typer.Typer):
-    """Commands that know which files they read before they start, so that none writes on them."""
+def keeping_inputs(command: Callable[..., None]) -> Callable[..., None]:
+    """The command, which knows the files it reads before it starts, so that it writes on none."""
 
-    def command(self, *given: Any, **options: Any) -> Callable[[Any], Any]:
-        """Typer's, whose callback gets what typer has made of the command line: paths are paths."""
-        register = super().command(*given, **options)
+    @wraps(command)
+    def kept(**given: Any) -> None:
+        _keep_inputs(given)
+        command(**given)
 
-        def keeping(callback: Callable[..., Any]) -> Any:
-            @wraps(callback)
-            def kept(**values: Any) -> Any:
-                _keep_inputs(values)
-                return callback(**values)
-
-            return register(kept)
-
-        return keeping
+    return kept

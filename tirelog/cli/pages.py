@@ -10,10 +10,11 @@ import shlex
 import sys
 import textwrap
 from collections.abc import Iterable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import tirelog.api as api
-from tirelog.cli.session import aligned, console_table, page
+from tirelog.cli.session import aligned, console, console_table, print_page
 from tirelog.errors import printable
 from tirelog.vocabulary.observables import shown, together
 
@@ -32,19 +33,22 @@ _MOST_OTHERS = 8
 
 def print_contents(inside: api.logs.Contents) -> None:
     """The page, on standard output; nothing is cut off, however narrow the terminal."""
-    console = page(_WIDEST)
-    width = max(min(console.width, _WIDEST), 40)
-    for text in _contents(inside):
-        indent = " " * (len(text) - len(text.lstrip()))
-        lines = textwrap.wrap(
-            printable(text.lstrip()),
-            width,
-            initial_indent=indent,
-            subsequent_indent=f"{indent}  ",
-            break_on_hyphens=False,
-        )
-        for line in lines or [""]:
-            console.print(line)
+    out = console(_WIDEST)
+    width = max(min(out.width, _WIDEST), 40)
+    print_page(map(partial(_wrapped, width=width), _contents(inside)), out)
+
+
+def _wrapped(text: str, width: int) -> str:
+    """A line as several of the width, those below the first further in."""
+    indent = " " * (len(text) - len(text.lstrip()))
+    below = f"{indent}  "
+    return textwrap.fill(
+        printable(text.lstrip()),
+        width,
+        initial_indent=indent,
+        subsequent_indent=below,
+        break_on_hyphens=False,
+    )
 
 
 def _contents(inside: api.logs.Contents) -> Iterator[str]:
@@ -95,13 +99,18 @@ _SUMMARY_WIDTH = 160
 
 def print_summary(recording: Recording) -> None:
     """The page, on standard output."""
-    console = page(_SUMMARY_WIDTH)
+    out = console(_SUMMARY_WIDTH)
+    print_page(_summary(recording, out.width), out)
+
+
+def _summary(recording: Recording, width: int) -> Iterator[Any]:
+    """The lines of the page, and its table if that is no wider than so many letters."""
     about, setup = recording.provenance, recording.setup
     hashed = about.get("sha256")
     size = f", {about['bytes']:,} bytes, sha256 {hashed[:12]}" if hashed else ""
-    console.print(printable(f"{recording.log}: {about.get('format', 'log')}{size}"))
+    yield printable(f"{recording.log}: {about.get('format', 'log')}{size}")
     if about.get("start"):
-        console.print(printable(f"started {about['start']}"))
+        yield printable(f"started {about['start']}")
     cells = {
         name: [f"{x:,.6g}" if isinstance(x, float) else printable(str(x)) for x in values]
         for name, values in api.logs.channels(recording).items()
@@ -109,26 +118,26 @@ def print_summary(recording: Recording) -> None:
     }
     rows = list(zip(*cells.values(), strict=True))
     across = sum(max(map(len, (name, *texts))) + 2 for name, texts in cells.items())
-    if across <= console.width:
+    if across <= width:
         left = [i for i, name in enumerate(cells) if name in ("channel", "kind", "unit")]
-        console.print(console_table(list(cells), rows, left))
+        yield console_table(list(cells), rows, left)
     else:  # channel by channel: nothing is cut off
         for row in rows:
             of = dict(zip(cells, row, strict=True))
-            console.print(f"{of.pop('channel')}: {of.pop('kind')}, unit {of.pop('unit')}")
+            yield f"{of.pop('channel')}: {of.pop('kind')}, unit {of.pop('unit')}"
             told = ", ".join(f"{name} {text}" for name, text in of.items())
-            for line in textwrap.wrap(told, max(console.width - 2, 20)):
-                console.print(f"  {line}")
-    for group, done in about.get("repairs", {}).items():
-        for what, n in done.items():
-            if n:
-                console.print(printable(f"repaired in the time axis of {group}: {what}: {n}"))
-    for what, n in about.get("counts", {}).items():
-        if n and not what.startswith("lost_samples"):
-            console.print(printable(f"{what}: {n}"))
+            yield from (f"  {line}" for line in textwrap.wrap(told, max(width - 2, 20)))
+    done = {
+        f"repaired in the time axis of {group}: {what}": n
+        for group, repairs in about.get("repairs", {}).items()
+        for what, n in repairs.items()
+    }
+    counts = about.get("counts", {}).items()
+    done |= {what: n for what, n in counts if not what.startswith("lost_samples")}
+    yield from (printable(f"{what}: {n}") for what, n in done.items() if n)
     conditions = {k: v for k, v in setup.conditions.__dict__.items() if v is not None}
     if known := setup.tire.known() | conditions:
-        console.print(printable("setup: " + ", ".join(f"{k} {v}" for k, v in known.items())))
+        yield printable("setup: " + ", ".join(f"{k} {v}" for k, v in known.items()))
 
 
 #: letters in the longest bar of a ladder
@@ -137,30 +146,23 @@ _BAR = 40
 _WIDTH = 110
 
 
-def print_page(parts: Iterable[str | api.answers.AnswerTable]) -> None:
-    """Lines and tables to read, on standard output."""
-    out = page(_WIDTH)
-    for part in parts:
-        out.print(part if isinstance(part, str) else console_table(part.names, part.rows))
-
-
-def comparison_page(result: api.answers.Comparison) -> None:
-    """Errors, where they are, parameters; of several observables what each brings."""
-    print_page(result.page())
-
-
-def diagnosis_page(result: api.answers.Diagnosis) -> None:
-    """Verdict, ranking, sets, what is left, what to drive, what to type."""
+def print_answer(parts: Iterable[str | api.answers.AnswerTable]) -> None:
+    """Lines and tables of an answer to read, on standard output."""
     print_page(
-        [
-            f"{result.verdict.replace('_', ' ').upper()}.  {result.sentence}",
-            result.certainty.sentence,
-            result.errors_sentence(),
-            result.ranking_table(most=2).columns("  effect", "excess removed", "p", "strength"),
-            *([] if result.gratings is None else [_gratings(result.gratings)]),
-            *result.further_sentences(),
-        ]
+        (one if isinstance(one, str) else console_table(one.names, one.rows) for one in parts),
+        console(_WIDTH),
     )
+
+
+def diagnosis_page(result: api.answers.Diagnosis) -> Iterator[str | api.answers.AnswerTable]:
+    """Verdict, ranking, sets, what is left, what to drive, what to type."""
+    yield f"{result.verdict.replace('_', ' ').upper()}.  {result.sentence}"
+    yield result.certainty.sentence
+    yield result.errors_sentence()
+    yield result.ranking_table(most=2).columns("  effect", "excess removed", "p", "strength")
+    if result.gratings is not None:
+        yield _gratings(result.gratings)
+    yield from result.further_sentences()
 
 
 def _gratings(found: api.answers.GratingsFound) -> api.answers.AnswerTable:
@@ -200,20 +202,20 @@ def ladder_bars(result: api.answers.Ladder) -> None:
     sys.stderr.writelines(f"{printable(line)}\n" for line in lines)
 
 
-def proposal_page(result: api.answers.Proposal, command: str) -> None:
+def proposal_page(result: api.answers.Proposal, command: str) -> Iterator[str]:
     """The proposal to read."""
-    lines = [f"{result.status.upper()}.  {result.sentence}"]
+    yield f"{result.status.upper()}.  {result.sentence}"
     for term in result.terms:
-        lines.append(f"\n{term.name}, acts on {term.formula.acts_on}: {term.formula.words}")
-        lines.append(f"  {term.formula.expression}")
+        yield f"\n{term.name}, acts on {term.formula.acts_on}: {term.formula.words}"
+        yield f"  {term.formula.expression}"
         for name, number in term.numbers.items():
             error = "not determined" if number["se"] is None else f"{number['se']:.2g}"
             value = f"{number['value']:.5g} +- {error} {_unit(number['unit'])}"
-            lines.append(f"  {name} = {value}".rstrip())
-    sentences = result.sentences()
-    print_page([*lines, *([""] if sentences else []), *sentences])
+            yield f"  {name} = {value}".rstrip()
+    if sentences := result.sentences():
+        yield from ("", *sentences)
     if command:
-        print_page([f"next: {command}"])
+        yield f"next: {command}"
 
 
 def _unit(unit: str) -> str:

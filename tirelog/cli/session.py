@@ -21,9 +21,10 @@ import threading
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from functools import cached_property, partial
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 
@@ -47,6 +48,9 @@ if TYPE_CHECKING:
     from tirelog.data.setup import Setup
     from tirelog.tables.writer import TableWriter
 
+#: what a look at a log gives: an open recording, or the series in a log without a setup
+Log = TypeVar("Log", "Recording", "api.logs.Contents")
+
 
 # ---- The process's standard streams and the signals that end it, as every command may rely on
 # them.
@@ -57,26 +61,21 @@ if TYPE_CHECKING:
 # SIGTERM, SIGHUP   unwind like an interrupt, so that what is not finished is removed
 
 
-#: signals that end a process from outside; a shell shows 128 more than their number as the status
+#: signals that end a process from outside
 _ENDINGS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
-
-
-class Stopped(KeyboardInterrupt):
-    """A signal to end the process."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(signal.Signals(number).name)
-        self.status = 128 + number
 
 
 @contextmanager
 def endings_unwind() -> Iterator[None]:
-    """While open, SIGTERM and SIGHUP raise Stopped, once; an ignored one (`nohup`) stays so."""
+    """While open, SIGTERM and SIGHUP are a KeyboardInterrupt of their name, once.
+
+    An ignored one (`nohup`) stays so.
+    """
 
     def stop(number: int, _: FrameType | None) -> None:
         for ending in mine:
             signal.signal(ending, signal.SIG_IGN)  # the second must not disturb the sweeping
-        raise Stopped(number)
+        raise KeyboardInterrupt(signal.Signals(number).name)
 
     here = threading.current_thread() is threading.main_thread()
     mine = [number for number in _ENDINGS if here and signal.getsignal(number) is signal.SIG_DFL]
@@ -134,13 +133,22 @@ def drop_output() -> None:
         os.close(null)
 
 
-# ---- Tables to read, on a terminal: columns as wide as their widest cell.
+# ---- Pages to read, on a terminal or in a file: lines, and tables with columns as wide as their
+# widest cell.
+
+
+def console(width: int) -> Console:
+    """What a page is made for: standard output, `width` columns wide if that is no terminal."""
+    from rich.console import Console
+
+    shown = None if sys.stdout.isatty() else width
+    return Console(highlight=False, markup=False, soft_wrap=True, width=shown)
 
 
 def console_table(
     names: Sequence[str], rows: Iterable[Sequence[Any]], left: Collection[int] = (0,)
 ) -> Any:
-    """A table for a `page`: numbers with four digits, nothing for None; `left` columns of words."""
+    """A table of a page: numbers with four digits, nothing for None; `left` columns of words."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False)
@@ -153,10 +161,18 @@ def console_table(
     return table
 
 
+def print_page(parts: Iterable[Any], out: Console) -> None:
+    """Lines and tables to read, on standard output, whose reader may leave."""
+    with out.capture() as made:  # rich itself would end the process with status 1 then
+        for part in parts:
+            out.print(part)
+    sys.stdout.write(made.get())
+
+
 def aligned(rows: Iterable[tuple[str, ...]], indent: str = "  ") -> str:
     """Rows of text in columns, all to the left, as a text."""
     rows = list(rows)
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))] if rows else []
+    widths = [max(map(len, column)) for column in zip(*rows)]
     return "\n".join(
         (indent + "  ".join(cell.ljust(w) for cell, w in zip(row, widths))).rstrip() for row in rows
     )
@@ -168,62 +184,42 @@ def aligned(rows: Iterable[tuple[str, ...]], indent: str = "  ") -> str:
 # Nothing of it is written if standard error is no terminal.
 
 
-class Working:
+@contextmanager
+def working(*, shown: bool) -> Iterator[Callable[..., None]]:
     """A line that says what is worked on and for how long; with several things how many are done.
 
-    Entered once; the line comes after two seconds and goes when it is left.
+    It comes after two seconds and goes when it is left. What is given is called with what is worked
+    on now, and with how many of a total are done before it.
     """
+    told, left = [("", 0, 0)], threading.Event()
 
-    def __init__(self, *, shown: bool) -> None:
-        self._lock, self._told = threading.Lock(), ("", 0, 0)
-        self._line: Any = None
-        self._timer = threading.Timer(PATIENCE_S, self._begin) if shown else None
+    def say(text: str, done: int = 0, total: int = 0) -> None:
+        told[0] = (printable(text), done, total)
 
-    def __enter__(self) -> Working:
-        if self._timer is not None:
-            self._timer.daemon = True
-            self._timer.start()
-        return self
-
-    def say(self, text: str, done: int = 0, total: int = 0) -> None:
-        """What is worked on now; `done` of a `total` before it."""
-        with self._lock:
-            self._told = (printable(text), done, total)
-            self._update()
-
-    def _begin(self) -> None:
+    def draw() -> None:
+        if left.wait(PATIENCE_S):
+            return
         from rich.console import Console
         from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-        with self._lock:
-            if self._timer is None:  # it was left meanwhile
-                return
-            self._line = Progress(
-                SpinnerColumn(),
-                TextColumn("{task.description}", markup=False),
-                BarColumn(bar_width=20),
-                TimeElapsedColumn(),
-                console=Console(stderr=True),
-                transient=True,
-            )
-            self._line.add_task("", total=None)
-            self._update()
-            self._line.start()
+        words = TextColumn("{task.description}", markup=False)
+        columns = SpinnerColumn(), words, BarColumn(bar_width=20), TimeElapsedColumn()
+        with Progress(*columns, console=Console(stderr=True), transient=True) as line:
+            task = line.add_task("", total=None)
+            while not left.is_set():
+                text, done, total = told[0]
+                line.update(task, description=text, completed=done, total=total or None)
+                left.wait(0.1)  # until it shows what is worked on by then
 
-    def _update(self) -> None:
-        if self._line is not None:
-            text, done, total = self._told
-            task, several = self._line.task_ids[0], total > 1
-            size = {"completed": done, "total": total} if several else {"completed": 0}
-            self._line.update(task, description=text, **size)
-
-    def __exit__(self, *_: object) -> None:
-        with self._lock:
-            if self._timer is not None:
-                self._timer.cancel()
-            if self._line is not None:
-                self._line.stop()
-            self._timer = self._line = None
+    drawing = threading.Thread(target=draw, daemon=True)
+    if shown:
+        drawing.start()
+    try:
+        yield say
+    finally:
+        left.set()
+        if shown:
+            drawing.join()
 
 
 def summary(output: Path | str, rows: int, logs: int, began: float) -> None:
@@ -236,48 +232,36 @@ def summary(output: Path | str, rows: int, logs: int, began: float) -> None:
         )
 
 
-class CampaignProgress:
-    """A line with the time left, overwritten on a terminal; elsewhere a plain line per log."""
+def campaign_progress(quiet: bool, of: int) -> Callable[[api.campaigns.Entry, int, int], None]:
+    """What hears of each log that is finished, `of` so many.
 
-    def __init__(self, quiet: bool, of: int) -> None:
-        self.quiet, self.begun, self.terminal = quiet, time.monotonic(), sys.stderr.isatty()
-        if self.terminal and of and not quiet:  # the first log may take minutes
-            sys.stderr.write(f"\r\x1b[Ktirelog: 0/{of}, working")
+    On a terminal a line with the time left, overwritten; elsewhere a plain line per log.
+    """
+    begun, terminal = time.monotonic(), sys.stderr.isatty()
+
+    def show(line: str, end: str = "") -> None:
+        if not quiet:
+            sys.stderr.write(f"\r\x1b[K{line}{end}" if terminal else f"{line}\n")
             sys.stderr.flush()
 
-    def __call__(self, entry: api.campaigns.Entry, finished: int, of: int) -> None:
-        if self.quiet:
-            return
-        left = (time.monotonic() - self.begun) / finished * (of - finished)
+    def finished(entry: api.campaigns.Entry, done: int, of: int) -> None:
+        left = (time.monotonic() - begun) / done * (of - done)
         made = f"{sum(entry.rows.values())} rows" if entry.rows else "kept for models"
-        outcome = (
-            ("stays open" if entry.fault == "machine" else "failed")
-            if entry.error
-            else f"{made}, {entry.seconds:.1f} s, {entry.peak_memory_MB:.0f} MB"
-        )
-        line = printable(f"tirelog: {finished}/{of} {entry.log}: {outcome}; {left:.0f} s left")
-        sys.stderr.write(
-            f"\r\x1b[K{line}" + ("\n" if finished == of else "") if self.terminal else f"{line}\n"
-        )
-        sys.stderr.flush()
+        outcome = f"{made}, {entry.seconds:.1f} s, {entry.peak_memory_MB:.0f} MB"
+        if entry.error:
+            outcome = "stays open" if entry.fault == "machine" else "failed"
+        line = f"tirelog: {done}/{of} {entry.log}: {outcome}; {left:.0f} s left"
+        show(printable(line), "\n" if done == of else "")
+
+    if terminal and of:  # the first log may take minutes
+        show(f"tirelog: 0/{of}, working")
+    return finished
 
 
 def say(text: str) -> None:
     """A line on standard error, as any terminal may show it."""
     with suppress(OSError, ValueError):  # nobody reads it: no reason to stop
         sys.stderr.write(f"tirelog: {printable(text)}\n")
-
-
-def page(width: int) -> Console:
-    """The console of a page to read: standard output, `width` columns wide if no terminal."""
-    from rich.console import Console
-
-    class Page(Console):
-        def on_broken_pipe(self) -> None:
-            raise BrokenPipeError  # rich's own leaves with status 1
-
-    shown = None if sys.stdout.isatty() else width
-    return Page(highlight=False, markup=False, soft_wrap=True, width=shown)
 
 
 def columns_of_rows(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
@@ -321,11 +305,11 @@ class Session:
         self.quiet, self.output, self.format = quiet, output, format
         self._setup_file = setup
         self._hashed = hashed or self._parquet()
-        self._shared: Setup | None = None
         self._resources, self._kept = ExitStack(), list["Recording"]()
         self._noted, self._copies = set[str](), dict[str, str]()
-        self._lost, self._unread, self._refused = list[str](), list[str](), list[TirelogError]()
-        self._read, self._streams, self._began = 0, False, time.monotonic()
+        self._lost, self._refused = list[str](), list[TirelogError]()
+        self._read = self._unread = 0
+        self._streams, self._began = False, time.monotonic()
         self._tables: list[TableWriter] = []
         self.hashes, self.tires = dict[str, str](), dict[str, list[str]]()
 
@@ -362,22 +346,18 @@ class Session:
                 self._noted.add(text)
                 say(f"note: {text}")
 
-    def working(self) -> Working:
-        """A line on the terminal while something takes longer; none if rows go there."""
-        return Working(shown=not self.quiet and not self._streams and sys.stderr.isatty())
-
     @contextmanager
-    def working_on(self, what: str) -> Iterator[None]:
-        """The line of `working`, which says what takes long."""
-        with self.working() as line:
-            line.say(what)
-            yield
+    def working_on(self, what: str = "") -> Iterator[Callable[..., None]]:
+        """A line on the terminal while something takes longer; none if rows go there."""
+        shown = not self.quiet and not self._streams and sys.stderr.isatty()
+        with working(shown=shown) as say_so:
+            say_so(what)
+            yield say_so
 
+    @cached_property
     def setup(self) -> Setup | None:
         """The setup given with --setup, read once."""
-        if self._shared is None and self._setup_file is not None:
-            self._shared = api.logs.as_setup(self._setup_file)
-        return self._shared
+        return api.logs.as_setup(self._setup_file)
 
     def recordings(self, logs: list[str], *, blocks: int | None = None) -> Iterator[Recording]:
         """The logs, one after the other, each closed before the next.
@@ -387,9 +367,9 @@ class Session:
         A SetupError stops the command, a log that cannot be read does not; if none can, the command
         ends here, with status 4, before an empty table takes an older one's place.
         """
-        with self.working() as line:
+        with self.working_on() as say_so:
             for number, log in enumerate(logs):
-                line.say(f"reading {log}", number, len(logs))
+                say_so(f"reading {log}", number, len(logs))
                 with self._opened(log, blocks) as recording:
                     if recording is not None:
                         name = recording.setup.tire.name or "the tire without a name"
@@ -399,20 +379,21 @@ class Session:
 
     def contents(self, logs: list[str]) -> Iterator[api.logs.Contents]:
         """What is in logs that have no setup, one after the other; errors as for `recordings`."""
-        for log in logs:
-            try:
-                inside = api.logs.contents(log)
-            except ReadError as problem:
-                self._cannot_read(log, problem)
-                continue
-            self._read += 1
-            self.hear(log, inside.remarks, inside.losses)
-            yield inside
+        found = (self._known(partial(api.logs.contents, log)) for log in logs)
+        yield from (inside for inside in found if inside is not None)
         self._stop_if_unread()
 
-    def _cannot_read(self, log: str, problem: ReadError) -> None:
-        self._unread.append(log)
-        say(f"error: {problem}")
+    def _known(self, look: Callable[[], Log]) -> Log | None:
+        """What a look at a log gives, its remarks and losses said; None if it cannot be read."""
+        try:
+            found = look()
+        except ReadError as problem:
+            self._unread += 1
+            say(f"error: {problem}")
+            return None
+        self._read += 1
+        self.hear(found.log, found.remarks, found.losses)
+        return found
 
     def _stop_if_unread(self) -> None:
         """Ends the command with status 4 if there were logs and none could be read."""
@@ -454,11 +435,11 @@ class Session:
         shows, is said to be, the others go on, and the command ends with status 3. If no log has
         given anything it ends here, with the status of the first refusal, and writes nothing.
         """
-        self.setup()  # a setup for all logs that cannot be used stops the command
+        _ = self.setup  # one for all logs that cannot be used stops the command
         gave = False
-        with self.working() as line:
+        with self.working_on() as say_so:
             for number, log in enumerate(logs):
-                line.say(log, number, len(logs))
+                say_so(log, number, len(logs))
                 try:
                     with self._opened(log) as recording:
                         if recording is None:
@@ -466,7 +447,7 @@ class Session:
                         if len(logs) > 1:
                             self._note_copy(recording)
                         for part in made(recording):
-                            self.hear(log, part.remarks)
+                            self.hear(recording.log, part.remarks)
                             gave = True
                             yield recording, part
                 except (UsageError, SetupError, ReadError, DataLoss) as problem:
@@ -500,17 +481,15 @@ class Session:
 
     def _open(self, log: str, resources: ExitStack, blocks: int | None) -> Recording | None:
         """One log, or None if it cannot be read (which has been said)."""
-        try:
-            recording = resources.enter_context(
-                api.logs.open_recording(log, self.setup(), blocks=blocks, hashed=self._hashed)
+
+        def opened() -> Recording:
+            return resources.enter_context(
+                api.logs.open_recording(log, self.setup, blocks=blocks, hashed=self._hashed)
             )
-        except ReadError as problem:
-            self._cannot_read(log, problem)
-            return None
-        self._read += 1
-        self.hashes[recording.log] = str(recording.provenance.get("sha256", ""))
-        self.hear(log, recording.remarks)
-        self.hear(recording.log, losses=recording.losses)
+
+        recording = self._known(opened)
+        if recording is not None:
+            self.hashes[recording.log] = str(recording.provenance.get("sha256", ""))
         return recording
 
     def hear(self, log: str, remarks: Iterable[str] = (), losses: Iterable[str] = ()) -> None:

@@ -61,10 +61,6 @@ if TYPE_CHECKING:
     from tirelog.diagnosis.propose.propose import Proposal
     from tirelog.diagnosis.results import Comparison, Ladder, Map
 
-#: what is drawn outside its point, and by how many points
-_ABOVE: dict[str, Any] = {"textcoords": "offset points", "xytext": (0, 7), "ha": "center"}
-_RIGHT: dict[str, Any] = {"textcoords": "offset points", "xytext": (4, 0), "va": "center"}
-
 
 # ---- The picture of a fit: which parameters its data tell apart.
 
@@ -198,7 +194,8 @@ def climbed_panel(
         marks.append(dots(place[-1:], there, name, colours[3], symbol="D", mec="black"))
     for x, (step, y) in enumerate(zip(taken, height, strict=True)):
         p = "" if step["p_adjusted"] is None else f"\np = {step['p_adjusted']:.2g}"
-        marks.append(words(f"{step['decision']}{p}", x, y, va="bottom", **_ABOVE))
+        text = f"{step['decision']}{p}"
+        marks.append(words(text, x, y, va="bottom", ha="center", beside=(0, 7)))
     return Panel(
         "",
         f"{climbed['observable']} error [{unit}]",
@@ -768,7 +765,7 @@ def ranked_panel(
     for y, c in enumerate(shown):
         p = "p < 0.001" if c.p_adjusted < 0.001 else f"p = {c.p_adjusted:.2g}"
         also = f", or {', '.join(c.group)}" if c.group else ""
-        marks.append(words(f"{p}{also}", 100.0 * c.excess_removed, y, **_RIGHT))
+        marks.append(words(f"{p}{also}", 100.0 * c.excess_removed, y, va="center", beside=(4, 0)))
     return Panel(
         "of the excess removed [%]",
         "",

@@ -129,7 +129,7 @@ def span(low: float, high: float, colour: Any, **style: Any) -> Mark:
 
 
 def words(text: str, x: float, y: float, **style: Any) -> Mark:
-    """Text at a place."""
+    """Text at a place; `beside`: so many points to the right of it and above."""
     return Mark("words", x, y, text, style=style)
 
 

@@ -76,7 +76,16 @@ def write(figure: Figure, path: Path) -> None:
 #: our words of style in matplotlib's
 _STYLE = {"width": "lw", "size": "ms", "opacity": "alpha", "dash": "ls", "symbol": "marker"}
 _DASHES = {"solid": "-", "dash": "--", "dot": ":", "dashdot": "-."}
-
+#: of a kind of mark matplotlib's method, what of the mark it takes, and how it looks at least
+_DRAWN: dict[str, tuple[str, str, dict[str, Any]]] = {
+    "line": ("plot", "x y", {}),
+    "dots": ("plot", "x y", {"marker": ".", "ls": "none"}),
+    "dots with errors": ("errorbar", "x y other", {"fmt": "."}),
+    "band": ("fill_between", "x y other", {"lw": 0}),
+    "upright": ("axvline", "x", {"lw": 0.7}),
+    "level": ("axhline", "y", {"lw": 1.0}),
+    "span": ("axvspan", "x other", {"lw": 0}),
+}
 
 #: more letters than that below an axis would lie on each other
 _LETTERS = 90
@@ -170,28 +179,21 @@ def _draw_mark(axes: Any, mark: Mark) -> Any:
     style |= {"ls": _DASHES[style["ls"]]} if style.get("ls") in _DASHES else {}
     of = COLOURS[mark.colour % len(COLOURS)] if isinstance(mark.colour, int) else mark.colour
     own = {"color": of, "label": mark.name or None}
-    if mark.kind == "line":
-        axes.plot(mark.x, mark.y, **own, **style)
-    elif mark.kind == "dots" and mark.other is None:
-        axes.plot(mark.x, mark.y, **own, **{"marker": ".", "ls": "none", **style})
-    elif mark.kind == "dots":
-        axes.errorbar(mark.x, mark.y, mark.other, **own, **{"fmt": ".", **style})
-    elif mark.kind == "band":
-        axes.fill_between(mark.x, mark.y, mark.other, **own, **{"lw": 0, **style})
+    if mark.kind == "heat":
+        return _draw_heat(axes, mark)
+    if mark.kind == "words":
+        beside = {"xytext": style.pop("beside", None), "textcoords": "offset points"}
+        shift = beside if beside["xytext"] is not None else {}
+        axes.annotate(mark.name, (mark.x, mark.y), **{"fontsize": 8, **shift, **style})
     elif mark.kind == "bars":
         across = style.pop("across", False)
         error = {} if mark.other is None else {"xerr" if across else "yerr": mark.other}
         (axes.barh if across else axes.bar)(mark.x, mark.y, 0.6, **own, **error, **style)
-    elif mark.kind == "upright":
-        axes.axvline(mark.x, **own, **{"lw": 0.7, **style})
-    elif mark.kind == "level":
-        axes.axhline(mark.y, **own, **{"lw": 1.0, **style})
-    elif mark.kind == "span":
-        axes.axvspan(mark.x, mark.other, **own, **{"lw": 0, **style})
-    elif mark.kind == "words":
-        axes.annotate(mark.name, (mark.x, mark.y), **{"fontsize": 8, **style})
     else:
-        return _draw_heat(axes, mark)
+        with_errors = mark.kind == "dots" and mark.other is not None
+        method, names, look = _DRAWN["dots with errors" if with_errors else mark.kind]
+        values = (getattr(mark, name) for name in names.split())
+        getattr(axes, method)(*values, **own, **{**look, **style})
     return None
 
 

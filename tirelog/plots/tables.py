@@ -103,8 +103,7 @@ def footprint_sketch(recording: Recording, part: Part, kind: str) -> Sketch | Tu
         return TurnsSketch.of(recording, found)
     p, windows = found.passages, []
     for row, title in _passages(found):
-        near = (float(p.speed_m_s[row]), _length(found, row), _cutoff(found, row))
-        window = passage_window(found.channel, p.sign, p.index[row], *near)
+        window = passage_window(found.channel, p.sign, p.index[row], *_seen_with(found, row))
         windows += [] if window is None else [(row, title, window)]
     return Sketch(recording, found, decimated(found.channel), windows)
 
@@ -213,22 +212,23 @@ def _passages(found: FootprintOfChannel) -> list[tuple[int, str]]:
     return chosen
 
 
-def _length(found: FootprintOfChannel, row: int) -> float:
+def _seen_with(found: FootprintOfChannel, row: int) -> tuple[float, float, float]:
+    """Speed [m/s], contact length [m] and low-pass [Hz] of a passage; usual ones if unknown."""
+    f = found.footprint
+    length = float(f.length_m[row]) if np.isfinite(f.length_m[row]) else 0.1
+    cutoff = float(f.cutoff_Hz[row]) if np.isfinite(f.cutoff_Hz[row]) else 400.0
     return (
-        float(found.footprint.length_m[row]) if np.isfinite(found.footprint.length_m[row]) else 0.1
+        float(found.passages.speed_m_s[row]),
+        length,
+        min(cutoff, 0.49 * found.channel.axis.rate_Hz),
     )
-
-
-def _cutoff(found: FootprintOfChannel, row: int) -> float:
-    asked = found.footprint.cutoff_Hz[row]
-    return float(min(asked if np.isfinite(asked) else 400.0, 0.49 * found.channel.axis.rate_Hz))
 
 
 def _passage(found: FootprintOfChannel, row: int, title: str, windows: PatchWindows) -> list[Panel]:
     """Strain and its derivatives along the tread (P2 Figs. 18, 19, 21), with the edges."""
     p, f = found.passages, found.footprint
-    speed, acceleration = float(p.speed_m_s[row]), float(np.nan_to_num(p.acceleration_m_s2[row]))
-    cutoff, middle = _cutoff(found, row), f.fits["shift_m"][row]
+    speed, length, cutoff = _seen_with(found, row)
+    acceleration, middle = float(np.nan_to_num(p.acceleration_m_s2[row])), f.fits["shift_m"][row]
     best, plain = (np.array([-0.5, 0.5]) * length[row] for length in (f.length_m, f.length_d1_m))
     derived = np.array([f.d2_entry_m[row], f.d2_exit_m[row]])
     lines = [
@@ -239,15 +239,14 @@ def _passage(found: FootprintOfChannel, row: int, title: str, windows: PatchWind
     if np.isfinite(onset := f.slip["onset_m"][row]):
         name = f"slip onset {1e3 * onset:.1f} mm"
         lines += upright([1e3 * (middle + onset)], name, MARK, width=1.5)
+    at = (speed, acceleration, length, cutoff)
+    inner = found.channel.surface == "inner"
+    first, *others = passage_panels(windows, at, inner, lines, (RAW, COLOURS[0]))
     said = (
         f"{title}: {p.time_s[row]:.2f} s, {speed:.1f} m/s, {round(acceleration, 1) + 0.0:+.1f} m/s²"
         f", low-pass {cutoff:.0f} Hz"
     )
-    inner = found.channel.surface == "inner"
-    panels = passage_panels(
-        windows, (speed, acceleration, _length(found, row), cutoff), inner, lines, (RAW, COLOURS[0])
-    )
-    return [replace(panels[0], title=said), *panels[1:]]
+    return [replace(first, title=said), *others]
 
 
 def free_rolling(acceleration_m_s2: Any, speed_m_s: Any) -> int:
@@ -493,11 +492,15 @@ def _speeds(log: str, channels: Sequence[Mapping[str, Any]]) -> list[Panel]:
         ]
         accelerations.append(dots(time[good], pushed[good], "", colour, size=2.5))
         reached.append(speed[good])
-    legend = {"fontsize": 8} if len(channels) > 1 else None
-    title = f"{Path(log).name}: band two standard errors, grey: flagged"
-    limits = (None, robust_range(*reached, share=0.0))
     return [
-        Panel("time [s]", "speed [m/s]", speeds, title, limits, legend=legend),
+        Panel(
+            "time [s]",
+            "speed [m/s]",
+            speeds,
+            f"{Path(log).name}: band two standard errors, grey: flagged",
+            (None, robust_range(*reached, share=0.0)),
+            legend={"fontsize": 8} if len(channels) > 1 else None,
+        ),
         Panel("time [s]", "acceleration [m/s²]", accelerations),
     ]
 
@@ -542,8 +545,8 @@ def _stops(recording: Recording, found: InflationOfChannel) -> Panel:
         if lost:
             text = f"−{MICRO * abs(leak):.1f}"
             marks.append(words(text, start, 0.04, xycoords=("data", "axes fraction")))
-    name = f"{Path(recording.log).name}: {found.channel.name}; shaded: stops, and what is lost"
-    return Panel("time [s]", _SINCE, marks, name)
+    title = f"{Path(recording.log).name}: {found.channel.name}; shaded: stops, and what is lost"
+    return Panel("time [s]", _SINCE, marks, title)
 
 
 def _ramps(recording: Recording, found: InflationOfChannel) -> Panel:
@@ -616,9 +619,8 @@ def phase_shift_picture(kept: Sequence[tuple[Recording, Part]], path: Path) -> N
     top = Page([[_fronts(shown), *(_map(shown, calibration, name) for name in ("shift", "width"))]])
     columns = [_times(p, clean_passages(p, calibration) if calibration else None) for p in shown]
     below = Page([list(row) for row in zip(*columns, strict=True)], share="x")
-    parts = [top, below] if shown else [top, Page([[None]])]
-    size = (max(4.2 * len(shown), 12.0), 13.0)
-    write(picture(Page(size=size, parts=parts, stacked=True, heights=(1.0, 2.2))), path)
+    parts, width = [top, below if shown else Page([[None]])], max(4.2 * len(shown), 12.0)
+    write(picture(Page(size=(width, 13.0), parts=parts, stacked=True, heights=(1.0, 2.2))), path)
 
 
 def _fronts(logs: Sequence[EdgeTimes]) -> Panel:
@@ -654,8 +656,9 @@ def _map(logs: Sequence[EdgeTimes], calibration: Calibration | None, what: str) 
         change = one(speed, calibration.reference_speed_m_s) + least
         marks.append(line(speed, change, "map", "k", width=1.5))
     name = "phase shift" if what == "shift" else "patch width"
-    title = f"{name.capitalize()} and speed (P4 Fig. 9)"
-    return Panel("speed [m/s]", f"{name} [deg]", marks, title)
+    return Panel(
+        "speed [m/s]", f"{name} [deg]", marks, f"{name.capitalize()} and speed (P4 Fig. 9)"
+    )
 
 
 def _points(

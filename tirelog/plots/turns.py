@@ -10,12 +10,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from tirelog.data.recording import Recording
-from tirelog.inference.stacks.cut import stacks_from_logs
+from tirelog.data.recording import Recording, Stack
+from tirelog.inference.stacks.cut import joined, stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.physics.moving.ring import Mode, natural_modes, of_model
 from tirelog.plots.record import (
@@ -47,10 +47,6 @@ from tirelog.plots.style import (
 from tirelog.strain.footprint.footprint import FootprintOfChannel
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import good
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 # ---- The order map: how much of each order of the wheel a grating feels, over speed or over time.
 #
@@ -116,28 +112,23 @@ def amplitudes(values: FloatArray) -> FloatArray:
     return found
 
 
-def map_of(
-    values: FloatArray, speed_m_s: FloatArray, time_s: FloatArray, radius_m: float
-) -> OrderMap:
+def map_of(turns: Stack) -> OrderMap:
     """The order map of revolutions, over speed, or over time if they are of one speed."""
+    speed_m_s, time_s = turns.conditions.speed_m_s, turns.conditions.time_s
     several = np.ptp(speed_m_s) > _ONE_SPEED * np.median(speed_m_s)
     axis = speed_m_s if several else time_s
     # a moment of its own for each revolution; of like speeds some together
     steps = int(min(_STEPS, max(axis.size // 2, 1) if several else axis.size))
     edges = np.linspace(axis.min(), axis.max() + 1e-9, steps + 1)
     row = np.clip(np.searchsorted(edges, axis, side="right") - 1, 0, steps - 1)
-    squares = amplitudes(values) ** 2
+    squares = amplitudes(turns.values) ** 2
     mean = np.full((steps, squares.shape[1]), np.nan)
     for step in np.unique(row):
         mean[step] = squares[row == step].mean(axis=0)
-    if several:
-        speeds = edges
-    else:
-        order = np.argsort(time_s)
-        speeds = np.interp(edges, time_s[order], speed_m_s[order])
-    return OrderMap(
-        "speed" if several else "time", edges, speeds / (2.0 * np.pi * radius_m), np.sqrt(mean)
-    )
+    order = np.argsort(time_s)
+    speeds = edges if several else np.interp(edges, time_s[order], speed_m_s[order])
+    wheel_Hz = speeds / (2.0 * np.pi * turns.radius_m)
+    return OrderMap("speed" if several else "time", edges, wheel_Hz, np.sqrt(mean))
 
 
 def order_maps(
@@ -185,10 +176,10 @@ def on_the_belt(mode: Mode, wheel_Hz: float) -> float:
     return abs(mode.frequency_Hz + turned)
 
 
-def modes_over(
-    axes: Axes, model: Model, found: OrderMap | None, *, highest_Hz: float, **more: Any
-) -> None:
-    """The modes of a ring model in the air as lines over speed on `axes`, as the belt feels them.
+def mode_lines(
+    model: Model, found: OrderMap | None, *, highest_Hz: float, **more: Any
+) -> list[Mark]:
+    """The modes of a ring model in the air as lines over speed, as the belt feels them.
 
     On the road waves of several numbers of lobes mix, and a mode has no one frequency on the belt.
     `found` is the map below the lines; without it they go from rest to FASTEST_M_S. `more`: the
@@ -209,26 +200,23 @@ def modes_over(
         # where the tire stands, what goes with the rotation and against it is one: just turning
         for mode in natural_modes(tire, speed_m_s=max(float(speed), 1e-3), to_Hz=2.0 * highest_Hz):
             if mode.damping_ratio < _MOST_DAMPED:
-                line = lines.setdefault((mode.shape, mode.direction), np.full(len(speeds), np.nan))
-                line[number] = on_the_belt(mode, wheel_Hz)
-    below = -np.inf
+                felt = lines.setdefault((mode.shape, mode.direction), np.full(len(speeds), np.nan))
+                felt[number] = on_the_belt(mode, wheel_Hz)
+    below, dashes = -np.inf, {"with": "solid", "against": "dash"}
     around = [Stroke(linewidth=3.4, foreground="white"), Stroke(linewidth=1.6, foreground="black")]
-    for (shape, direction), line in sorted(lines.items(), key=lambda item: item[1][-1]):
-        style = {"with": "-", "against": "--"}.get(direction, ":")
-        axes.plot(places, line, style, color="black", lw=1.6, path_effects=around)
-        height = float(line[-1])
-        if not height <= highest_Hz or height - below < _APART * highest_Hz:
-            continue  # names would lie on each other
-        below = height
-        axes.annotate(
-            f" {shape}", (places[-1], height), xytext=(4, 0), textcoords="offset points",
-            fontsize=9, va="center", annotation_clip=False,
-        )  # fmt: skip
-    handles = [
-        axes.plot([], [], style, color="black", lw=1.6, label=f"{word} the rotation")[0]
-        for style, word in (("-", "wave with"), ("--", "wave against"))
-    ]
-    axes.legend(handles=handles, loc="upper left", title="modes in the air", title_fontsize=10)
+    marks = []
+    for (shape, direction), felt in sorted(lines.items(), key=lambda item: item[1][-1]):
+        look = {"dash": dashes.get(direction, "dot"), "width": 1.6, "path_effects": around}
+        marks.append(line(places, felt, "", "black", **look))
+        height = float(felt[-1])
+        if height <= highest_Hz and height - below >= _APART * highest_Hz:
+            below = height  # else names would lie on each other
+            look = {"fontsize": 9, "va": "center", "beside": (4, 0), "annotation_clip": False}
+            marks.append(words(f" {shape}", places[-1], height, **look))
+    for direction, dash in dashes.items():
+        name = f"wave {direction} the rotation"
+        marks.append(line([], [], name, "black", dash=dash, width=1.6))
+    return marks
 
 
 def modes_over_orders(
@@ -241,20 +229,16 @@ def modes_over_orders(
 ) -> None:
     """Write the modes over the order maps of logs, by name, to `path`; over speed without one."""
     named = [(Path(log).name, found) for log, found in maps[:_MOST]]
-    below: list[OrderMap | None] = [found for _, found in named]
+    below: list[OrderMap | None] = [found for _, found in named] or [None]
     empty = Panel("speed [m/s]", "frequency on the belt [Hz]", limits=((0.0, FASTEST_M_S), None))
     panels = [
         replace(
             panel,
+            marks=[*panel.marks, *mode_lines(model, found, highest_Hz=highest_Hz, **more)],
             limits=(panel.limits[0], (0.0, highest_Hz)),
-            own=partial(modes_over, model=model, found=found, highest_Hz=highest_Hz, **more),
-            legend=None,
+            legend={"loc": "upper left", "title": "modes in the air", "title_fontsize": 10},
         )
-        for panel, found in zip(
-            order_maps(named, orders=()) if named else [empty],
-            below or [None],
-            strict=True,
-        )
+        for panel, found in zip(order_maps(named, orders=()) or [empty], below, strict=True)
     ]
     size = (SLIDE[0] if len(panels) > 1 else 0.8 * SLIDE[0], SLIDE[1])
     with on_a_slide():
@@ -266,13 +250,7 @@ def map_of_log(recording: Recording, channel: str | None = None) -> OrderMap:
 
     UsageError: no such channel, or too few revolutions.
     """
-    parts = list(stacks_from_logs([recording], "strain", channel))
-    return map_of(
-        np.concatenate([part.values for part in parts]),
-        np.concatenate([part.conditions.speed_m_s for part in parts]),
-        np.concatenate([part.conditions.time_s for part in parts]),
-        parts[0].radius_m,
-    )
+    return map_of(joined(stacks_from_logs([recording], "strain", channel)))
 
 
 # ---- Waveforms drawn around the wheel, as they are where they act: the road is below.
@@ -344,23 +322,15 @@ _SIGMAS = 2.0
 
 @dataclass(frozen=True)
 class TurnsSketch:
-    """The revolutions of one channel, read while its log was open.
+    """The revolutions of one channel, read while its log was open: each `every`-th as `turns`.
 
-    phi_rad (m,), entry negative; strain (n, m), NaN where there is no sample; time_s, speed_m_s,
-    manoeuvre (n,); every is the share of revolutions kept: each `every`-th.
-    found holds the contact length of each passage.
+    `found` holds the contact length of each passage.
     """
 
-    log: str
-    channel: str
-    radius_m: float
-    phi_rad: FloatArray
-    strain: FloatArray
-    time_s: FloatArray
-    speed_m_s: FloatArray
-    every: int
+    recording: Recording
     found: FootprintOfChannel
-    static_length_m: float | None = None
+    turns: Stack
+    every: int
 
     @classmethod
     def of(cls, recording: Recording, found: FootprintOfChannel) -> TurnsSketch:
@@ -374,23 +344,12 @@ class TurnsSketch:
         for stack in stacks:
             kept.append(stack.take(slice(first % every, None, every)))
             first -= len(stack)
-        return cls(
-            recording.log,
-            found.channel.name,
-            kept[0].radius_m,
-            kept[0].phi_rad,
-            np.concatenate([part.values for part in kept]),
-            np.concatenate([part.conditions.time_s for part in kept]),
-            np.concatenate([part.conditions.speed_m_s for part in kept]),
-            every,
-            found,
-            recording.setup.tire.static_footprint_length_m,
-        )
+        return cls(recording, found, joined(kept), every)
 
     @property
     def name(self) -> str:
         """Log and channel."""
-        return f"{Path(self.log).name}: {self.channel}"
+        return f"{Path(self.recording.log).name}: {self.found.channel.name}"
 
     @property
     def length(self) -> tuple[float, float, float]:
@@ -412,30 +371,15 @@ class TurnsSketch:
     def half_angle_rad(self) -> float:
         """Half of the patch on the wheel; of a log without lengths a usual one."""
         length = self.length[0]
-        return 0.5 * (length if np.isfinite(length) else 0.1) / self.radius_m
+        return 0.5 * (length if np.isfinite(length) else 0.1) / self.turns.radius_m
 
 
-@dataclass(frozen=True)
-class SpeedClass:
-    """Revolutions of like speed: their mean waveform and its band, (m,), as strain."""
+def speed_classes(turns: Stack) -> list[tuple[float, int, FloatArray, FloatArray]]:
+    """(speed [m/s], revolutions, mean [strain] (m,), scatter (m,)) of like speeds, slowest first.
 
-    speed_m_s: float
-    turns: int
-    mean: FloatArray
-    scatter: FloatArray
-
-    @property
-    def se(self) -> FloatArray:
-        """Standard error of the mean, (m,)."""
-        return np.asarray(self.scatter / max(self.turns, 1) ** 0.5)
-
-
-def speed_classes(sketch: TurnsSketch) -> list[SpeedClass]:
-    """The revolutions by speed, slowest first, in classes of equal width.
-
-    A class whose revolutions are fewer than three has no scatter and is left out.
+    Classes are of equal width. One of fewer than three revolutions has no scatter and is left out.
     """
-    speed = sketch.speed_m_s
+    speed = turns.conditions.speed_m_s
     # a spread of a tenth of the speed is one class
     span = float(np.ptp(speed)) / max(float(np.median(speed)), 1e-9)
     count = 1 if span < 0.1 else _CLASSES
@@ -444,19 +388,16 @@ def speed_classes(sketch: TurnsSketch) -> list[SpeedClass]:
     found = []
     for number in range(count):
         rows = which == number
-        known = np.isfinite(sketch.strain[rows])
         if rows.sum() < 3:
             continue
-        times = known.sum(axis=0)
+        values = turns.values[rows]
+        times = np.isfinite(values).sum(axis=0)
         with np.errstate(invalid="ignore", divide="ignore"):
-            mean = np.nansum(sketch.strain[rows], axis=0) / times
-            square = np.nansum((sketch.strain[rows] - mean) ** 2, axis=0) / (times - 1)
+            mean = np.nansum(values, axis=0) / times
+            square = np.nansum((values - mean) ** 2, axis=0) / (times - 1)
         scatter = np.where(times > 2, np.sqrt(square), np.nan)
-        found.append(
-            SpeedClass(
-                float(speed[rows].mean()), int(rows.sum()), np.where(times, mean, np.nan), scatter
-            )
-        )
+        mean = np.where(times, mean, np.nan)
+        found.append((float(speed[rows].mean()), int(rows.sum()), mean, scatter))
     return found
 
 
@@ -478,24 +419,24 @@ def _page(panels: Sequence[Panel], sketches: Sequence[TurnsSketch], bar: str = "
 
 def waterfall(sketches: Sequence[TurnsSketch]) -> Page:
     """Strain in colour over the angle about the patch and the revolutions, one scale for all."""
-    low, high = robust_range(*(s.strain for s in sketches[:MOST]), share=0.0, margin=0.0)
+    low, high = robust_range(*(s.turns.values for s in sketches[:MOST]), share=0.0, margin=0.0)
     panels = []
     for sketch in sketches[:MOST]:
-        near = np.abs(sketch.phi_rad) <= min(_AROUND * sketch.half_angle_rad, np.pi)
-        phi, turns = np.degrees(sketch.phi_rad), 1 + sketch.every * np.arange(len(sketch.strain))
-        strain = MICRO * filled(sketch.strain)[:, near]
+        turns, speed = sketch.turns, sketch.turns.conditions.speed_m_s
+        near = np.abs(turns.phi_rad) <= min(_AROUND * sketch.half_angle_rad, np.pi)
+        phi, number = np.degrees(turns.phi_rad), 1 + sketch.every * np.arange(len(turns))
+        strain = MICRO * filled(turns.values)[:, near]
         scale = ("linear", MICRO * low, MICRO * high)
         half = float(np.degrees(sketch.half_angle_rad))
-        speeds = f"{sketch.speed_m_s.min():.0f} to {sketch.speed_m_s.max():.0f} m/s"
         panels.append(
             Panel(
                 "angle from the patch centre [deg]",
                 f"revolution{f', each {sketch.every}th' if sketch.every > 1 else ''}",
                 [
-                    heat(phi[near], turns, strain, "strain [microstrain]", *scale),
+                    heat(phi[near], number, strain, "strain [microstrain]", *scale),
                     *upright((-half, half), "", "white", width=1.0, dash="dash"),
                 ],
-                f"{sketch.name}\n{speeds}",
+                f"{sketch.name}\n{speed.min():.0f} to {speed.max():.0f} m/s",
             )
         )
     return _page(panels, sketches, "strain [microstrain]")
@@ -515,15 +456,10 @@ def polar(sketches: Sequence[TurnsSketch]) -> Page:
     """The mean strain around the wheel, road below, by speed; the patch as an arc on the road."""
     panels = []
     for sketch in sketches[:MOST]:
-        classes = speed_classes(sketch)
+        classes, phi = speed_classes(sketch.turns), sketch.turns.phi_rad
         waves = [
-            (
-                sketch.phi_rad,
-                MICRO * c.mean,
-                MICRO * c.scatter,
-                f"{c.speed_m_s:.1f} m/s ({c.turns})",
-            )
-            for c in classes
+            (phi, MICRO * mean, MICRO * scatter, f"{speed:.1f} m/s ({count})")
+            for speed, count, mean, scatter in classes
         ]
         length, se, _ = sketch.length
         told = f"\npatch {1e3 * length:.1f} ± {1e3 * se:.1f} mm" if np.isfinite(length) else ""
@@ -538,7 +474,7 @@ def polar(sketches: Sequence[TurnsSketch]) -> Page:
                 own=partial(
                     around_the_wheel,
                     waves=waves,
-                    colours=by_value([c.speed_m_s for c in classes]),
+                    colours=by_value([speed for speed, *_ in classes]),
                     half_angle_rad=sketch.half_angle_rad,
                 ),
                 polar=True,
@@ -561,19 +497,22 @@ def edges(sketches: Sequence[TurnsSketch]) -> Page:
 
 def _edge(sketch: TurnsSketch, side: float, name: str) -> Panel:
     """One edge of a channel."""
-    classes, half, radius_mm = speed_classes(sketch), sketch.half_angle_rad, 1e3 * sketch.radius_m
-    reach, middle, scatter = _CLOSE * half, side * half * radius_mm, 500 * sketch.length[2]
-    near = np.abs(sketch.phi_rad - side * half) <= reach + 2 * np.diff(sketch.phi_rad).max()
-    x = radius_mm * sketch.phi_rad[near]
+    classes, phi, half = speed_classes(sketch.turns), sketch.turns.phi_rad, sketch.half_angle_rad
+    radius_mm, moves = 1e3 * sketch.turns.radius_m, 500 * sketch.length[2]
+    reach, middle = _CLOSE * half, side * half * radius_mm
+    near = np.abs(phi - side * half) <= reach + 2 * np.diff(phi).max()
+    x = radius_mm * phi[near]
     marks = []
-    for c, colour in zip(classes, by_value([c.speed_m_s for c in classes]), strict=True):
-        mean, wide, narrow = (MICRO * one[near] for one in (c.mean, c.scatter, _SIGMAS * c.se))
+    colours = by_value([speed for speed, *_ in classes])
+    for (speed, count, mean, scatter), colour in zip(classes, colours, strict=True):
+        y, wide = MICRO * mean[near], MICRO * scatter[near]
+        narrow = _SIGMAS * wide / count**0.5
         marks += [
-            band(x, mean - wide, mean + wide, "", colour, opacity=0.15),
-            band(x, mean - narrow, mean + narrow, "", colour, opacity=0.45),
-            line(x, mean, f"{c.speed_m_s:.1f} m/s", colour, symbol=".", size=5),
+            band(x, y - wide, y + wide, "", colour, opacity=0.15),
+            band(x, y - narrow, y + narrow, "", colour, opacity=0.45),
+            line(x, y, f"{speed:.1f} m/s", colour, symbol=".", size=5),
         ]
-    marks.append(span(middle - scatter, middle + scatter, EDGE, opacity=0.2))
+    marks.append(span(middle - moves, middle + moves, EDGE, opacity=0.2))
     return Panel(
         "ξ from the patch centre [mm]",
         "strain [microstrain]" if side < 0 else "",
@@ -597,15 +536,15 @@ def lengths(sketches: Sequence[TurnsSketch]) -> Page:
         look = {"error": error, "size": 5, "elinewidth": 0.8, "opacity": 0.75}
         for x, drawn in marks.items():
             drawn.append(dots(getattr(p, x)[rows], length, sketch.name, colour, **look))
-            if sketch.static_length_m is not None:
-                static = 1e3 * sketch.static_length_m
-                drawn.append(level(static, "", colour, width=1.2, dash="dot"))
-                heights.append(np.array([static]))
+            if (static := sketch.recording.setup.tire.static_footprint_length_m) is not None:
+                drawn.append(level(1e3 * static, "", colour, width=1.2, dash="dot"))
+                heights.append(np.array([1e3 * static]))
     left = len(sketches) - (len(COLOURS) - 1)
+    statics = any(s.recording.setup.tire.static_footprint_length_m for s in sketches)
     said = (
         "bars two standard errors"
         + (f"; {left} channels more are not drawn" if left > 0 else "")
-        + ("; dotted: static footprint" if any(s.static_length_m for s in sketches) else "")
+        + ("; dotted: static footprint" if statics else "")
     )
     limits = (None, robust_range(*heights, share=0.0))
     by_speed = Panel(
@@ -617,7 +556,7 @@ def lengths(sketches: Sequence[TurnsSketch]) -> Page:
 
 def orders(sketches: Sequence[TurnsSketch]) -> Page:
     """The order map of each channel, at one scale of colours."""
-    maps = [(s.name, map_of(s.strain, s.speed_m_s, s.time_s, s.radius_m)) for s in sketches[:MOST]]
+    maps = [(sketch.name, map_of(sketch.turns)) for sketch in sketches[:MOST]]
     return _page(order_maps(maps), sketches, _AMPLITUDE)
 
 

@@ -42,11 +42,11 @@ from tirelog.products import OF_A_DRIVE, tables_of
 from tirelog.report.page import (
     Card,
     Figure,
-    LadderRow,
     LogColours,
     Report,
     ReportRequest,
     Section,
+    log_colours,
 )
 from tirelog.report.sections import models
 from tirelog.report.sections import recorded as sections
@@ -75,7 +75,7 @@ def build(
         deque(once_each(recordings, model.observables, asked.channel, []), maxlen=0)
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     report = Report(_title(recordings, asked), made=f"Made on {now} by tirelog {__version__}")
-    colours = LogColours(recording.log for recording in recordings)
+    colours = log_colours(recording.log for recording in recordings)
     look = asked.command("info")
     if recordings:
         report.sections.append(sections.recorded(recordings, look, colours))
@@ -136,22 +136,16 @@ def _tables(
         ready = {}
     for name in _COMMANDS:
         command = asked.command(name)
-        try:
-            if name in files:
-                table, lines, remarks = given_table(files, name), None, list[str]()
-                if name == "dissipation":
-                    lines = given_table(files, "dissipation-fit")
-            else:  # the table goes as soon as it is drawn
-                made = ready.pop(name, None) or made_tables([name], recordings)[name]
-                table, lines, remarks = made
-                del made
+        try:  # a table goes as soon as it is drawn
+            table, lines, remarks = _one_table(name, files, ready, recordings)
         except TirelogError as problem:
             report.missing.append((f"{name}: {problem}", command))
             continue
-        if table is None or not len(table):
-            why = "no channel for it" if table is None else "no passage was found"
-            seen = asked.command("info") if table is None else command
-            report.missing.append((f"{name}: {why}", seen))
+        if table is None:
+            report.missing.append((f"{name}: no channel for it", asked.command("info")))
+            continue
+        if not len(table):
+            report.missing.append((f"{name}: no passage was found", command))
             continue
         drawn = (table, command, remarks, colours)
         if name == "speed":
@@ -162,7 +156,9 @@ def _tables(
             passage = [
                 f
                 for recording in recordings[:1]
-                for f in sections.passage_figures(recording, table, speed, colours(recording.log))
+                for f in sections.passage_figures(
+                    recording, table, speed, colours[Path(recording.log).name]
+                )
             ]
             report.sections.append(sections.footprint_section(*drawn, passage))
         elif name == "dissipation":
@@ -171,31 +167,32 @@ def _tables(
                 absent = "dissipation: the regressions on speed (give the file with --table)"
                 report.missing.append((absent, asked.command(name, "--fit", "-o", "fit.csv")))
         else:
-            _phase_shift(report, table, command, remarks, asked, colours)
+            report.sections.append(sections.phase_shift_section(*drawn))
+            lacks = [what for c, what in _CALIBRATED.items() if not sections.holds(table, c)]
+            if lacks:
+                learnt = ("--calibration", "CALIBRATION.toml", "-o", "phase.csv")
+                said = f"phase shift: {' and '.join(lacks)} (give the table with --table)"
+                report.missing.append((said, asked.command(name, *learnt)))
         del table, drawn  # an hour of 16 gratings is half a million rows
     measured = [(section.title, section.text[0]) for section in report.sections[first:]]
     return [("Measured", sections.measured_on(recordings)), *measured] if recordings else measured
 
 
-def _phase_shift(
-    report: Report,
-    table: pd.DataFrame,
-    command: str,
-    remarks: Sequence[str],
-    asked: ReportRequest,
-    colours: LogColours,
-) -> None:
-    """The section, and what a calibration would add to it."""
-    report.sections.append(sections.phase_shift_section(table, command, remarks, colours))
-    wanted = {
-        "phase_shift_corrected_deg": "the corrected shift (P4 Figs. 11 to 13)",
-        "vertical_force_N": "forces by the calibration's maps",
-    }
-    absent = [what for column, what in wanted.items() if not sections.holds(table, column)]
-    if absent:
-        again = asked.command("phase-shift", "--calibration", "CALIBRATION.toml", "-o", "phase.csv")
-        said = f"phase shift: {' and '.join(absent)} (give the table with --table)"
-        report.missing.append((said, again))
+#: what only a calibration adds to phase shifts, by a column that holds it
+_CALIBRATED = {
+    "phase_shift_corrected_deg": "the corrected shift (P4 Figs. 11 to 13)",
+    "vertical_force_N": "forces by the calibration's maps",
+}
+
+
+def _one_table(
+    name: str, files: GivenTables, ready: dict[str, MadeTable], recordings: Sequence[Recording]
+) -> MadeTable:
+    """A table that was given, that is `ready`, or that is made alone."""
+    if name not in files:
+        return ready.pop(name, None) or made_tables([name], recordings)[name]
+    lines = given_table(files, "dissipation-fit") if name == "dissipation" else None
+    return given_table(files, name), lines, []
 
 
 def _models(
@@ -276,7 +273,7 @@ def model_story(
     """
     logs = measured_for(recordings, model.observables, asked.channel, level=not model.ac_coupled)
     own = own_effects(model.effects_file, asked=False)
-    colours = LogColours(r.log for r in recordings) if colours is None else colours
+    colours = log_colours(r.log for r in recordings) if colours is None else colours
     compared = compare(logs.revolutions, model)
     asked_of = or_refusal(diagnose)(logs.revolutions, model, effects=own, progress=progress)
     found = None if isinstance(asked_of, ModelError) else asked_of
@@ -342,7 +339,7 @@ def story_of(
 
     `command(name)`: the line that repeats it; `next_command`: what to type next.
     """
-    colours = LogColours(models.logs_of(compared)) if colours is None else colours
+    colours = log_colours(models.logs_of(compared)) if colours is None else colours
     best: Comparison | None = None
     added: Sequence[str] = () if found is None else (*found.found.came_in, *found.selected)
     missing: list[tuple[str, str]] = []
@@ -415,6 +412,8 @@ _UNUSED = {
 
 #: files by the command that made them, each with the log's name if the file does not hold it
 GivenTables = dict[str, list[tuple[Path, str | None]]]
+#: a table, the regressions on speed of a dissipation table, and what was said of it
+MadeTable = tuple[pd.DataFrame | None, pd.DataFrame | None, list[str]]
 
 
 def given_table(files: GivenTables, kind: str) -> pd.DataFrame | None:
@@ -493,9 +492,7 @@ def given_tables(paths: Sequence[Path], campaign: Path | None = None) -> GivenTa
     return files
 
 
-def made_tables(
-    names: Sequence[str], recordings: Sequence[Recording]
-) -> dict[str, tuple[pd.DataFrame | None, pd.DataFrame | None, list[str]]]:
+def made_tables(names: Sequence[str], recordings: Sequence[Recording]) -> dict[str, MadeTable]:
     """Tables of the logs that suit them, made as their commands make them, in what is drawn of it.
 
     Each, None if no log suits it, with the regressions on speed (of the dissipation table) and what
@@ -617,14 +614,12 @@ def _section(data: dict[str, Any]) -> Section:
     figures = [Figure(**one) for one in data.pop("figures")]
     tables = [AnswerTable(**one) for one in data.pop("tables")]
     card = data.pop("card", None)
-    if card is not None:
-        rungs = [LadderRow(**one) for one in card["rungs"]]
-        card = Card(**card | {"facts": [tuple(one) for one in card["facts"]], "rungs": rungs})
     for pairs in ("formulas", "sources"):
         data[pairs] = tuple((str(name), str(text)) for name, text in data.get(pairs, ()))
     if not all(_ID.fullmatch(name) for name in (data["id"], *(figure.id for figure in figures))):
         raise ValueError
-    return Section(**data, figures=figures, tables=tables, card=card)
+    answer = None if card is None else Card(**card)
+    return Section(**data, figures=figures, tables=tables, card=answer)
 
 
 def model_pages(campaign: Path) -> Iterator[Told]:

@@ -21,10 +21,12 @@ import hashlib
 import json
 import re
 import shlex
-from collections.abc import Iterable, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from importlib import resources
+from itertools import count
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -88,19 +90,16 @@ def packed_array(values: Any) -> dict[str, str]:
     return out
 
 
-class LogColours:
-    """Of each log the number of its colour, by its file name; the same in every figure."""
+#: of each log the number of its colour, by its file name; the same in every figure
+LogColours = defaultdict[str, int]
 
-    def __init__(self, logs: Iterable[str] = ()) -> None:
-        self._numbers: dict[str, int] = {}
-        for log in logs:
-            self(log)
 
-    def __call__(self, log: str) -> int:
-        return self._numbers.setdefault(PurePath(log).name, len(self._numbers))
-
-    def __len__(self) -> int:
-        return len(self._numbers)
+def log_colours(logs: Iterable[str]) -> LogColours:
+    """The next colour for each log that has none yet."""
+    numbers = LogColours(count().__next__)
+    for log in logs:
+        _ = numbers[PurePath(log).name]
+    return numbers
 
 
 def thinning(points: int) -> int:
@@ -207,25 +206,13 @@ def _traces(mark: Mark, panel: Panel) -> list[dict[str, Any]]:
 
 
 @dataclass(frozen=True)
-class LadderRow:
-    """A model on the way to the best one.
-
-    What was added and what that is, the error and the noise floor in the card's unit.
-    """
-
-    name: str
-    said: str
-    error: float
-    floor: float
-
-
-@dataclass(frozen=True)
 class Card:
     """The answer at a glance.
 
     word      the verdict in a word or two; sentence: what it says
     facts     (term, text): measured on what, how sure, ...
-    rungs     the error falling, in `unit`; rungs_said: what errors these are
+    rungs     models on the way to the best one: `name` and what that is (`said`), `error` and noise
+              `floor` in `unit`; rungs_said: what errors these are
     advice    what to do or drive next; command: the line to type next
     """
 
@@ -234,7 +221,7 @@ class Card:
     facts: Sequence[tuple[str, str]]
     command: str
     advice: Sequence[str] = ()
-    rungs: Sequence[LadderRow] = ()
+    rungs: Sequence[Mapping[str, Any]] = ()
     rungs_said: str = ""
     unit: str = ""
 
@@ -484,16 +471,16 @@ def _rungs(card: Card) -> str:
     """The error falling: a bar per model, the floor marked on each."""
     if not card.rungs:
         return ""
-    largest = max(1e-300, *(value for rung in card.rungs for value in (rung.error, rung.floor)))
+    largest = max(1e-300, *(rung[of] for rung in card.rungs for of in ("error", "floor")))
     steps = []
     for rung in card.rungs:
-        length, mark = 100.0 * rung.error / largest, 100.0 * rung.floor / largest
+        length, mark = 100.0 * rung["error"] / largest, 100.0 * rung["floor"] / largest
         steps.append(
-            f"<li><strong>{escape(rung.name)}</strong> <span>{escape(rung.said)}</span>"
+            f"<li><strong>{escape(rung['name'])}</strong> <span>{escape(rung['said'])}</span>"
             f'<span class="bar" aria-hidden="true"><span style="width:{length:.1f}%"></span>'
             f'<i style="left:{mark:.1f}%"></i></span>'
-            f'<span class="error">{rung.error:.3g} {escape(card.unit)}, noise floor '
-            f"{rung.floor:.3g}</span></li>"
+            f'<span class="error">{rung["error"]:.3g} {escape(card.unit)}, noise floor '
+            f"{rung['floor']:.3g}</span></li>"
         )
     said = f'<p class="alt">{escape(card.rungs_said)}</p>' if card.rungs_said else ""
     heading = "How the error falls" if len(steps) > 1 else "The error"

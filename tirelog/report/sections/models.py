@@ -4,7 +4,8 @@
 
 The answer is the page's first section: a card (verdict, what it was measured on, how sure, the
 error falling, what to do next), and measured, first and best model at one scale. Everything is what
-the commands gave; nothing is estimated here.
+the commands gave; nothing is estimated here. With a section for each answer the file is longer than
+others.
 """
 
 from __future__ import annotations
@@ -52,11 +53,11 @@ from tirelog.report.page import (
     SYMBOLS,
     Card,
     Figure,
-    LadderRow,
     LogColours,
     ReportRequest,
     Section,
     figure,
+    log_colours,
 )
 from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
 from tirelog.vocabulary.observables import shown
@@ -71,6 +72,8 @@ _WORDS = {
     "unknown": "Unknown effect",
     "scatter": "Scatter above the floor",
 }
+#: a model on the way, as a card has it
+Rung = dict[str, Any]
 NO_MODEL = "No model was held against these logs, so nothing is said of what one would miss."
 
 
@@ -117,16 +120,15 @@ def answer(given: AnswerSection, command: str, made_with: str, colours: LogColou
     """The section.  `command`: what to type next; `made_with`: the command that repeats it."""
     factor, unit = shown_value(given.compared.observable, given.compared.unit)
     first, named = given.compared, (given.best or given.compared).model.effects
+    rungs, rungs_said = _rungs(given, factor)
     if given.found is None:
-        held = first.rmse_heldout
-        error = (first.rmse if held is None else held) * factor
-        which = "Error of the fit (none held out)" if held is None else "Held-out error"
+        which = (
+            "Error of the fit (none held out)" if first.rmse_heldout is None else "Held-out error"
+        )
         word, sentence = (
             "Compared",
-            (
-                f"{which} {error:.3g} {unit}, noise floor {first.noise_floor * factor:.3g}. What "
-                "is missing was not asked."
-            ),
+            f"{which} {rungs[0]['error']:.3g} {unit}, noise floor {rungs[0]['floor']:.3g}. What "
+            "is missing was not asked.",
         )
     else:
         word, sentence = _word(given.found), given.found.sentence
@@ -138,7 +140,7 @@ def answer(given: AnswerSection, command: str, made_with: str, colours: LogColou
         (),
         [*_before_and_after(given, colours), *_curves(given, colours)],
         folded=False,
-        card=Card(word, sentence, facts, command, advice, *_rungs(given, factor), unit),
+        card=Card(word, sentence, facts, command, advice, rungs, rungs_said, unit),
         sources=[(one.id, one.effect.source) for one in named],
     )
 
@@ -248,14 +250,14 @@ def _advice(found: Diagnosis | None) -> list[str]:
     return [*([left] if found.verdict in ("unknown", "partial") and left else []), *drives]
 
 
-def _rungs(given: AnswerSection, factor: float) -> tuple[list[LadderRow], str]:
+def _rungs(given: AnswerSection, factor: float) -> tuple[list[Rung], str]:
     """The models on the way, from the ladder or the diagnosis, and what errors these are."""
 
-    def rung(name: str, said: str, error: float, held_out: float | None, floor: float) -> LadderRow:
-        shown_error = error if held_out is None else held_out
-        return LadderRow(name, said, shown_error * factor, floor * factor)
+    def rung(name: str, said: str, error: float, held_out: float | None, floor: float) -> Rung:
+        shown_error = (error if held_out is None else held_out) * factor
+        return {"name": name, "said": said, "error": shown_error, "floor": floor * factor}
 
-    def of(name: str, said: str, one: Comparison) -> LadderRow:
+    def of(name: str, said: str, one: Comparison) -> Rung:
         return rung(name, said, one.rmse, one.rmse_heldout, one.noise_floor)
 
     def physics(*effects: str) -> str:
@@ -284,7 +286,7 @@ def _rungs(given: AnswerSection, factor: float) -> tuple[list[LadderRow], str]:
         name = f"+ {' and '.join(found.selected)}"
         rungs.append(of(name, physics(*found.selected), found.after))
     else:  # the floor of the verdict
-        rungs[-1] = replace(rungs[-1], floor=found.noise_floor * factor)
+        rungs[-1]["floor"] = found.noise_floor * factor
     if found.rmse_heldout_before is None:
         return rungs, "The error of the fit: of one manoeuvre none can be held out."
     return rungs, "Held-out error, beside the noise floor (the upright mark)."
@@ -353,7 +355,10 @@ def _waves(
     label = max(common, key=parted)
     i = labels[-1].index(label)
     phi, floor = np.rad2deg(last.waveforms.phi_rad[i]), 2.0 * factor * last.waveforms.floor[i]
-    measured, colour = last.waveforms.measured[i] * factor, colours(last.waveforms.logs[i])
+    measured, colour = (
+        last.waveforms.measured[i] * factor,
+        colours[Path(last.waveforms.logs[i]).name],
+    )
     waves = [dots(phi, measured, f"measured, {label}", colour, marker={"size": 5})]
     rest = [band(phi, -floor, floor, "two noise floors", GREY)]
     looks = ({"color": GREY, "dash": "dash", "width": 2}, {"color": INK, "width": 2})
@@ -400,21 +405,23 @@ def _curves(given: AnswerSection, colours: LogColours) -> list[Figure]:
         if np.isfinite(error).all():
             marks.append(band(x, added - error, added + error, "two standard errors of it", INK))
             known = ", two standard errors of its own parameters (dark band)"
-        colour: int | str = colours(curve.log) if of_angle else GREY
+        colour: int | str = colours[Path(curve.log).name] if of_angle else GREY
         marks += [
             dots(x, curve.measured * factor, "measured less all else", colour, marker={"size": 5}),
             line(x, added, f"{curve.effect} as fitted", INK, line={"width": 2}),
         ]
-        physics = given.catalogue.get(curve.effect)
-        alt = (
-            f"What {curve.effect} adds to the prediction{said} (line), two noise floors about it "
-            f"(pale band){known}, and what is measured less everything else that the model "
-            "predicts (points)."
-            + (f" {_physics(physics)[:1].upper()}{_physics(physics)[1:]}." if physics else "")
+        physics, y = given.catalogue.get(curve.effect), f"added {one.observable} [{unit}]"
+        figures.append(
+            figure(
+                f"answer-effect-{len(figures)}",
+                f"What {curve.effect} adds{said}",
+                f"What {curve.effect} adds to the prediction{said} (line), two noise floors about "
+                f"it (pale band){known}, and what is measured less everything else that the model "
+                "predicts (points)."
+                + (f" {_physics(physics)[:1].upper()}{_physics(physics)[1:]}." if physics else ""),
+                over_angle(one, y, marks) if of_angle else Panel("speed [m/s]", y, marks),
+            )
         )
-        title, y = f"What {curve.effect} adds{said}", f"added {one.observable} [{unit}]"
-        panel = over_angle(one, y, marks) if of_angle else Panel("speed [m/s]", y, marks)
-        figures.append(figure(f"answer-effect-{len(figures)}", title, alt, panel))
     return figures
 
 
@@ -422,7 +429,7 @@ def comparisons(
     result: Comparison, command: str, colours: LogColours | None = None
 ) -> list[Section]:
     """The section of a comparison; of several observables one of all, and one of each."""
-    colours = LogColours(logs_of(result)) if colours is None else colours
+    colours = log_colours(logs_of(result)) if colours is None else colours
     if not result.parts:
         return [comparison(result, command, colours)]
     found = [_together(result, command)]
@@ -525,21 +532,22 @@ def styles(logs: Sequence[str], colours: LogColours) -> list[tuple[int, str, str
         return [(i, DASHES[0], SYMBOLS[i % len(SYMBOLS)]) for i in range(len(logs))]
     own = [logs[:i].count(log) for i, log in enumerate(logs)]
     return [
-        (colours(log), DASHES[k % len(DASHES)], SYMBOLS[k % len(SYMBOLS)])
+        (colours[Path(log).name], DASHES[k % len(DASHES)], SYMBOLS[k % len(SYMBOLS)])
         for log, k in zip(logs, own, strict=True)
     ]
 
 
 def _waveforms(result: Comparison, factor: float, unit: str, colours: LogColours) -> Figure:
     """Measured and predicted waveforms, with two noise floors about the prediction."""
-    alt = (
+    return figure(
+        "waveforms",
+        "Waveforms",
         "Measured means of like revolutions (points), the model (lines) and two noise floors "
-        "about it (bands) at "
-        f"{'; '.join(result.waveforms.labels)}; dashed lines: the "
-        "patch's edges."
+        f"about it (bands) at {'; '.join(result.waveforms.labels)}; dashed lines: the patch's "
+        "edges.",
+        waveforms(result, (factor, unit), styles(result.waveforms.logs, colours)),
+        height=520,
     )
-    panel = waveforms(result, (factor, unit), styles(result.waveforms.logs, colours))
-    return figure("waveforms", "Waveforms", alt, panel, height=520)
 
 
 def _differences(result: Comparison, factor: float, unit: str, colours: LogColours) -> Figure:
@@ -551,12 +559,14 @@ def _differences(result: Comparison, factor: float, unit: str, colours: LogColou
         bands.insert(0, band(phi, -floor, floor, f"_two floors, {said}", colour))
         left = (waves.measured[i] - waves.predicted[i]) * factor
         lines.append(line(phi, left, said, colour, dash=dash))
-    alt = (
+    return figure(
+        "differences",
+        "What the model leaves of these waveforms",
         f"Measured less predicted {result.observable} of the same waveforms, {unit}, with two "
-        "noise floors as bands about zero."
+        "noise floors as bands about zero.",
+        over_angle(result, f"residual [{unit}]", bands + lines),
+        height=460,
     )
-    panel = over_angle(result, f"residual [{unit}]", bands + lines)
-    return figure("differences", "What the model leaves of these waveforms", alt, panel, height=460)
 
 
 def _colour_reach(values: Any) -> float:
@@ -611,9 +621,8 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
         f"Share of the excess that each effect removes alone: {best}. Error bars, one standard "
         "error, where the effect was refitted."
     )
-    axis_title = "share of the excess removed alone [%]"
     bars = ranked_panel(ranked, removed_errors(result.found), (INK, PALE))
-    panel, height = replace(bars, x=axis_title), 140 + 24 * len(ranked)
+    panel, height = replace(bars, x="share of the excess removed alone [%]"), 140 + 24 * len(ranked)
     drawn = figure("ranking", "Which effect is missing", alt, panel, height=height)
     return Section("diagnosis", "The diagnosis", command, words, [drawn], tables)
 
@@ -643,11 +652,14 @@ def ladder_section(climbed: Mapping[str, Any], command: str) -> Section:
             f"{unit}, floor there {climbed['floor_untouched'] * factor:.3g}."
         )
     said = (n if h == "none" else f"{n} {h} {unit}" for n, h in zip(names, held, strict=True))
-    alt = f"Held-out error falling to the floor: {', '.join(said)}"
-    alt += f"; noise floor {floors[-1]:.3g} {unit}."
-    panel = climbed_panel(climbed, (factor, unit), (PALE, INK, INK, GREY))
-    figures = [figure("ladder-steps", "The error falling to the floor", alt, panel)]
-    return Section("ladder", "The ladder", command, words, figures, [steps_table(climbed)])
+    drawn = figure(
+        "ladder-steps",
+        "The error falling to the floor",
+        f"Held-out error falling to the floor: {', '.join(said)}; noise floor {floors[-1]:.3g} "
+        f"{unit}.",
+        climbed_panel(climbed, (factor, unit), (PALE, INK, INK, GREY)),
+    )
+    return Section("ladder", "The ladder", command, words, [drawn], [steps_table(climbed)])
 
 
 # ---- Logs that met an obstacle: how well the model answers it, hit by hit.
@@ -702,8 +714,7 @@ def _hit(
     found: HitResult, number: int, observable: str, as_shown: tuple[float, str], colours: LogColours
 ) -> list[Figure]:
     hit, log = found.hit, Path(found.log.log).name
-    own = colours(log)
-    panels = hit_panels(found, observable, as_shown, (own, own, INK, INK, GREY))
+    panels = hit_panels(found, observable, as_shown, (colours[log], colours[log], INK, INK, GREY))
     covered = f"{100.0 * found.row()['covered']:.0f} % of the added is covered"
     which = f"Hit {number + 1}"
     told = (
@@ -740,9 +751,13 @@ def proposed(result: Proposal, command: str) -> Section:
         return Section("propose", title, command, [result.sentence])
     as_shown = shown_value(result.observable, result.unit)
     terms = result.terms if result.status == "formula" else ()
-    panel = rest(result, as_shown, (GREY, INK))
-    alt = "The leading shape of what is left over the angle, before and with the proposal."
-    left = figure("propose-rest", "What is left, before and after", alt, panel, half=True)
+    left = figure(
+        "propose-rest",
+        "What is left, before and after",
+        "The leading shape of what is left over the angle, before and with the proposal.",
+        rest(result, as_shown, (GREY, INK)),
+        half=True,
+    )
     return Section(
         "propose",
         title,
@@ -779,8 +794,13 @@ def _shape(result: Proposal, as_shown: tuple[float, str]) -> list[Figure]:
         return []
     best = result.shapes[0]
     named = f"{best.words}{'' if best.law == '1' else f', times {best.law}'}"
-    alt = (
-        f"A free shape {named}, with two standard errors as a band: what any formula in this frame "
-        "can remove at most."
-    )
-    return [figure("propose-shape", f"Measured shape {named}", alt, panel, half=True)]
+    return [
+        figure(
+            "propose-shape",
+            f"Measured shape {named}",
+            f"A free shape {named}, with two standard errors as a band: what any formula in this "
+            "frame can remove at most.",
+            panel,
+            half=True,
+        )
+    ]

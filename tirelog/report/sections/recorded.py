@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +78,7 @@ def recorded(recordings: Sequence[Recording], command: str, colours: LogColours)
             ]
             for recording, about in zip(recordings, known, strict=True)
         ],
-        [colours(recording.log) for recording in recordings],
+        [colours[Path(recording.log).name] for recording in recordings],
     )
     tables, paragraphs = [logs], []
     if same:
@@ -128,14 +128,8 @@ def _about(recording: Recording) -> dict[str, str]:
     return {key: text(value) for key, value in about.items() if value not in (None, "")}
 
 
-@dataclass(frozen=True)
-class ChannelRows:
-    """A channel of a log in a figure: its name in the legend, rows, colour and symbol."""
-
-    name: str
-    rows: pd.DataFrame
-    colour: int
-    symbol: str
+#: a channel of a log in a figure: its name in the legend, rows, colour and symbol
+ChannelRows = tuple[str, pd.DataFrame, int, str]
 
 
 def groups(table: pd.DataFrame, colours: LogColours) -> list[ChannelRows]:
@@ -153,8 +147,8 @@ def groups(table: pd.DataFrame, colours: LogColours) -> list[ChannelRows]:
         name = str(channel)
         if len(logs) > 1:
             name = names[str(log)] if alone else f"{names[str(log)]}: {channel}"
-        colour = colours(str(log)) if several else number
-        found.append(ChannelRows(name, rows, colour, SYMBOLS[number % len(SYMBOLS)]))
+        colour = colours[Path(str(log)).name] if several else number
+        found.append((name, rows, colour, SYMBOLS[number % len(SYMBOLS)]))
         if len(found) == DRAWN_CHANNELS:
             break
     return found
@@ -178,12 +172,12 @@ def ways(
     """
     drawn = []
     one, worded = len(found) == 1, all_named or len(columns) > 1
-    for g in found:
-        rows = g.rows.iloc[:: thinning(len(found) * len(g.rows))]  # one figure's worth for all
+    for group, every, own, _ in found:
+        rows = every.iloc[:: thinning(len(found) * len(every))]  # one figure's worth for all
         for i, (column, words) in enumerate(columns.items()):
             marker = {"symbol": SYMBOLS[i % len(SYMBOLS)], **((aside if i else look) or {})}
-            name = words if one else f"{g.name}, {words}" if worded else g.name
-            colour = i if one else g.colour
+            name = words if one else f"{group}, {words}" if worded else group
+            colour = i if one else own
             drawn.append(dots(rows[x], rows[column] * factor, name, colour, marker=marker))
     return drawn
 
@@ -191,7 +185,8 @@ def ways(
 def points(found: Sequence[ChannelRows], x: str, y: str) -> list[Mark]:
     """A column against another, by group."""
     return [
-        dots(g.rows[x], g.rows[y], g.name, g.colour, marker={"symbol": g.symbol}) for g in found
+        dots(rows[x], rows[y], name, colour, marker={"symbol": symbol})
+        for name, rows, colour, symbol in found
     ]
 
 
@@ -252,7 +247,9 @@ def drive_section(
     ]  # fmt: skip
     names = short_names([r.log for r in recordings])
     for number, recording in enumerate(recordings[:DRAWN_LOGS]):
-        figures += _signals(recording, number, names[recording.log], colours(recording.log))
+        figures += _signals(
+            recording, number, names[recording.log], colours[Path(recording.log).name]
+        )
     words = [
         f"Speed {driven}, acceleration {pushed}, {len(speed)} passages of the patch.",
         *remarks,
@@ -273,19 +270,22 @@ def _signals(recording: Recording, number: int, log: str, colour: int) -> list[F
         (STRAIN_KINDS, "strain [microstrain]", 1e6),
         (ACCELERATION_KINDS, "radial acceleration [m/s²]", 1.0),
     ):
-        channels, marks = recording.of_kind(*kinds)[:DRAWN_CHANNELS], list[Mark]()
+        name, marks = label.split(" [")[0], list[Mark]()
+        channels = recording.of_kind(*kinds)[:DRAWN_CHANNELS]
         for i, channel in enumerate(channels):
             time, values = decimated(channel)
             own = colour if len(channels) == 1 else i
             marks.append(line(time, values * factor, channel.name, own, line={"width": 1}))
-        name = label.split(" [")[0]
-        alt = (
-            f"{name} of {', '.join(c.name for c in channels)} over the whole log, the extremes "
-            "of each short stretch; drag to zoom."
-        )
         if channels:
-            title, panel = f"Recorded {name}, {log}", Panel("time [s]", label, marks)
-            figures.append(figure(f"signal-{number}-{kinds[0]}", title, alt, panel))
+            figures.append(
+                figure(
+                    f"signal-{number}-{kinds[0]}",
+                    f"Recorded {name}, {log}",
+                    f"{name} of {', '.join(c.name for c in channels)} over the whole log, the "
+                    "extremes of each short stretch; drag to zoom.",
+                    Panel("time [s]", label, marks),
+                )
+            )
     return figures
 
 
@@ -404,8 +404,18 @@ _DISSIPATION = (
     *("dissipation_factor_1_m", "dissipation_factor_mean_1_m"),
     *("strip_power_W", "strip_rolling_resistance_N"),
 )
-#: marks of what stands beside the best estimate
-_ASIDE = {"size": 6, "opacity": 0.4}
+#: marks of what stands beside the best estimate, of each revolution, and of averages over some
+_ASIDE, _PALE = {"size": 6, "opacity": 0.4}, {"size": 4, "opacity": 0.4}
+_FULL = {"size": 7, "opacity": 1.0, "symbol": "square"}
+#: columns of the regressions, as the page calls them
+_HEADS = {
+    "quantity": "quantity", "channel": "channel", "slope": "slope", "slope_se": "its error",
+    "slope_lower": "95 % from", "slope_upper": "to", "intercept": "value at speed 0",
+    "intercept_se": "its error", "rows": "revolutions", "points": "means",
+    "judgement": "judgement",
+}  # fmt: skip
+#: a shift's or width's columns, by the end of their names
+_CLEANED = {"": "measured", "_detrended": "detrended", "_corrected": "corrected"}
 
 
 def footprint_section(
@@ -440,12 +450,14 @@ def footprint_section(
     ]
     if len(onset):
         marks = ways(groups(onset, colours), "time_s", {"slip_onset_m": "slip onset"}, 1e3)
-        alt = (
-            f"{len(onset)} slip onsets, {reach(onset['slip_onset_m'] * 1e3, 'mm')} from the "
-            "patch centre, entry negative."
-        )
         figures.append(
-            figure("slip-onset", "Slip onset", alt, Panel("time [s]", "slip onset [mm]", marks))
+            figure(
+                "slip-onset",
+                "Slip onset",
+                f"{len(onset)} slip onsets, {reach(onset['slip_onset_m'] * 1e3, 'mm')} from the "
+                "patch centre, entry negative.",
+                Panel("time [s]", "slip onset [mm]", marks),
+            )
         )
     else:
         words.append("No slip onset was seen.")
@@ -473,38 +485,43 @@ def dissipation_section(
         ("dissipation factor", "dissipation_factor_1_m", "dissipation_factor_mean_1_m", "1/m"),
     ):
         title, label = quantity.capitalize(), f"{quantity} [{unit}]"
-        pale = {"size": 4, "opacity": 0.4}
-        full = {"size": 7, "opacity": 1.0, "symbol": "square"}
-        means = {mean: "moving average"}
-        marks = ways(named, "time_s", {column: "each revolution"}, look=pale)
-        marks += ways(averaged, "time_s", means, look=full, all_named=True)
-        alt = (
-            f"{title} against time: {reach(good[column], unit)}, {len(good)} passages, and "
-            "moving averages at constant speed (P1 Figs. 9, 10)."
-        )
-        panel = Panel("time [s]", label, marks)
-        figures.append(figure(f"{column}-time", f"{title} against time", alt, panel))
+        marks = ways(named, "time_s", {column: "each revolution"}, look=_PALE)
+        marks += ways(averaged, "time_s", {mean: "moving average"}, look=_FULL, all_named=True)
         over = points(averaged, "speed_m_s", mean)
         over += [] if lines is None else _regressions(lines, column, colours)
-        alt = (
-            f"Moving averages of the {quantity} against speed: {reach(steady[mean], unit)}, "
-            f"{len(steady)} passages (P1 Fig. 11). Why a line is doubtful (dashed), the table says."
-        )
-        panel = Panel("speed [m/s]", label, over)
-        figures.append(figure(f"{column}-speed", f"{title} against speed", alt, panel))
+        figures += [
+            figure(
+                f"{column}-time",
+                f"{title} against time",
+                f"{title} against time: {reach(good[column], unit)}, {len(good)} passages, and "
+                "moving averages at constant speed (P1 Figs. 9, 10).",
+                Panel("time [s]", label, marks),
+            ),
+            figure(
+                f"{column}-speed",
+                f"{title} against speed",
+                f"Moving averages of the {quantity} against speed: {reach(steady[mean], unit)}, "
+                f"{len(steady)} passages (P1 Fig. 11). Why a line is doubtful (dashed), the table "
+                "says.",
+                Panel("speed [m/s]", label, over),
+            ),
+        ]
     for column, what, label, unit in (
         ("strip_power_W", "Power", "power", "W"),
         ("strip_rolling_resistance_N", "Rolling resistance", "resistance", "N"),
     ):
         if holds(good, column):
             title = f"{what} of the strip under the grating"
-            alt = (
-                f"{title} against speed with the setup's viscosity and section, not the whole "
-                f"tire's: {reach(good[column], unit)}."
-            )
             marks = ways(named, "speed_m_s", {column: title.lower()})
-            panel = Panel("speed [m/s]", f"{label} of the strip [{unit}]", marks)
-            figures.append(figure(column, title, alt, panel))
+            figures.append(
+                figure(
+                    column,
+                    title,
+                    f"{title} against speed with the setup's viscosity and section, not the whole "
+                    f"tire's: {reach(good[column], unit)}.",
+                    Panel("speed [m/s]", f"{label} of the strip [{unit}]", marks),
+                )
+            )
     words = [
         f"Dissipation factor: {reach(good['dissipation_factor_1_m'], '1/m')} over {len(good)} "
         f"passages, {len(steady)} of them at constant speed.",
@@ -513,15 +530,9 @@ def dissipation_section(
     ]
     tables = [quality(table, "dissipation")]
     if lines is not None:
-        heads = {
-            "quantity": "quantity", "channel": "channel", "slope": "slope", "slope_se": "its error",
-            "slope_lower": "95 % from", "slope_upper": "to", "intercept": "value at speed 0",
-            "intercept_se": "its error", "rows": "revolutions", "points": "means",
-            "judgement": "judgement",
-        }  # fmt: skip
-        names = [name for name in heads if name in lines]  # a table of an older run has fewer
-        header = [heads[name] for name in names]
+        names = [name for name in _HEADS if name in lines]  # a table of an older run has fewer
         cells = [[row[name] for name in names] for _, row in lines.iterrows()]
+        header = [_HEADS[name] for name in names]
         tables.append(AnswerTable("Regressions on the speed in m/s", header, cells))
     return Section("dissipation", "Dissipation", command, words, figures, tables)
 
@@ -535,7 +546,7 @@ def _regressions(lines: pd.DataFrame, column: str, colours: LogColours) -> list[
     names = short_names([str(log) for log in lines["log"].unique()])
     for i, (_, row) in enumerate(lines[lines["quantity"] == column].iterrows()):
         who = f"{names[str(row['log'])]}: {row['channel']}" if len(names) > 1 else row["channel"]
-        colour = colours(str(row["log"])) if max(len(names), len(colours)) > 1 else i
+        colour = colours[Path(str(row["log"])).name] if max(len(names), len(colours)) > 1 else i
         ends = np.array([row["slowest_m_s"], row["fastest_m_s"]], float)
         y = float(row["intercept"]) + float(row["slope"]) * ends
         judged = row.get("judgement")
@@ -556,41 +567,53 @@ def phase_shift_section(
     """
     good = table[good_rows(table["quality"])]
     named = groups(good, colours)
-    speed = Panel("time [s]", "speed [m/s]", points(named, "time_s", "speed_m_s"))
-    alt = f"Speed against time: {reach(good['speed_m_s'], 'm/s')}."
-    figures = [figure("phase-speed", "Speed at the passages", alt, speed)]
-    sizes = {}
-    for quantity in ("phase_shift", "patch_width"):
-        words = {"": "measured", "_detrended": "detrended", "_corrected": "corrected"}
-        named_columns = {f"{quantity}{part}_deg": word for part, word in words.items()}
-        columns = {c: word for c, word in named_columns.items() if holds(good, c)}
-        name, sizes[quantity] = (
-            quantity.replace("_", " "),
-            reach(good[f"{quantity}_deg"], "degrees"),
-        )
-        for x, along, unit in (("time_s", "time", "s"), ("speed_m_s", "speed", "m/s")):
-            title = f"{name.capitalize()} against {along}"
-            alt = (
-                f"{title}, {', '.join(columns.values())}: measured {sizes[quantity]} "
-                "(P4 Figs. 8 to 13)."
-            )
-            panel = Panel(f"{along} [{unit}]", f"{name} [deg]", ways(named, x, columns))
-            figures.append(figure(f"{quantity}-{x}", title, alt, panel))
-    for name in ("vertical", "longitudinal"):
-        column = f"{name}_force_N"
-        if holds(good, column):
-            alt = f"{name.capitalize()} force by the calibration: {reach(good[column], 'N')}."
-            panel = Panel(
-                "time [s]", f"{name} force [N]", ways(named, "time_s", {column: f"{name} force"})
-            )
-            figures.append(figure(column, f"{name.capitalize()} force", alt, panel))
-    said = (
-        f"Patch width {sizes['patch_width']}, phase shift {sizes['phase_shift']}; negative in "
-        "braking."
+    shift, width = (
+        reach(good[f"{quantity}_deg"], "degrees") for quantity in ("phase_shift", "patch_width")
     )
-    tables = [quality(table, "phase shift")]
+    figures = [
+        figure(
+            "phase-speed",
+            "Speed at the passages",
+            f"Speed against time: {reach(good['speed_m_s'], 'm/s')}.",
+            Panel("time [s]", "speed [m/s]", points(named, "time_s", "speed_m_s")),
+        )
+    ]
+    for quantity, size in (("phase_shift", shift), ("patch_width", width)):
+        name = quantity.replace("_", " ")
+        words = {f"{quantity}{part}_deg": word for part, word in _CLEANED.items()}
+        columns = {c: word for c, word in words.items() if holds(good, c)}
+        figures += [
+            figure(
+                f"{quantity}-{x}",
+                f"{name.capitalize()} against {along}",
+                f"{name.capitalize()} against {along}, {', '.join(columns.values())}: measured "
+                f"{size} (P4 Figs. 8 to 13).",
+                Panel(f"{along} [{unit}]", f"{name} [deg]", ways(named, x, columns)),
+            )
+            for x, along, unit in (("time_s", "time", "s"), ("speed_m_s", "speed", "m/s"))
+        ]
+    figures += [
+        figure(
+            f"{name}_force_N",
+            f"{name.capitalize()} force",
+            f"{name.capitalize()} force by the calibration: {reach(good[f'{name}_force_N'], 'N')}.",
+            Panel(
+                "time [s]",
+                f"{name} force [N]",
+                ways(named, "time_s", {f"{name}_force_N": f"{name} force"}),
+            ),
+        )
+        for name in ("vertical", "longitudinal")
+        if holds(good, f"{name}_force_N")
+    ]
+    said = f"Patch width {width}, phase shift {shift}; negative in braking."
     return Section(
-        "phase-shift", "Phase shift", command, [said, *remarks, *drawn_of(good)], figures, tables
+        "phase-shift",
+        "Phase shift",
+        command,
+        [said, *remarks, *drawn_of(good)],
+        figures,
+        [quality(table, "phase shift")],
     )
 
 
