@@ -78,7 +78,7 @@ def test_losses_of_some_manoeuvres_at_a_time_are_those_of_all(monkeypatch):
     cells, left = base.cells, np.nan_to_num(base.cells.values - base.fit.prediction)
     log, p = np.zeros(cells.manoeuvres, int), base.fit.jacobian.shape[-1]
     log[cells.manoeuvre] = cells.log
-    none = np.zeros(1 + p + more.shape[-1])
+    none = np.zeros(p + more.shape[-1])
     columns = np.concatenate([np.ones((*left.shape, 1)), base.fit.jacobian, more], axis=-1)
     whole = [
         LeaveOneOut(Normal.of(metric(columns), metric(left), cells.manoeuvre), log, (none, none))

@@ -434,7 +434,7 @@ def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict
     if model.beside:
         model = model_of(model, stack.observable, base.cells.member)
     predicted = _of_each(model, stack, angles) + base.fit.beside[cell]
-    left, direction = stack.values - predicted, base.plain.direction[cell]
+    left, direction = stack.values - predicted, base.plain.basis[cell]
     left[~np.isfinite(left)] = np.nan
     size = np.nansum(left[..., None] * direction, axis=1, keepdims=True)
     left = left - (direction * size).sum(axis=-1)

@@ -31,7 +31,7 @@ from tirelog.inference.base import Base, FittedChannel, JointBase, bases_by_obse
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.joint import embedded, lacking, rows_by_observable
 from tirelog.inference.floor import held_out_losses_with
-from tirelog.inference.metric import Offsets, ProjectedOut, per_group, side_by_side, stacked
+from tirelog.inference.metric import Offsets, per_group, side_by_side, stacked
 from tirelog.inference.nuisances import FORM
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import BY_ID, Effect, readers
@@ -453,13 +453,13 @@ class Assessed:
         )
 
 
-def beside_base(base: Base, more: FloatArray | None = None) -> tuple[ProjectedOut, FloatArray]:
+def beside_base(base: Base, more: FloatArray | None = None) -> tuple[Offsets, FloatArray]:
     """(what the base takes out, the whitened residual (C, m) that it leaves).
 
     Its Jacobian, logs' offsets and `more` (C, m, k), in the observable's unit.
     """
     parts = [base.fit.moving] if more is None else [base.fit.moving, more]
-    taken = ProjectedOut.of(Offsets.of(base.cells, base.white), side_by_side(base.white, parts))
+    taken = Offsets.of(base.cells, base.white).beside(side_by_side(base.white, parts))
     measured = np.isfinite(base.cells.values)
     left = np.where(measured, base.cells.values - base.fit.prediction, 0.0)
     return taken, taken.without(base.white(left))

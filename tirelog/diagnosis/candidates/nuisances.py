@@ -37,7 +37,7 @@ from tirelog.inference.base import (
 from tirelog.inference.cells.cells import SharedEffects
 from tirelog.inference.cells.joint import without_ratios
 from tirelog.inference.floor import held_out_losses_with, scatter_columns
-from tirelog.inference.metric import Offsets, ProjectedOut, stacked
+from tirelog.inference.metric import Offsets, stacked
 from tirelog.inference.nuisances import (
     FORM,
     ZERO,
@@ -231,7 +231,7 @@ def _with_best(base: Base, allowed: Sequence[str], least: float = 0.0) -> Base:
 def _linear_share(base: Base, effects: SharedEffects) -> float:
     """The share of chi-square's excess that a nuisance removes by one linear step."""
     noise = base.noise
-    taken = ProjectedOut.of(Offsets.of(base.cells, noise), noise(base.fit.moving))
+    taken = Offsets.of(base.cells, noise).beside(noise(base.fit.moving))
     columns = stacked(taken.without(noise(effects.columns * effects.sd)))
     residual = base.cells.values - base.fit.prediction - base.fit.beside
     left = taken.without(noise(np.nan_to_num(residual))).ravel()
@@ -515,7 +515,7 @@ def _left_by_form(
     of_form = frees(base.model, FORM)
     others = [i for i, name in enumerate(base.fit.names) if name not in of_form]
     offsets = Offsets.of(cells, base.white)
-    without, with_it = (ProjectedOut.of(offsets, x) for x in (slopes[..., others], slopes))
+    without, with_it = (offsets.beside(x) for x in (slopes[..., others], slopes))
     there = replace(base, cells=cells, fit=replace(base.fit, prediction=moved[0]))
     shares = {}
     effects = [e for e in candidate_effects(base.model) if names is None or e.id in names]

@@ -365,7 +365,12 @@ class Problem:
 
     def beside(self, prediction: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Offset of each log (logs,) and amplitudes of the shared effects (K,)."""
-        return self.offsets.fit(self.white(self.cells.values - prediction))
+        cells = self.cells
+        amplitudes = self.offsets.amplitudes(self.white(cells.values - prediction))
+        if cells.shared is not None:
+            amplitudes = amplitudes * cells.shared.sd
+            prediction = prediction + cells.shared.columns @ amplitudes
+        return self.offsets.of_logs(self.white(cells.values - prediction)), amplitudes
 
 
 def centred(cells: Cells, prediction: FloatArray) -> tuple[Cells, float]:
