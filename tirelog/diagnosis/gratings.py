@@ -24,9 +24,16 @@ import numpy as np
 from tirelog.diagnosis.candidates.assessment import Scores, flip_test, hats
 from tirelog.diagnosis.compare import start_from
 from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
-from tirelog.inference.base import Base, FittedChannel, JointBase, bases_by_observable, fit_together
+from tirelog.inference.base import Base, JointBase, bases_by_observable, fit_together
 from tirelog.inference.cells.cells import cells_of
-from tirelog.inference.cells.joint import LEVER, JointPieces, model_of, ratio_name, without_ratios
+from tirelog.inference.cells.joint import (
+    LEVER,
+    JointPieces,
+    model_of,
+    own_rows,
+    ratio_name,
+    without_ratios,
+)
 from tirelog.inference.fit.cells import Problem, finish
 from tirelog.inference.floor import UnweightedMetric
 from tirelog.inference.metric import Normal, Offsets, Whitener, stacked
@@ -182,20 +189,19 @@ class GratingsFound:
 #: through all gratings, metric, floor, and the fit, whose residual is without what is `beside`;
 #: columns (C, m, K) of the random effects that all gratings share, each as large as its standard
 #: deviation; and whether what is beside the model holds the wheel's nuisance
-Member = tuple[FittedChannel, FloatArray, bool]
+Member = tuple[Base, FloatArray, bool]
 
 
 def members_of(base: JointBase) -> Iterator[Member]:
     """The gratings of one fit, one after the other."""
-    cells, shared, layout = base.cells, base.cells.shared, base.cells.together
-    assert layout is not None
+    cells, shared = base.cells, base.cells.shared
     for i, part in enumerate(bases_by_observable(base)):
         if not part.cells.member:
             continue
         rows = np.flatnonzero(cells.part == i)
         columns = np.zeros((*part.cells.phi.shape, 0))
         if shared is not None:
-            columns = shared.columns[rows][:, : layout.widths[i]] * shared.sd * layout.scales[i]
+            columns = own_rows(cells, i, shared.columns) * shared.sd
         own = replace(part.cells, manoeuvre=cells.manoeuvre[rows])
         wheel = shared is not None and WHEEL in shared.groups
         yield replace(part, cells=own), columns, wheel
@@ -359,7 +365,7 @@ def _parts(
     return found, prior
 
 
-def _normal(channel: FittedChannel, blocks: Mapping[str, Sequence[FloatArray]]) -> _Part:
+def _normal(channel: Base, blocks: Mapping[str, Sequence[FloatArray]]) -> _Part:
     """The normal equations of one grating, its logs' offsets taken out."""
     cells, manoeuvre = replace(channel.cells, shared=None), channel.cells.manoeuvre
     good = np.isfinite(cells.values)[..., None]

@@ -27,7 +27,7 @@ from tirelog.diagnosis.rules import (
     QUIET_FLOORS,
 )
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.base import Base, FittedChannel, JointBase, bases_by_observable, change_to
+from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.joint import embedded, lacking, rows_by_observable
 from tirelog.inference.floor import held_out_losses_with
@@ -571,7 +571,7 @@ def quiet_waveforms(base: Base) -> bool:
     return all(at_noise_floor(part, part.floor.square) for part in waveforms)
 
 
-def out_of_range(base: FittedChannel) -> list[str]:
+def out_of_range(base: Base) -> list[str]:
     """A remark for each range of an effect of the fitted model that is left; none if it is off.
 
     A log's conditions are judged by the means of like revolutions, which is what is fitted; one

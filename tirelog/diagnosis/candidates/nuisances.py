@@ -29,7 +29,6 @@ from tirelog.diagnosis.rules import ALARM_P, FEWEST_MANOEUVRES, GAIN_SIGMAS, NUI
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import (
     Base,
-    FittedChannel,
     JointBase,
     bases_by_observable,
     refit,
@@ -188,7 +187,7 @@ def form_explains(formed: Base, without: Base) -> bool:
     return FORM in groups_of(formed) and (enough or quiet_waveforms(formed))
 
 
-def with_form_errors(base: FittedChannel, formed: FittedChannel | None = None) -> Model:
+def with_form_errors(base: Base, formed: Base | None = None) -> Model:
     """The fitted model; its parameters have `se_with_form`, each in its own unit.
 
     With the form's numbers free within their prior (`formed`, if that was fitted already) the same
@@ -444,7 +443,7 @@ def _plain(name: str) -> str:
 def observed(base: Base, name: str = "") -> tuple[str, str]:
     """What a base is of, and its unit; of several observables that of a part by its name."""
     own = name.rpartition(": ")[0] or base.cells.observable
-    if name and own not in OBSERVABLES and base.cells.together is not None:
+    if name and own not in OBSERVABLES and base.cells.parts:
         own = STRAIN  # a grating's, or all gratings'
     return own, OBSERVABLES[own].unit if own in OBSERVABLES else FLOORS
 

@@ -208,36 +208,6 @@ NUISANCES = ("offset", "amplitude", "shift")
 _RANDOM = ("amplitude", "width", "offset")
 
 
-@dataclass(frozen=True)
-class BlockLayout:
-    """Whose the rows are in cells of several members (`cells.together`), n of them.
-
-    A member is an observable, or one grating of several.
-
-    observables, surfaces, scales (n,)  name, surface and what its values are divided by [its unit]
-    widths         (n,)  its angles, 1 for a number per revolution
-    logs           names of all logs;  own_logs (n,) those of each observable
-    free           (n,)  what is taken out of each of its cells
-    members, places (n,)  the grating's name and its angle on the wheel [rad]; "" and NaN for what
-                          is none of several
-    """
-
-    observables: tuple[str, ...]
-    surfaces: tuple[str, ...]
-    scales: tuple[float, ...]
-    widths: tuple[int, ...]
-    logs: tuple[str, ...]
-    own_logs: tuple[tuple[str, ...], ...]
-    free: tuple[tuple[str, ...], ...]
-    members: tuple[str, ...]
-    places: tuple[float, ...]
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """What each member is called, (n,): the grating, else the observable."""
-        return tuple(m or o for m, o in zip(self.members, self.observables, strict=True))
-
-
 @dataclass(frozen=True, kw_only=True)
 class Cells(Means):
     """C cells x m angles, of which the random effects and the shift are relative.
@@ -252,7 +222,9 @@ class Cells(Means):
                    and random effects in it
     moved          (C,)  by how much `phi` was moved to the model's patch centre [rad] (a fit does
                    that)
-    part           (C,) the observable of each row, and `together`, if they are of several
+    part           (C,) the member of each row if they are of several (an observable, or one grating
+                   of several);  parts: what each member is, as cells without rows;  scales: what
+                   its values are divided by [its unit]
     free           which NUISANCES are taken out of each cell
     shared         random effects that all manoeuvres share; none unless asked for
     member         the grating, if they are of one of several; place_rad its angle on the wheel
@@ -267,7 +239,8 @@ class Cells(Means):
     part: IntArray = field(metadata=ROW)
     free: tuple[str, ...] = ("shift",)
     shared: SharedEffects | None = None
-    together: BlockLayout | None = None
+    parts: tuple[Cells, ...] = ()
+    scales: tuple[float, ...] = (1.0,)
     member: str = ""
     place_rad: float = np.nan
 
@@ -282,32 +255,30 @@ class Cells(Means):
         return self.member or self.observable
 
     @property
-    def layout(self) -> BlockLayout:
-        """`together` of cells that are of several observables."""
-        assert self.together is not None
-        return self.together
+    def members(self) -> tuple[Cells, ...]:
+        """What each member is; themselves if they are of one."""
+        return self.parts or (self,)
 
     @property
     def observables(self) -> tuple[str, ...]:
-        """The observable of each part; the one, if they are of one."""
-        return (self.observable,) if self.together is None else self.together.observables
+        """The observable of each member."""
+        return tuple(one.observable for one in self.members)
 
     @property
     def level(self) -> FloatArray:
         """Where an offset of its log is in a cell, (C, m): 1, of a number per revolution 0."""
-        widths = self.phi.shape[1:] if self.together is None else self.together.widths
-        waves = np.array(widths)[self.part] > 1
+        waves = np.array([one.phi.shape[1] > 1 for one in self.members])[self.part]
         return np.repeat(waves[:, None].astype(np.float64), self.phi.shape[1], axis=1)
 
     @property
     def drive(self) -> IntArray:
         """The log as a drive, (C,): the same for all observables that it has."""
-        return self.log if self.together is None else self.log % len(self.together.logs)
+        return self.log % len(self.log_names)
 
     @property
     def log_names(self) -> tuple[str, ...]:
         """The logs, each once."""
-        return self.logs if self.together is None else self.together.logs
+        return self.logs[: len(self.logs) // len(self.members)]
 
     @property
     def taken(self) -> FloatArray:

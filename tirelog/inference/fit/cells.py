@@ -382,7 +382,7 @@ def centred(cells: Cells, prediction: FloatArray) -> tuple[Cells, float]:
         return cells, 0.0
     weight = np.where(np.isfinite(cells.values) & np.isfinite(cells.sd), cells.shift, 0.0)
     left = np.nan_to_num(cells.values - prediction)
-    if cells.together is None:
+    if not cells.parts:
         left = left - left.mean(axis=1, keepdims=True)
     else:
         held = np.isfinite(cells.phi)
@@ -737,15 +737,14 @@ def fits_apart(fit: Fit) -> tuple[Fit, ...]:
 
     Prediction, slopes and residual are those of the fit to all; degrees of freedom are shared out.
     """
-    cells, layout = fit.cells, fit.cells.together
-    if layout is None:
+    cells = fit.cells
+    if not cells.parts:
         return (fit,)
     logs = np.unique(cells.log)
     found = []
     for i, own in enumerate(parts_of(cells)):
         residual = own_rows(cells, i, fit.residual, 0)
-        mine = logs // len(layout.logs) == i
-        waves = layout.widths[i] > 1 and fit.offsets.size
+        mine = logs // len(cells.log_names) == i
         amplitudes = fit.amplitudes[:0]
         if cells.shared is not None and fit.amplitudes.size:
             amplitudes = fit.amplitudes[own_amplitudes(cells.shared, cells, i)]
@@ -761,7 +760,7 @@ def fits_apart(fit: Fit) -> tuple[Fit, ...]:
                 residual=residual,
                 prediction=own_rows(cells, i, fit.prediction),
                 jacobian=own_rows(cells, i, fit.jacobian),
-                offsets=fit.offsets[mine] * layout.scales[i] if waves else np.zeros(0),
+                offsets=fit.offsets[mine] * cells.scales[i],
                 amplitudes=amplitudes,
                 cells=own,
             )
