@@ -22,7 +22,6 @@ from tirelog.diagnosis.residual_structure import describe
 from tirelog.inference.base import bends, prepare
 from tirelog.inference.cells.cells import SharedEffects, cells_of
 from tirelog.inference.cells.pieces import pieces_of_logs
-from tirelog.inference.fit.cells import take_cells
 from tirelog.inference.nuisances import relative_changes, shared_effects
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
@@ -199,7 +198,7 @@ def test_a_tire_that_drifts_far_on_a_wrong_radius_is_found_as_it_drifted(wheel_n
     along = turn * (time - time.mean()) / np.ptp(time)
     values = raw.sd * np.random.default_rng(1).standard_normal(raw.values.shape)
     for c in range(len(raw)):
-        cell, grown = take_cells(raw, np.array([c])), 1.0 + 0.06 * (speed[c] / 25.0) ** 2
+        cell, grown = raw.take(np.array([c])), 1.0 + 0.06 * (speed[c] / 25.0) ** 2
         factors = {
             "patch_half_length_m": 1.0 + 0.06 * along[c],
             "foundation_stiffness_N_m2": 1.0 - 0.06 * along[c],

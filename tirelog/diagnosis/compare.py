@@ -53,7 +53,7 @@ from tirelog.inference.cells.joint import (
     without_ratios,
 )
 from tirelog.inference.cells.pieces import MOST_PIECES, Pieces, pieces_of_logs
-from tirelog.inference.fit.cells import centred, take_cells
+from tirelog.inference.fit.cells import centred
 from tirelog.inference.floor import UnweightedMetric, at_mean_speed, scatter_columns
 from tirelog.inference.measured import without_motion_parameters
 from tirelog.inference.nuisances import shared_by
@@ -371,7 +371,7 @@ def error_tables(base: Base, stacks: Sequence[Stack]) -> ErrorTables:
 def _row(base: Base, rows: NDArray[np.bool_], description: dict[str, Any]) -> dict[str, Any]:
     """Errors over some cells."""
     index = np.flatnonzero(rows)
-    plain = UnweightedMetric.of(take_cells(base.cells, index))
+    plain = UnweightedMetric.of(base.cells.take(index))
     residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside)[index]
     left, within = plain.mean_square((plain(residual) ** 2).sum()), base.cells.within[index]
     between, number = base.floor.between, base.cells.revolutions[index]
