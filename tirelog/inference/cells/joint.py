@@ -190,29 +190,25 @@ def one_drive(parts: Sequence[Pieces]) -> list[Pieces]:
     that the log has.
     """
     found: list[Pieces] = []
+    #: times [s] and manoeuvres of each log's pieces, of the first observable that it has
+    of_log: dict[str, tuple[FloatArray, IntArray]] = {}
     free = 0
     for part in parts:
-        own = np.empty(len(part), np.int64)
+        own, time = np.empty(len(part), np.int64), part.conditions.time_s
         for manoeuvre in np.unique(part.manoeuvre):
             rows = np.flatnonzero(part.manoeuvre == manoeuvre)
-            time, number = _of_log(found, part.logs[part.log[rows[0]]])
-            if not number.size:
+            log = part.logs[part.log[rows[0]]]
+            if log not in of_log:
                 own[rows], free = free, free + 1
                 continue
-            away = np.abs(part.conditions.time_s[rows][:, None] - time[None])
-            nearest = number[away.argmin(axis=1)]
-            own[rows] = int(np.bincount(nearest, part.number[rows]).argmax())
+            nearest = np.abs(time[rows][:, None] - of_log[log][0]).argmin(axis=1)
+            number = of_log[log][1][nearest]
+            own[rows] = int(np.bincount(number, part.number[rows]).argmax())
+        for number in np.unique(part.log).tolist():
+            rows = np.flatnonzero(part.log == number)
+            of_log.setdefault(part.logs[number], (time[rows], own[rows]))
         found.append(replace(part, manoeuvre=own))
     return found
-
-
-def _of_log(parts: Sequence[Pieces], log: str) -> tuple[FloatArray, IntArray]:
-    """(times [s], manoeuvres) of a log's pieces in the first of the parts that has it."""
-    for part in parts:
-        rows = np.array(part.logs)[part.log] == log
-        if rows.any():
-            return part.conditions.time_s[rows], part.manoeuvre[rows]
-    return np.zeros(0), np.zeros(0, np.int64)
 
 
 def joined_cells(

@@ -169,19 +169,10 @@ class _Pairs:
         #: of one bin of one revolution, in the middle over the angles
         self.scatter = float(least) / np.sqrt(2.0)
         self.at = 0.5 * (time_s[first] + time_s[first + 1]).mean(axis=1)
-        self._whole = {1: self.turning(1.0)}
 
     def turning(self, frequency: float) -> NDArray[np.complex128]:
         """A line of unit amplitude at each bin's mean time, (n, m)."""
         return np.asarray(np.exp(2j * np.pi * frequency * self.time_s))
-
-    def whole(self, hertz: int) -> NDArray[np.complex128]:
-        """`turning` of a whole frequency: a few products in place of powers, for half the time."""
-        if hertz in self._whole:
-            return self._whole[hertz]
-        half = self.whole(hertz // 2)
-        square = half * half
-        return square * self._whole[1] if hertz % 2 else square
 
     def left(self, frequency: float) -> FloatArray:
         """What is left of a line's size in the mean over each bin's samples, (n, m)."""
@@ -216,12 +207,10 @@ class _Pairs:
     def line(self, frequency: float, off: float) -> float | None:
         """The frequency of a line near `frequency`; None if nothing stands out there."""
         first = round(frequency - _AROUND_HZ + 0.5)
-        if first < SUPPLIES_HZ[-1]:  # its multiples are made of it
-            self._whole[first] = self.whole(first)
-        turning, parts = self.whole(first), []
+        turning, step, parts = self.turning(first), self.turning(1.0), []
         for middle in range(first, round(frequency + _AROUND_HZ + 0.5)):
             parts.append(self.power(turning, middle))
-            turning = turning * self._whole[1]
+            turning = turning * step
         found = np.concatenate(parts)
         near = np.abs(found[:, 0] - frequency) <= off
         if not near.any():
