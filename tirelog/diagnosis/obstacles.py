@@ -17,8 +17,13 @@ from tirelog.data.recording import Conditions
 from tirelog.diagnosis.answer import AnswerTable, excess_of, plain_fields
 from tirelog.errors import UsageError
 from tirelog.inference.fit.cells import LeastSquares, bounds, descend, errors_of
-from tirelog.inference.measured import motion_names
-from tirelog.inference.obstacle_log import DISTURBED, WINDOW_S, TransientLog, around
+from tirelog.inference.measured import (
+    DISTURBED,
+    WINDOW_S,
+    TransientLog,
+    around,
+    motion_names,
+)
 from tirelog.inference.stacks.align import split_turns
 from tirelog.physics.carcass.numbers import MOTION
 from tirelog.physics.model.model import Model

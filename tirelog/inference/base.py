@@ -39,7 +39,6 @@ from tirelog.inference.fit.cells import (
     Problem,
     finish,
     fit_channels,
-    fit_model,
     fits_apart,
 )
 from tirelog.inference.floor import (
@@ -306,7 +305,7 @@ def _joined(
     if cells.shared is None or not any(channel.cells.member for channel in channels):
         (fit,) = finish([Problem(cells, white)], first.model, first.names, first.settled)
     else:  # each grating had amplitudes of its own so far, of what is one to all
-        fit = fit_model(cells, white, first.model, several=False)
+        (fit,) = fit_channels([(cells, white)], first.model, several=False)
         cells = fit.cells
     plain = UnweightedMetric.of(cells)
     missed = sum(c.discrepancy / s**2 * len(c.cells) for c, s in zip(channels, scales, strict=True))
@@ -514,7 +513,8 @@ def refit(base: Base, model: Model, *, several: bool = False) -> Base:
 
     It may have an effect more, or other start values.
     """
-    fit = fit_model(base.cells, base.white, model.resolved(base.cells.conditions), several=several)
+    model = model.resolved(base.cells.conditions)
+    (fit,) = fit_channels([(base.cells, base.white)], model, several=several)
     return replace(base, cells=fit.cells, fit=fit, held=None)
 
 

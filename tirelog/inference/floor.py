@@ -552,7 +552,10 @@ def losses_of_errors(
     In the mean, if nothing is missing: manoeuvres are few, and each scatters.
     """
     (in_white,), (in_plain,) = (_left_out_of(cells, one, fit, [()]) for one in (white, plain))
-    return in_white.of_errors(in_plain)
+    # one offset a log is in the scatter of manoeuvres; those of further observables are estimated
+    further = np.zeros(in_white.offsets - 1)
+    precision, pull = (np.append(further, part) for part in in_white.prior)
+    return replace(in_white, offsets=1, prior=(precision, pull)).of_errors(in_plain)
 
 
 def _left_out_of(

@@ -355,91 +355,66 @@ def _standing_error(pieces: Pieces, noise: FloatArray) -> FloatArray:
         rows = (pieces.step == step) & (pieces.still != 0.0).any(axis=1)
         if rows.any():
             count = np.maximum(pieces.count[rows], 1.0)
-            standing[rows] = step**2 * _Staircase.of(pieces.still[rows], count).standing(
-                noise / step**2
-            )
+            standing[rows] = step**2 * _standing_steps(pieces.still[rows], count, noise / step**2)
     return standing
 
 
-@dataclass(frozen=True)
-class _Staircase:
-    """Means of rounded values, in steps.
+def _standing_steps(still: ComplexArray, count: FloatArray, noise: FloatArray) -> FloatArray:
+    """The same in steps, of means (P, m) of so many samples with this mean of exp(2 pi i y)."""
+    mean_place = np.angle(still) / (2.0 * np.pi)  # between two steps
+    # of places at random, one over their number is left
+    share = np.clip((count * np.abs(still) ** 2 - 1.0) / np.maximum(count - 1.0, 1.0), 0.0, 1.0)
+    k = _HARMONICS[:, None, None]
+    # what the spread of the places leaves of each harmonic, signed
+    left = (-1.0) ** k * (share * (count > 1.0)) ** (0.5 * k**2)
 
-    `place` between two steps (P, m), what their spread leaves of each harmonic, signed (K, P, m),
-    and samples (P, m).
-    """
-
-    place: FloatArray
-    left: FloatArray
-    count: FloatArray
-
-    @classmethod
-    def of(cls, still: ComplexArray, count: FloatArray) -> _Staircase:
-        # of places at random, one over their number is left
-        share = np.clip(
-            (count * np.abs(still) ** 2 - 1.0) / np.maximum(count - 1.0, 1.0), 0.0, 1.0
-        ) * (count > 1.0)
-        k = _HARMONICS[:, None, None]
-        return cls(np.angle(still) / (2.0 * np.pi), (-1.0) ** k * share ** (0.5 * k**2), count)
-
-    def true_place(self, variance: FloatArray | float) -> FloatArray:
-        """Where the values are whose means stand at `place` under noise of a `variance`, (P, m)."""
-        place = self.place
-        for _ in range(_ROUNDS):
-            place = self.place - self.error(variance, place)
-        return place
-
-    def error(self, variance: FloatArray | float, place: FloatArray) -> FloatArray:
-        """Mean error of rounding values at `place` under noise of a `variance`, (P, m)."""
-        error = np.zeros(place.shape)
-        for k, left in zip(_HARMONICS, self.left, strict=True):
-            damped = _damped(variance, k)
+    def error(variance: FloatArray | float, place: FloatArray) -> FloatArray:
+        """Mean error of rounding values at `place` under noise of a `variance`."""
+        total = np.zeros(place.shape)
+        for harmonic, own in zip(_HARMONICS, left, strict=True):
+            damped = _damped(variance, harmonic)
             if damped.max() < _LEAST_WAVE:
                 break
-            error += damped * left * np.sin(2.0 * np.pi * k * place) / (np.pi * k)
-        return error
+            total += damped * own * np.sin(2.0 * np.pi * harmonic * place) / (np.pi * harmonic)
+        return total
 
-    def anywhere(self, variance: FloatArray | float) -> FloatArray:
-        """Mean square of that error over all places, (P, m)."""
+    def true_place(variance: FloatArray | float) -> FloatArray:
+        """Where the values are whose means stand at `mean_place` under noise of a `variance`."""
+        place = mean_place
+        for _ in range(_ROUNDS):
+            place = mean_place - error(variance, place)
+        return place
+
+    def anywhere(variance: FloatArray | float) -> FloatArray:
+        """Mean square of that error over all places."""
         waves = [
-            (_damped(variance, k) * left / (np.pi * k)) ** 2
-            for k, left in zip(_HARMONICS, self.left, strict=True)
+            (_damped(variance, harmonic) * own / (np.pi * harmonic)) ** 2
+            for harmonic, own in zip(_HARMONICS, left, strict=True)
         ]
         return np.asarray(0.5 * np.sum(waves, axis=0), dtype=np.float64)
 
-    def seen(self, variance: float) -> FloatArray:
-        """Variance of rounded samples about their mean under noise of a `variance`, (m,).
-
-        Pooled over the pieces and neighbours.
-        """
-        whole = np.full(self.place.shape, variance + 1.0 / 12.0)
+    def seen(variance: float) -> FloatArray:
+        """Variance of rounded samples about their mean, (m,), pooled over pieces and neighbours."""
+        whole = np.full(count.shape, variance + 1.0 / 12.0)
         if variance > _PLACE_IS_TOLD:
-            place = self.true_place(variance)
-            for k, left in zip(_HARMONICS[:3], self.left, strict=False):
-                cosine = _damped(variance, k) * left * np.cos(2.0 * np.pi * k * place)
-                whole += cosine * (4.0 * variance + 1.0 / (np.pi * k) ** 2)
-            whole -= self.error(variance, place) ** 2
+            place = true_place(variance)
+            for harmonic, own in zip(_HARMONICS[:3], left, strict=False):
+                cosine = _damped(variance, harmonic) * own * np.cos(2.0 * np.pi * harmonic * place)
+                whole += cosine * (4.0 * variance + 1.0 / (np.pi * harmonic) ** 2)
+            whole -= error(variance, place) ** 2
         else:
-            whole -= self.anywhere(variance)
-        return _smoothed(self.count * whole) / _smoothed(self.count)
+            whole -= anywhere(variance)
+        return _smoothed(count * whole) / _smoothed(count)
 
-    def standing(self, noise: FloatArray) -> FloatArray:
-        """Mean square of the error that stays, (P, m).
-
-        Single samples have the variance `noise` (m,).
-        """
-        tried = np.append(
-            np.geomspace(1e-3, 0.9 * _PLACE_IS_TOLD, _TRIED),
-            np.geomspace(1.001 * _PLACE_IS_TOLD, 1.0, _TRIED),
-        )
-        seen = np.stack([self.seen(float(variance)) for variance in tried])
-        seen = np.minimum.accumulate(seen[::-1], axis=0)[::-1]  # more noise shows as more
-        variance = np.array([np.interp(noise[j], seen[:, j], tried) for j in range(noise.size)])
-        return np.where(
-            variance > _PLACE_IS_TOLD,
-            self.error(variance, self.true_place(variance)) ** 2,
-            self.anywhere(variance),
-        )
+    tried = np.append(
+        np.geomspace(1e-3, 0.9 * _PLACE_IS_TOLD, _TRIED),
+        np.geomspace(1.001 * _PLACE_IS_TOLD, 1.0, _TRIED),
+    )
+    after = np.stack([seen(float(variance)) for variance in tried])
+    after = np.minimum.accumulate(after[::-1], axis=0)[::-1]  # more noise shows as more
+    variance = np.array([np.interp(noise[j], after[:, j], tried) for j in range(noise.size)])
+    told = variance > _PLACE_IS_TOLD
+    return np.where(told, error(variance, true_place(variance)) ** 2, anywhere(variance))
 
 
 def _damped(variance: FloatArray | float, k: float) -> FloatArray:

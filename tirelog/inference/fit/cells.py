@@ -8,7 +8,7 @@ Damped least squares in whitened space, several starts, one free offset per log 
 
 Offsets are projected out of r and J (they are linear).
 
-One start may end in a local minimum: `fit_model` tries several on a few cells and takes the best
+One start may end in a local minimum: `fit_channels` tries several on a few cells and takes the best
 two on to all of them.
 """
 
@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +62,7 @@ _POOR = 0.1
 _TRIALS = 8
 
 
-class LeastSquares:
+class LeastSquares(Protocol):
     """What a descent asks of a problem: residuals and slopes in a metric in which they count alike.
 
     low, high   (p,) bounds of theta
@@ -72,15 +73,12 @@ class LeastSquares:
 
     def left(self, theta: FloatArray) -> FloatArray:
         """Measured less predicted (N,) at a point; ModelError if it is refused."""
-        raise NotImplementedError
 
     def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
         """Derivatives of the prediction by theta / size, (N, p), where the last residual was."""
-        raise NotImplementedError
 
     def sizes(self, theta: FloatArray) -> FloatArray:
         """The longest step of each parameter at a point, (p,)."""
-        raise NotImplementedError
 
     def residual(self, theta: FloatArray) -> FloatArray:
         """`left` at a point to go on from."""
@@ -543,11 +541,6 @@ def starts(
 
 #: the cells of a channel and their metric
 CellsInMetric = tuple[Cells, Whitener]
-
-
-def fit_model(cells: Cells, white: Whitener, model: Model, *, several: bool = True) -> Fit:
-    """The model fitted to the cells of one channel.  ModelError if no start can be computed."""
-    return fit_channels([(cells, white)], model, several=several)[0]
 
 
 def fit_channels(

@@ -13,7 +13,6 @@ whole stretch, and no effect of the tire is taken out with it.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -88,12 +87,8 @@ _ROUNDS = 10
 _FAR = 5.0
 
 
-@dataclass(frozen=True)
-class Line:
-    """A line: frequency [Hz] and amplitude, in the waveforms' unit."""
-
-    frequency_Hz: float
-    amplitude: float
+#: a line: frequency [Hz] and amplitude, in the waveforms' unit
+Line = tuple[float, float]
 
 
 def lines_said(lines: Iterable[Line], observable: str) -> str:
@@ -102,12 +97,12 @@ def lines_said(lines: Iterable[Line], observable: str) -> str:
     What a driveline does at one speed may look like it, so a supply is no more than compared with.
     """
     largest: dict[int, Line] = {}
-    for line in sorted(lines, key=lambda line: line.amplitude):
-        largest[round(line.frequency_Hz)] = line
+    for amplitude, frequency in sorted((amplitude, frequency) for frequency, amplitude in lines):
+        largest[round(frequency)] = frequency, amplitude
     factor, unit = shown(observable, OBSERVABLES[observable].unit)
     each = " and ".join(
-        f"{line.frequency_Hz:.4g} Hz ({factor * line.amplitude:.2g} {unit})"
-        for _, line in sorted(largest.items())
+        f"{frequency:.4g} Hz ({factor * amplitude:.2g} {unit})"
+        for frequency, amplitude in sorted(largest.values())
     )
     what = "a line that keeps" if len(largest) == 1 else "lines that keep"
     return f"{what} the frequency, as hum does, taken out of the waveforms: {each}"
@@ -130,15 +125,15 @@ def without_hum(stack: Stack, time_s: FloatArray) -> tuple[FloatArray, list[Line
     for supply in SUPPLIES_HZ:
         for multiple in range(1, MULTIPLES + 1):
             # the third and fourth come with the first or the second
-            seen = [line.frequency_Hz / k for line in lines for k in range(1, MULTIPLES + 1)]
+            seen = [frequency / k for frequency, _ in lines for k in range(1, MULTIPLES + 1)]
             if multiple > 2 and not any(abs(one - supply) <= OFF_HZ for one in seen):
                 break
             found = pairs.line(multiple * supply, multiple * OFF_HZ)
             if found is not None:
-                without, line = pairs.taken_out(found)
-                if line.amplitude >= _LEAST * pairs.scatter:
+                without, amplitude = pairs.taken_out(found)
+                if amplitude >= _LEAST * pairs.scatter:
                     values = without
-                    lines.append(line)
+                    lines.append((found, amplitude))
                     pairs = _Pairs(values, time_s, square_s2, first)
     return values, lines
 
@@ -207,10 +202,10 @@ class _Pairs:
     def line(self, frequency: float, off: float) -> float | None:
         """The frequency of a line near `frequency`; None if nothing stands out there."""
         first = round(frequency - _AROUND_HZ + 0.5)
-        turning, step, parts = self.turning(first), self.turning(1.0), []
+        turning, one_hertz, parts = self.turning(first), self.turning(1.0), []
         for middle in range(first, round(frequency + _AROUND_HZ + 0.5)):
             parts.append(self.power(turning, middle))
-            turning = turning * step
+            turning = turning * one_hertz
         found = np.concatenate(parts)
         near = np.abs(found[:, 0] - frequency) <= off
         if not near.any():
@@ -227,8 +222,11 @@ class _Pairs:
         step = float(found[1, 0] - found[0, 0])
         return float(found[best, 0] + 0.5 * step * (low - high) / (low - 2.0 * top + high))
 
-    def taken_out(self, frequency: float) -> tuple[FloatArray, Line]:
-        """The waveforms without the line, whose cosine and sine follow a course in time."""
+    def taken_out(self, frequency: float) -> tuple[FloatArray, float]:
+        """The waveforms without the line, and its size.
+
+        Its cosine and sine follow a course in time.
+        """
         low, high = float(self.time_s.min()), float(self.time_s.max())
         nodes = np.linspace(low, high, max(2, 1 + round((high - low) / _NODE_S)))
         wave = self.turning(frequency) * self.left(frequency)  # in the mean over a bin's samples
@@ -241,7 +239,7 @@ class _Pairs:
         course, size = _course(gram, right, nodes, self.scatter)
         cosine, sine = (np.interp(self.time_s, nodes, part) for part in course)
         taken = cosine * wave.real + sine * wave.imag
-        return np.asarray(self.values - taken), Line(frequency, size)
+        return np.asarray(self.values - taken), size
 
 
 def _course(
