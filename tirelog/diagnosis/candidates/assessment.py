@@ -526,6 +526,7 @@ def scores_of(
         if not np.any(visible > 1e-3):
             reasons[signature.effect.id] = "does here only what the model's own parameters do"
             continue
+        left[..., visible <= 1e-3] = 0.0  # of a strength that shows nothing rounding is left
         kept.append(signature)
         scores.append(Scores.of(base, left, residual, signature.one_sided))
     return kept, scores, reasons
