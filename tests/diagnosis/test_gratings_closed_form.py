@@ -4,6 +4,7 @@ The waveforms are the model's own, with noise: what is asked is the arithmetic o
 gratings, and whose a shape is.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -138,6 +139,8 @@ def test_each_grating_has_its_own_lever_arm():
     assert set(shown.model.parameters) == set(MODEL.parameters)  # a file knows of no ratio
     assert "grating" in shown.agreement
     assert list(shown.to_json()["gratings"]) == ["g1", "g2", "g3"]
+    assert ratio_of(MODEL, "") == 1.0  # of what is no grating
+    assert "." not in ratio_name("belt.1")
 
 
 def test_run_out_is_one_wave_that_each_grating_sees_from_its_place():
@@ -157,33 +160,28 @@ def test_run_out_is_one_wave_that_each_grating_sees_from_its_place():
     assert other.reduced_chi2 > 3.0 * base.reduced_chi2
 
 
+def as_square_of_speed(speed: FloatArray) -> FloatArray:
+    """Nothing on average."""
+    return np.asarray(speed**2 / np.mean(SPEEDS**2) - 1.0)
+
+
 @pytest.mark.parametrize(
-    ("added", "frame"),
+    ("added", "grows", "frame"),
     [
-        ((None,), None),
-        ((bump(2.0),), ROAD),
-        ((splice,), WHEEL),
-        ((None, bump(2.0), None), "g2"),
+        ((None,), None, None),
+        ((bump(2.0),), None, ROAD),
+        ((splice,), None, WHEEL),
+        ((None, bump(2.0), None), None, "g2"),
+        ((bump(2.0),), as_square_of_speed, ROAD),
+        ((None, bump(2.0), None), as_square_of_speed, "g2"),
     ],
 )
-def test_a_shape_belongs_to_road_wheel_or_one_grating(added, frame):
-    found = frames_of(members_of(fitted(three(*added))))
-    if frame is None:
-        assert not any(one.matters for one in found)
-        return
-    assert [one.frame for one in found if one.matters] == [frame]
-    if frame == "g2":  # its mean square about its mean over that of the noise
+def test_a_shape_belongs_to_road_wheel_or_one_grating(added, grows, frame):
+    found = frames_of(members_of(fitted(three(*added, grows=grows))))
+    assert [one.frame for one in found if one.matters] == ([frame] if frame else [])
+    if frame == "g2" and grows is None:  # its mean square about its mean over that of the noise
         shape = bump(2.0)(PHI, 0.0, RATIOS[1])
         assert found[0].size == pytest.approx(float(np.var(shape)) / NOISE**2, rel=0.15)
-
-
-@pytest.mark.parametrize(
-    ("added", "frame"), [((bump(2.0),), ROAD), ((None, bump(2.0), None), "g2")]
-)
-def test_what_grows_with_the_speed_and_is_nothing_on_average_belongs_there_too(added, frame):
-    mean = float(np.mean(SPEEDS**2))
-    found = frames_of(members_of(fitted(three(*added, grows=lambda v: v**2 / mean - 1.0))))
-    assert [one.frame for one in found if one.matters] == [frame]
 
 
 def test_a_grating_that_no_other_agrees_with_is_left_out():
@@ -244,39 +242,6 @@ def test_of_many_gratings_those_at_the_most_distant_angles_are_searched():
 # ---- where they stand ---------------------------------------------------------------------------
 
 
-def passages(name: str, behind_rad: float, seed: int) -> Stacks:
-    """Revolutions of a wheel that speeds up, with 0.3 degrees of scatter in each passage."""
-    turn = np.arange(80)
-    random = np.random.default_rng(seed)
-    angle = 2 * np.pi * turn + behind_rad + np.radians(0.3) * random.standard_normal(turn.size)
-    time = (-20.0 + np.sqrt(20.0**2 + 2.0 * 8.0 * angle)) / 8.0  # 20 rad/s, 8 rad/s^2
-    one = grating(0)
-    n = turn.size
-    stack = Stack(
-        **{
-            **{name: getattr(one, name) for name in ("observable", "surface", "radius_m")},
-            "channel": name,
-            "values": np.zeros((n, 1)),
-            "phi_rad": np.zeros(1),
-            "phi_mean": np.zeros((n, 1)),
-            "phi_variance": np.zeros((n, 1)),
-            "count": np.ones((n, 1), int),
-            "noise": np.zeros(n),
-            "conditions": Conditions.of(
-                n, speed_m_s=R * (20.0 + 8.0 * time), acceleration_m_s2=0.0, time_s=time
-            ),
-            "log": np.zeros(n, int),
-            "manoeuvre": np.zeros(n, int),
-            "revolution": turn,
-            "regime": np.full(n, "drive"),
-            "logs": ("a.csv",),
-        }
-    )
-    stacks = Stacks()
-    stacks.add("a.csv", [stack])
-    return stacks
-
-
 def recording(**angles: float | None) -> Recording:
     """A log with gratings, whose setup tells some of their angles."""
     text = "[tire]\nrolling_radius_m = 0.3\n"
@@ -291,42 +256,11 @@ def recording(**angles: float | None) -> Recording:
     return Recording("a.csv", channels, parse_setup(text, "a.toml"))
 
 
-def placed(
-    given: dict[str, float | None], behind: dict[str, float]
-) -> tuple[tuple[float, ...], list[str]]:
-    """What is said of gratings that so many degrees are given of, and that stand so far behind."""
-    stacks = {name: passages(name, np.radians(b), k) for k, (name, b) in enumerate(behind.items())}
-    return places_of(stacks, {n: float(np.radians(a)) for n, a in given.items() if a is not None})
-
-
-def test_passages_tell_where_gratings_stand():
-    behind = {"g1": 0.0, "g2": 97.3, "g3": 341.9}
-    angles, said = placed(dict.fromkeys(behind), behind)
-    np.testing.assert_allclose(np.degrees(angles), [0.0, 97.3, 341.9], atol=0.1)
-    assert len(said) == 2
-    assert said[0].startswith("g2 stands 97.")
-
-
-def test_the_setup_goes_before_the_passages_and_is_doubted():
-    behind = {"g1": 0.0, "g2": 97.3, "g3": 200.0}
-    angles, said = placed({"g1": 30.0, "g2": 127.0, "g3": None}, behind)
-    np.testing.assert_allclose(np.degrees(angles), [30.0, 127.0, 230.0], atol=0.1)
-    assert [s.split()[0] for s in said] == ["g3"]
-    _, doubted = placed({"g1": 30.0, "g2": 217.0, "g3": 230.0}, behind)
-    (one,) = doubted
-    assert one.startswith("g2 stands 97.")
-    assert "187.0" in one
-
-
-def test_a_grating_whose_place_nothing_tells_is_refused():
+def test_gratings_without_a_place_that_a_log_lacks_or_that_are_one_are_refused():
     with pytest.raises(UsageError, match=r"no passage tells where g2 stands.*angle_deg"):
         places_of({"g1": Stacks(), "g2": Stacks()}, {})
-
-
-def test_gratings_that_a_log_lacks_or_that_are_on_both_surfaces_are_refused():
-    log = recording(g1=0.0, g2=90.0)
     with pytest.raises(UsageError, match=r"no grating g7.*g1, g2"):
-        measured_gratings([log], ("g1", "g7"))
+        measured_gratings([recording(g1=0.0, g2=90.0)], ("g1", "g7"))
     with pytest.raises(UsageError, match="one grating only"):
         measured_gratings([recording(g1=0.0)], ("all",))
 
@@ -337,7 +271,9 @@ def test_channels_as_they_are_typed():
     assert several_channels("g1") == several_channels(None) == ()
 
 
-def test_simulated_gratings_stand_where_they_were_put():
+@pytest.fixture(scope="module")
+def driven() -> Recording:
+    """A simulated log with gratings at 20 and 150.5 degrees."""
     channels = {
         f"g{i + 1}": {
             "kind": "strain", "sampling_rate_Hz": 1000.0, "angle_deg": angle, "noise": 1.0,
@@ -347,18 +283,31 @@ def test_simulated_gratings_stand_where_they_were_put():
     plan = [{"duration_s": 3.0, "speed_m_s": 14.0}, {"duration_s": 2.0, "speed_m_s": 18.0}]
     log = to_recording(simulate(scenario_of({"seed": 3, "manoeuvres": plan, "channels": channels})))
     assert log.setup.channels["g2"].angle_deg == 150.5
-    bare = {n: replace(c, angle_deg=None) for n, c in log.setup.channels.items()}
-    unknown = replace(log, setup=replace(log.setup, channels=bare))
-    found = measured_gratings([unknown], ("all",))
-    assert np.degrees(found.places[1] - found.places[0]) == pytest.approx(130.5, abs=0.1)
-    assert any(note.startswith("g2 stands") for note in found.notes)
-    told = measured_gratings([log], ("g1", "g2"))
-    np.testing.assert_allclose(np.degrees(told.places), [20.0, 150.5])
+    return log
 
 
-def test_a_ratio_is_none_of_an_accelerometer():
-    assert ratio_of(MODEL, "") == 1.0
-    assert "." not in ratio_name("belt.1")
+@pytest.mark.parametrize(
+    ("given", "stand", "said"),
+    [
+        ((20.0, 150.5), (20.0, 150.5), None),
+        ((None, None), (0.0, 130.5), "g2 stands 130."),
+        ((None, 150.5), (20.0, 150.5), None),
+        ((30.0, None), (30.0, 160.5), "g2 stands 130."),
+        ((20.0, 190.5), (20.0, 190.5), "g2 stands 130.+ by the setup's angle_deg 170.5; the setup"),
+    ],
+)
+def test_the_setup_goes_before_the_passages_and_is_doubted(driven, given, stand, said):
+    """Of gratings whose angles [deg] are given or not: where they stand, and what is said of it."""
+    channels = {
+        name: replace(channel, angle_deg=angle)
+        for (name, channel), angle in zip(driven.setup.channels.items(), given, strict=True)
+    }
+    log = replace(driven, setup=replace(driven.setup, channels=channels))
+    found = measured_gratings([log], ("all",))
+    np.testing.assert_allclose(np.degrees(found.places), stand, atol=0.1)
+    notes = [note for note in found.notes if note.startswith("g2 stands")]
+    assert len(notes) == (said is not None)
+    assert said is None or re.match(said, notes[0])
 
 
 def test_what_a_grating_showed_alone_is_asked_again_beside_a_named_effect():

@@ -46,20 +46,6 @@ def with_added(recording, values):
     return replace(recording, channels={source.name: added})
 
 
-def two_logs(in_memory=None):
-    stacks = Stacks(in_memory)
-    for seed in (1, 2):
-        whole = stack(seed, manoeuvres=4, m=64)
-        stacks.add(
-            f"log_{seed}",
-            (
-                replace(whole.take(rows), logs=(f"log_{seed}",))
-                for rows in (slice(0, 30), slice(30, 48))
-            ),
-        )
-    return stacks
-
-
 def test_pieces_of_stacks_are_those_of_one_stack_where_none_is_cut():
     stacks = Stacks()
     for seed in (1, 2, 3):

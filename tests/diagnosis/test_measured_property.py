@@ -124,39 +124,6 @@ def test_fit_and_compare_are_one_fit(cleat, beam, compared):
     assert remarks == compared.remarks
 
 
-def test_fit_and_compare_of_a_number_per_revolution_are_one_fit(tmp_path, capfd):
-    log, model, fitted = (
-        str(SAMPLES / "drive.csv.gz"),
-        str(tmp_path / "m.toml"),
-        tmp_path / "f.toml",
-    )
-    setup = str(SAMPLES / "drive.toml")
-    assert (
-        run(
-            [
-                "model",
-                "new",
-                "--observable",
-                "patch_length",
-                "--setup",
-                setup,
-                "-o",
-                model,
-                "--quiet",
-            ]
-        )
-        == 0
-    )
-    assert run(["compare", log, "--model", model, "--format", "json", "--quiet"]) == 0
-    said = json.loads(capfd.readouterr().out)
-    assert run(["model", "fit", log, "--model", model, "-o", str(fitted)]) == 0
-    assert f"reduced chi-square {said['reduced_chi2']:.3f}" in capfd.readouterr().out
-    for name, p in load_model(fitted).parameters.items():
-        assert p.value == pytest.approx(said["parameters"][name]["value"], rel=1e-6)
-        if p.free and p.se is not None:
-            assert p.se == pytest.approx(said["parameters"][name]["se"], rel=1e-3)
-
-
 def test_several_channels_are_fitted_together_by_command(cleat, beam, compared, tmp_path, capfd):
     """The same strain twice: the parameters of one, and errors as if it were measured twice."""
     lines = gzip.decompress((SAMPLES / "cleat.csv.gz").read_bytes()).decode().splitlines()
@@ -175,6 +142,7 @@ def test_several_channels_are_fitted_together_by_command(cleat, beam, compared, 
     said = capfd.readouterr()
     assert "14 revolutions" in said.out
     assert "2 channels are fitted together" in said.err
+    assert "errors are up to 1.4 times what is said" in " ".join(said.err.split())
     for name in ("patch_half_length_m", "lever_arm_m"):
         p, alone = load_model(fitted).parameters[name], compared.parameters[name]
         assert p.free
@@ -188,18 +156,13 @@ def test_several_channels_are_fitted_together_by_command(cleat, beam, compared, 
     assert "unknown nuisance 'gain'; allowed are offset, amplitude" in capfd.readouterr().err
 
 
-def test_one_manoeuvre_has_no_error_held_out(cleat, beam, compared):
+def test_one_manoeuvre_has_no_error_held_out_and_one_floor_within(cleat, beam, compared):
     assert compared.manoeuvres == 1
-    assert compared.rmse_heldout is None
-    assert compared.excess_heldout is None
+    assert compared.rmse_heldout is compared.excess_heldout is None
     assert json.loads(json.dumps(compared.to_json()))["rmse_heldout"] is None
     assert any("none can be held out" in remark for remark in compared.remarks)
-
-
-def test_the_floor_within_manoeuvres_is_the_same_for_every_model(cleat, beam, compared):
-    worse = beam.with_values(
-        {"foundation_stiffness_N_m2": 3.0 * beam.values["foundation_stiffness_N_m2"]}
-    )
+    stiffness = 3.0 * beam.values["foundation_stiffness_N_m2"]
+    worse = beam.with_values({"foundation_stiffness_N_m2": stiffness})
     other = compare(measured([cleat]).stacks, worse)
     assert abs(other.rmse / compared.rmse - 1.0) > 0.02
     assert other.noise_floor_within == pytest.approx(compared.noise_floor_within, rel=1e-9)
@@ -210,17 +173,9 @@ def several(sizes):
     stacks = Stacks()
     for seed, manoeuvres in enumerate(sizes):
         made = stack(seed, manoeuvres=manoeuvres, revolutions=6, m=32)
-        speed = 9.0 + made.manoeuvre % 3 + 0.1 * seed
-        stacks.add(
-            f"log_{seed}",
-            [
-                replace(
-                    made,
-                    conditions=replace(made.conditions, speed_m_s=speed),
-                    logs=(f"log_{seed}",),
-                )
-            ],
-        )
+        conditions = replace(made.conditions, speed_m_s=9.0 + made.manoeuvre % 3 + 0.1 * seed)
+        name = f"log_{seed}"
+        stacks.add(name, [replace(made, conditions=conditions, logs=(name,))])
     return stacks
 
 
@@ -232,13 +187,8 @@ def test_a_campaign_s_pieces_are_those_of_its_logs_together(most, monkeypatch):
     files = {}
     for number, log in enumerate(stacks.logs):
         own = Stacks()
-        own.add(
-            log,
-            [
-                replace(part, manoeuvre=part.manoeuvre - part.manoeuvre.min())
-                for part in stacks.of_log(number)
-            ],
-        )
+        parts = stacks.of_log(number)
+        own.add(log, (replace(p, manoeuvre=p.manoeuvre - p.manoeuvre.min()) for p in parts))
         files[pieces_name("strain", log)] = pieces_bytes(pieces_of_all(own, most))
     tasks = [SimpleNamespace(name=log) for log in stacks.logs]
     ledger = SimpleNamespace(folder=SimpleNamespace(read=files.get, root="results"))

@@ -1,10 +1,13 @@
 """Closed form: whitening and held-out solutions against dense linear algebra."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from tests.diagnosis.toy import make_cells, stack
+from tirelog.diagnosis.candidates.assessment import Signature, flip_test, scores_of
 from tirelog.inference.cells.cells import SharedEffects
 from tirelog.inference.metric import (
     LeaveOneOut,
@@ -16,66 +19,52 @@ from tirelog.inference.metric import (
 )
 
 
-def leave_one_out(columns, residual, offset, manoeuvre, log, prior=None):
-    columns = np.concatenate([offset[..., None], columns], axis=-1)
+def leave_one_out(columns, residual, offsets, manoeuvre, log, prior=None):
+    """Of columns (C, m, p) behind offsets (C, m, n) of the manoeuvres' logs (M,)."""
     none = np.zeros(columns.shape[-1])
-    return LeaveOneOut(
-        Normal.of(columns, residual, manoeuvre),
-        np.unique(log, return_inverse=True)[1][np.unique(manoeuvre, return_index=True)[1]],
-        prior or (none, none),
-    )
+    normal = Normal.of(np.concatenate([offsets, columns], axis=-1), residual, manoeuvre)
+    return LeaveOneOut(normal, np.asarray(log), prior or (none, none), offsets.shape[-1])
 
 
-def test_left_out_solutions_are_those_of_the_other_manoeuvres_with_an_offset_a_log():
-    random = np.random.default_rng(0)
-    columns, residual = random.standard_normal((12, 5, 3)), random.standard_normal((12, 5))
-    offset = 1.0 + 0.2 * random.standard_normal((12, 5))
-    manoeuvre, log = (
-        np.repeat(np.arange(6), 2),
-        np.repeat([4, 4, 7], 4),
-    )  # numbers as they come, two manoeuvres or more each
-    levelled = leave_one_out(columns, residual, offset, manoeuvre, log)
-    both = levelled.left_out()
-    (level, *_), theta, loss = both.T, both[:, 1:], levelled.loss(both)
-    dense = np.concatenate(
-        [columns, offset[..., None] * (log[:, None, None] == np.unique(log))], axis=-1
-    )
+@pytest.mark.parametrize("observables", [1, 2])
+def test_solutions_without_each_manoeuvre_are_those_of_dense_least_squares(observables):
+    """With an offset for each log and observable, and so is the step of all data."""
+    random = np.random.default_rng(observables)
+    columns, residual = random.standard_normal((24, 5, 3)), random.standard_normal((24, 5))
+    manoeuvre, of_log = np.repeat(np.arange(6), 4), np.array([0, 0, 0, 1, 1, 1])
+    part, log = np.arange(24) % observables, of_log[manoeuvre]
+    own = 1.0 + 0.2 * random.standard_normal((24, 5, 1))
+    offsets = own * (part[:, None, None] == np.arange(observables))
+    normal = leave_one_out(columns, residual, offsets, manoeuvre, of_log)
+    both, of_all = normal.left_out(), normal.step_of_all(2)
+    loss = normal.loss(both)
+    levels = own * ((observables * log + part)[:, None, None] == np.arange(2 * observables))
+    dense = np.concatenate([columns, levels], axis=-1)
+
+    def solution(rows, *kept):
+        design = np.concatenate([dense[rows][..., list(kept)], dense[rows][..., 3:]], axis=-1)
+        design = design.reshape(-1, design.shape[-1])
+        return np.linalg.lstsq(design, residual[rows].ravel(), rcond=None)[0]
+
+    everything = np.ones(24, bool)
+    step, alone = solution(everything, 0, 1), solution(everything)
+    np.testing.assert_allclose(of_all[0, observables:], [*step[:2], 0.0], rtol=1e-9)
     for m in range(6):
-        keep, out = manoeuvre != m, manoeuvre == m
-        wanted = np.linalg.lstsq(
-            dense[keep].reshape(-1, 5), residual[keep].reshape(-1), rcond=None
-        )[0]
-        np.testing.assert_allclose(theta[m], wanted[:3], rtol=1e-9)
-        np.testing.assert_allclose(
-            level[m], wanted[3 + np.searchsorted([4, 7], log[out][0])], rtol=1e-9
-        )
-        np.testing.assert_allclose(
-            loss[m], ((residual[out] - dense[out] @ wanted) ** 2).sum(), rtol=1e-9
-        )
-
-
-def test_the_step_of_all_data_is_that_of_dense_least_squares_with_an_offset_a_log():
-    random = np.random.default_rng(2)
-    columns, residual = random.standard_normal((12, 5, 3)), random.standard_normal((12, 5))
-    offset = 1.0 + 0.2 * random.standard_normal((12, 5))
-    manoeuvre, log = np.repeat(np.arange(6), 2), np.repeat([0, 0, 1], 4)
-    both = leave_one_out(columns, residual, offset, manoeuvre, log).step_of_all(2)
-    (level, *_), (theta, *_) = both.T, both[:, 1:]
-    own = (offset[..., None] * (log[:, None, None] == np.arange(2))).reshape(-1, 2)
-    dense = np.concatenate([columns[..., :2].reshape(-1, 2), own], axis=-1)
-    wanted = np.linalg.lstsq(dense, residual.reshape(-1), rcond=None)[0]
-    alone = np.linalg.lstsq(own, residual.reshape(-1), rcond=None)[0]
-    np.testing.assert_allclose(theta, [*wanted[:2], 0.0], rtol=1e-9)
-    np.testing.assert_allclose(level, (wanted[2:] - alone)[[0, 0, 0, 0, 1, 1]], rtol=1e-9)
+        mine = np.arange(observables) + observables * of_log[m]
+        np.testing.assert_allclose(of_all[m, :observables], (step[2:] - alone)[mine], rtol=1e-9)
+        wanted, out = solution(manoeuvre != m, 0, 1, 2), manoeuvre == m
+        np.testing.assert_allclose(both[m, observables:], wanted[:3], rtol=1e-9)
+        np.testing.assert_allclose(both[m, :observables], wanted[3 + mine], rtol=1e-9)
+        left = residual[out] - dense[out] @ wanted
+        np.testing.assert_allclose(loss[m], (left**2).sum(), rtol=1e-9)
 
 
 def test_an_offset_that_only_the_held_out_manoeuvre_shows_is_fitted_there():
     random = np.random.default_rng(1)
-    columns, log = random.standard_normal((4, 6, 1)), np.array([0, 0, 0, 1])
+    columns, log = random.standard_normal((4, 6, 1)), [0, 0, 0, 1]
     residual = 2.0 * columns[..., 0] + np.array([1.0, 1.0, 1.0, 5.0])[:, None]
-    both = leave_one_out(columns, residual, np.ones((4, 6)), np.arange(4), log).left_out()
-    (level, *_), theta = both.T, both[:, 1:]
-    np.testing.assert_allclose([theta[3, 0], level[3], level[0]], [2.0, 5.0, 1.0], rtol=1e-9)
+    both = leave_one_out(columns, residual, np.ones((4, 6, 1)), np.arange(4), log).left_out()
+    np.testing.assert_allclose([*both[3], both[0, 0]], [5.0, 2.0, 1.0], rtol=1e-9)
 
 
 def test_whitened_values_have_the_covariance_one():
@@ -125,23 +114,46 @@ def test_shared_effects_shrink_as_their_covariance_says():
     found = offsets.without(x)
     np.testing.assert_allclose((found**2).sum(), left @ inverse @ left, rtol=1e-9)
     sized = columns.T @ inverse @ left
-    level_of_log, amplitudes = offsets.fit(x)
-    np.testing.assert_allclose(amplitudes, sized * shared.sd, rtol=1e-7)
-    beside = white(shared.columns) @ amplitudes
-    rest = (white(np.ones_like(x)) * (x - beside)).sum() / (white(np.ones_like(x)) ** 2).sum()
-    np.testing.assert_allclose(level_of_log, [rest], rtol=1e-7)
+    np.testing.assert_allclose(offsets.amplitudes(x), sized, rtol=1e-7)
+    ones = white(np.ones_like(x))
+    np.testing.assert_allclose(offsets.of_logs(x), (ones * x).sum() / (ones**2).sum(), rtol=1e-9)
+
+
+def test_what_lies_in_the_span_of_columns_is_taken_out_beside_offsets():
+    cells = make_cells(stack(3, manoeuvres=2, m=32))
+    columns = np.random.default_rng(4).standard_normal((*cells.phi.shape, 2))
+    offsets = Offsets.of(cells, np.copy)
+    left = offsets.beside(columns.copy()).without(columns @ [2.0, -1.0] + 3.0)
+    np.testing.assert_allclose(left, 0.0, atol=1e-9)
+
+
+def test_a_strength_that_does_what_the_model_does_adds_nothing_to_the_evidence():
+    random = np.random.default_rng(9)
+    cells = make_cells(stack(5, manoeuvres=4, m=32))
+    slopes, column = random.standard_normal((2, *cells.phi.shape, 1))
+    fit = SimpleNamespace(moving=slopes, prediction=np.zeros(cells.phi.shape))
+    base = SimpleNamespace(cells=cells, white=whitener(cells), fit=fit)
+    both = np.concatenate([column, 3.0 * slopes], axis=-1)
+    of_both, alone = (
+        Signature(SimpleNamespace(id="wear"), ("a", "b")[: x.shape[-1]], {}, x, False)
+        for x in (both, column)
+    )
+    _, (scores, wanted), _ = scores_of(base, [of_both, alone])
+    np.testing.assert_allclose(scores.step(), [wanted.step()[0], 0.0], rtol=1e-9, atol=1e-12)
+    found, expected = flip_test([scores], 4), flip_test([wanted], 4)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
 def test_what_is_known_before_holds_an_effect_that_no_manoeuvre_shows():
     random = np.random.default_rng(12)
     columns, residual = random.standard_normal((4, 6, 2)), random.standard_normal((4, 6))
     columns[..., 1] *= 1e-3
-    level, log = np.zeros((4, 6)), np.zeros(4, int)
-    prior = (np.array([0.0, 0.0, 1e6]), np.array([0.0, 0.0, 3e6]))
-    theta = leave_one_out(columns, residual, level, np.arange(4), log, prior).left_out()[:, 1:]
-    np.testing.assert_allclose(theta[:, 1], 3.0, rtol=1e-4)
+    prior = (np.array([0.0, 1e6]), np.array([0.0, 3e6]))
+    none = np.zeros((4, 6, 1))
+    theta = leave_one_out(columns, residual, none, np.arange(4), np.zeros(4, int), prior).left_out()
+    np.testing.assert_allclose(theta[:, 2], 3.0, rtol=1e-4)
     others = columns[1:].reshape(-1, 2)
     wanted = np.linalg.solve(
-        others.T @ others + np.diag(prior[0][1:]), others.T @ residual[1:].ravel() + prior[1][1:]
+        others.T @ others + np.diag(prior[0]), others.T @ residual[1:].ravel() + prior[1]
     )
-    np.testing.assert_allclose(theta[0], wanted, rtol=1e-9)
+    np.testing.assert_allclose(theta[0, 1:], wanted, rtol=1e-9)

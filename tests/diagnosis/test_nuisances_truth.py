@@ -22,7 +22,6 @@ from tirelog.diagnosis.residual_structure import describe
 from tirelog.inference.base import bends, prepare
 from tirelog.inference.cells.cells import SharedEffects, cells_of
 from tirelog.inference.cells.pieces import pieces_of_logs
-from tirelog.inference.fit.cells import take_cells
 from tirelog.inference.nuisances import relative_changes, shared_effects
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
@@ -49,11 +48,16 @@ WHEEL = Nuisances(
 MODEL = Model.new("beam", radius_m=0.305)
 
 
+def stacks_of(logs, angles=64):
+    """Stacks of simulated logs."""
+    recordings = [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(logs)]
+    return stacks_from_logs(recordings, angles=angles)
+
+
 def measured(nuisances, planted=(), seed=403, how=SHORT):
     """Stacks of two short logs in a world."""
-    logs = [replace(log, nuisances=nuisances) for log in case(planted, seed=seed, how=how)]
-    return stacks_from_logs(
-        [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(logs)], angles=64
+    return stacks_of(
+        [replace(log, nuisances=nuisances) for log in case(planted, seed=seed, how=how)]
     )
 
 
@@ -112,7 +116,8 @@ def test_an_effect_is_named_beside_the_wheel(monkeypatch):
     # held out below the floor, and not beyond doubt: nothing of a size is missing, named or not
     step = found.steps[0]
     doubtful = replace(step.named, assessed=replace(step.named.assessed, p=0.005))
-    low = replace(found.before, held_plain=0.0 * found.before.held_plain)
+    held = found.before.held_white, 0.0 * found.before.held_plain
+    low = replace(found.before, held=held)
     small = replace(found, before=low, steps=(replace(step, named=doubtful), *found.steps[1:]))
     monkeypatch.setattr(
         diagnose, "describe", lambda base: replace(describe(base), significant=True)
@@ -154,9 +159,7 @@ def test_two_at_once_come_in_together(microstrain):
             case((), seed=413, how=replace(SHORT, plan="mixed")), (3e4, 5e3), strict=True
         )
     ]
-    stacks = stacks_from_logs(
-        [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(logs)], angles=64
-    )
+    stacks = stacks_of(logs)
     found = search_effects(start(stacks, MODEL))
     assert found.named == ()
     assert set(groups_of(found.before)) == {"wheel", "patch_law"}
@@ -198,7 +201,7 @@ def test_a_tire_that_drifts_far_on_a_wrong_radius_is_found_as_it_drifted(wheel_n
     along = turn * (time - time.mean()) / np.ptp(time)
     values = raw.sd * np.random.default_rng(1).standard_normal(raw.values.shape)
     for c in range(len(raw)):
-        cell, grown = take_cells(raw, np.array([c])), 1.0 + 0.06 * (speed[c] / 25.0) ** 2
+        cell, grown = raw.take(np.array([c])), 1.0 + 0.06 * (speed[c] / 25.0) ** 2
         factors = {
             "patch_half_length_m": 1.0 + 0.06 * along[c],
             "foundation_stiffness_N_m2": 1.0 - 0.06 * along[c],
@@ -235,8 +238,7 @@ def test_a_load_that_wanders_is_in_the_floor():
 
 def test_loads_that_scatter_by_3_percent_leave_a_null_at_its_floor():
     logs = CaseOf("scatter_3", 2).scenarios()
-    stacks = stacks_from_logs([to_recording(simulate(x), f"log_{i}") for i, x in enumerate(logs)])
-    base = start(stacks, Model.new("beam", radius_m=logs[0].tire.rolling_radius_m))
+    base = start(stacks_of(logs, 256), Model.new("beam", radius_m=logs[0].tire.rolling_radius_m))
     assert 0.015 < base.floor.scatter.load_sd < 0.04
     assert base.reduced_chi2 < 1.15  # 2 and more if a waveform were straight in its load
     assert at_noise_floor(base, base.floor.square)
@@ -248,9 +250,7 @@ def test_another_patch_law_is_fitted_and_told():
         replace(log, tire=replace(log.tire, patch_load_exponent=0.8))
         for log in case((), seed=412, how=replace(SHORT, plan="mixed"))
     ]
-    stacks = stacks_from_logs(
-        [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(logs)], angles=64
-    )
+    stacks = stacks_of(logs)
     base = start(stacks, MODEL)
     assert base.reduced_chi2 > 5.0
     found = search_effects(base)
@@ -274,9 +274,7 @@ def at_pressures(*pressures_Pa: float):
         )
         for log, p in zip(logs, pressures_Pa, strict=True)
     ]
-    return stacks_from_logs(
-        [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(driven)], angles=64
-    )
+    return stacks_of(driven)
 
 
 def test_a_patch_that_pressure_shrinks_is_fitted_and_told():
@@ -300,31 +298,9 @@ def test_nuisances_are_seen_where_bins_are_empty(wheel_null):
     values, phi = cells.values.copy(), cells.phi.copy()
     values[::3, ::9] = phi[::3, ::9] = np.nan
     holed = replace(cells, values=values, phi=phi)
+    fit = replace(base.fit, prediction=np.where(np.isfinite(phi), base.fit.prediction, np.nan))
     for name in ("wheel", "drift", "rolling"):
-        effects = shared_effects(
-            holed,
-            replace(base.fit, prediction=np.where(np.isfinite(phi), base.fit.prediction, np.nan)),
-            name,
-        )
+        effects = shared_effects(holed, fit, name)
         assert effects is not None, name
         assert np.isfinite(effects.columns).all(), name
         assert np.isfinite(effects.sd).all(), name
-
-
-def test_hum_is_taken_out_and_told():
-    quiet_log = case(seed=404, how=SHORT)[0]
-    humming = {
-        name: replace(sensor, hum=0.0024, hum_Hz=50.02)
-        for name, sensor in quiet_log.channels.items()
-    }
-    with_hum, without = (
-        stacks_from_logs([to_recording(simulate(log), "log")], angles=64)
-        for log in (replace(quiet_log, channels=humming), quiet_log)
-    )
-    assert without.notes == ()
-    (note,) = with_hum.notes
-    assert note.startswith("log: strain_1: lines that keep the frequency, as hum does, taken out")
-    assert ": 50.0" in note
-    # half of the bins were off by more than 1.1e-6; at the flanks passages found anew count too
-    left = np.abs(with_hum[0].values - without[0].values)
-    assert np.nanmedian(left) < 0.2e-6

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.diagnosis.toy import stack_of
 from tirelog.data.recording import Conditions, Stack
 from tirelog.diagnosis.compare import compare
 from tirelog.errors import ModelError
@@ -12,11 +13,7 @@ from tirelog.inference.nuisances import asked_for, freed
 from tirelog.physics import Model
 from tirelog.physics.model.file import as_toml, parse_model
 
-TRUE = {
-    "patch_half_length_m": 0.06,
-    "patch_load_exponent": 0.63,
-    "patch_pressure_exponent": 0.37,
-}
+TRUE = {"patch_half_length_m": 0.06, "patch_load_exponent": 0.63, "patch_pressure_exponent": 0.37}
 LOADS, PRESSURES, NOISE = (2800.0, 3600.0, 4400.0), (1.6e5, 2.0e5, 2.4e5), 4e-4
 
 
@@ -29,19 +26,12 @@ def lengths(seed: int) -> list[Stack]:
     for number, (load, pressure) in enumerate(drives):
         true = 2.0 * half * (load / 3600.0) ** n * (pressure / 2.0e5) ** -m
         count = 20
-        zero = np.zeros((count, 1))
         stacks.append(
-            Stack(
+            stack_of(
                 observable="patch_length",
-                channel="s",
-                surface="outer",
                 radius_m=0.31,
                 values=true + rng.normal(0.0, NOISE, (count, 1)),
-                phi_rad=np.zeros(1),
-                phi_mean=zero,
-                phi_variance=zero,
-                count=np.ones((count, 1), int),
-                noise=np.full(count, NOISE),
+                noise=NOISE,
                 conditions=Conditions.of(
                     count,
                     speed_m_s=15.0,
@@ -52,8 +42,6 @@ def lengths(seed: int) -> list[Stack]:
                 ),
                 log=np.full(count, number),
                 manoeuvre=np.full(count, number),
-                revolution=np.arange(count),
-                regime=np.full(count, "cruise"),
                 logs=logs,
             )
         )

@@ -63,7 +63,7 @@ def test_scatter_weighs_each_cell_with_its_own_deviation():
 def test_errors_of_parameters_add_the_trace_of_their_covariance():
     random = np.random.default_rng(5)
     manoeuvre, log = np.repeat(np.arange(5), 2), np.zeros(5, int)
-    residual, none = random.standard_normal((10, 4)), np.zeros(4)
+    residual, none = random.standard_normal((10, 4)), np.zeros(3)
     white, plain = (random.standard_normal((10, 4, 4)) for _ in range(2))
     white[..., 0] = plain[..., 0] = 0.0  # no offset
     fitted, judged = (

@@ -23,27 +23,21 @@ def test_a_drive_falls_into_its_regimes():
     time = np.arange(0.0, 40.0, 0.1)
     speed = np.interp(time, [0, 10, 15, 25, 30, 40], [10, 10, 20, 20, 8, 8])
     number, regime = segment(regimes(accelerations(time, speed)), np.r_[True, np.zeros(399, bool)])
-    assert [regime[number == k][0] for k in np.unique(number)] == [
-        "cruise",
-        "drive",
-        "cruise",
-        "brake",
-        "cruise",
-    ]
-
-
-def test_a_coast_is_no_brake():
-    time = np.arange(0.0, 20.0, 0.1)
-    assert set(regimes(accelerations(time, 20.0 - 0.6 * time))) == {"coast"}
+    found = [regime[number == k][0] for k in np.unique(number)]
+    assert found == ["cruise", "drive", "cruise", "brake", "cruise"]
+    coasting = accelerations(time, 30.0 - 0.6 * time)
+    assert set(regimes(coasting)) == {"coast"}
 
 
 def test_short_stretches_join_their_neighbours_and_gaps_part():
-    regime = np.array(["cruise"] * 10 + ["drive"] * 2 + ["cruise"] * 10)
-    breaks = np.zeros(22, bool)
-    breaks[0] = True
-    assert segment(regime, breaks)[0].max() == 0
-    breaks[16] = True
-    assert segment(regime, breaks)[0].max() == 1
+    regime = np.repeat(["cruise", "drive", "cruise"], [10, 2, 10])
+    for gaps, last in (([0], 0), ([0, 16], 1)):
+        assert segment(regime, np.isin(np.arange(22), gaps))[0].max() == last
+    # a standing start before a gap goes with what follows
+    started = np.repeat(["drive", "cruise"], [3, 20])
+    number, found = segment(started, np.isin(np.arange(23), [0, 3]))
+    assert set(number) == {0}
+    assert set(found) == {"cruise"}
 
 
 def test_scatter_of_revolutions_comes_back_as_it_was_put_in():
@@ -104,11 +98,3 @@ def test_every_revolution_is_in_one_manoeuvre_however_short_the_stretches(stretc
                 assert number[gap] == number[gap - 1] + 1
     np.testing.assert_array_equal(regime, given_regime)
     np.testing.assert_array_equal(breaks, given_breaks)
-
-
-def test_a_standing_start_before_a_gap_goes_with_what_follows():
-    breaks = np.zeros(23, bool)
-    breaks[[0, 3]] = True
-    number, regime = segment(np.array(["drive"] * 3 + ["cruise"] * 20), breaks)
-    assert set(number) == {0}
-    assert set(regime) == {"cruise"}

@@ -18,10 +18,7 @@ from tirelog.diagnosis.compare import compare, comparison_of, measured_pieces, s
 from tirelog.diagnosis.results import agreement_sentence, contributions
 from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import ModelError, UsageError
-from tirelog.inference.base import (
-    bases_by_observable,
-    refit,
-)
+from tirelog.inference.base import bases_by_observable, refit
 from tirelog.inference.cells.joint import JointStacks, one_drive
 from tirelog.inference.cells.pieces import pieces_of
 from tirelog.inference.measured import measured_together

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from tests.diagnosis.toy import stack_of
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import RoadSetup, Setup
 from tirelog.diagnosis.obstacles import compare_transients, fit_hit, motion_at
 from tirelog.errors import UsageError
-from tirelog.inference.obstacle_log import TransientLog, around, steady_revolutions, transient_log
+from tirelog.inference.measured import TransientLog, around, steady_revolutions, transient_log
 from tirelog.inference.stacks.align import PassageAngle
 from tirelog.physics import Model
 
@@ -116,16 +117,17 @@ def test_another_event_is_said_to_be_unlike():
 def recording(values: np.ndarray, road: RoadSetup) -> tuple[Recording, Channel, Stack]:
     channel = Channel.of_array("groove", "strain", values, TimeAxis.uniform(values.size, RATE))
     passages = (np.arange(27) * 2.0 * np.pi + 0.7) / SPIN
-    n, m = passages.size, 4
-    empty, conditions = (
-        np.zeros((n, m)),
-        replace(Conditions.of(n, speed_m_s=0.305 * SPIN, load_N=3434.0), time_s=passages),
+    n = passages.size
+    conditions = Conditions.of(n, speed_m_s=0.305 * SPIN, load_N=3434.0)
+    stack = stack_of(
+        channel="groove",
+        radius_m=0.305,
+        values=np.zeros((n, 4)),
+        noise=1.0,
+        conditions=replace(conditions, time_s=passages),
+        manoeuvre=np.zeros(n, int),
+        logs=("made.csv",),
     )
-    stack = Stack(
-        "strain", "groove", "outer", 0.305, empty, np.zeros(m), empty, empty, empty.astype(int),
-        np.ones(n), conditions, np.zeros(n, int), np.zeros(n, int), np.arange(n),
-        np.array(["cruise"] * n), ("made.csv",),
-    )  # fmt: skip
     return Recording("made.csv", {"groove": channel}, Setup(road=road)), channel, stack
 
 

@@ -17,13 +17,14 @@ from tirelog.cli import run
 from tirelog.simulation import Scenario, scenario_of, simulate, write_log
 
 TIRE = {"radial_damping_N_s_m2": 200.0, "tangential_damping_N_s_m2": 200.0}
-KNOWN = (
-    "line_mass_kg_m=4.5",
-    "width_m=0.14",
-    "radial_damping_N_s_m2=200",
-    "tangential_damping_N_s_m2=200",
-    "suspension_damping_N_s_m=1500",
-)
+#: numbers that the model has as the truth has them
+KNOWN = {"line_mass_kg_m": 4.5, "width_m": 0.14, "suspension_damping_N_s_m": 1500, **TIRE}
+
+
+def status(words: str, folder, *more: str) -> int:
+    """The exit status of a command; what has a suffix is a file of the folder."""
+    typed = [str(folder / word) if "." in word else word for word in words.split()]
+    return run([*typed, *more, "--quiet"])
 
 
 def scenario(**road) -> Scenario:
@@ -70,45 +71,16 @@ def one_fit():
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("cleat")
     write_log(simulate(scenario(spacing_m=24.5)), path / "log.csv")
-    sets = [word for pair in KNOWN for word in ("--set", pair)]
-    made = [
-        "model",
-        "new",
-        "--carcass",
-        "coupled_ring",
-        "--setup",
-        str(path / "log.toml"),
-        *sets,
-        "-o",
-        str(path / "m.toml"),
-        "--quiet",
-    ]
-    assert run(made) == 0
+    sets = [word for known in KNOWN.items() for word in ("--set", "{}={}".format(*known))]
+    assert status("model new --carcass coupled_ring --setup log.toml -o m.toml", path, *sets) == 0
     return path
 
 
 @pytest.fixture(scope="module")
 def answer(folder):
-    out = folder / "answer.json"
-    picture = folder / "compare.png"
-    assert (
-        run(
-            [
-                "compare",
-                str(folder / "log.csv"),
-                "--model",
-                str(folder / "m.toml"),
-                "-o",
-                str(out),
-                "--plot",
-                str(picture),
-                "--quiet",
-            ]
-        )
-        == 0
-    )
-    assert picture.with_name("compare_transient.png").stat().st_size > 20_000
-    return json.loads(out.read_text())
+    assert status("compare log.csv --model m.toml -o answer.json --plot compare.png", folder) == 0
+    assert (folder / "compare_transient.png").stat().st_size > 20_000
+    return json.loads((folder / "answer.json").read_text())
 
 
 def test_the_hits_are_found_where_they_were(answer):
@@ -132,20 +104,7 @@ def test_the_answer_is_covered_and_the_errors_stand_in_order(answer):
 
 def rows(folder, capfd, by):
     capfd.readouterr()
-    assert (
-        run(
-            [
-                "compare",
-                str(folder / "log.csv"),
-                "--model",
-                str(folder / "m.toml"),
-                "--by",
-                by,
-                "--quiet",
-            ]
-        )
-        == 0
-    )
+    assert status(f"compare log.csv --model m.toml --by {by}", folder) == 0
     return list(csv.DictReader(io.StringIO(capfd.readouterr().out)))
 
 
@@ -169,40 +128,12 @@ def test_tables_by_frequency_and_time_add_up_to_the_hit(folder, answer, capfd):
 
 
 def test_another_carcass_leaves_the_obstacle_alone(folder, capfd):
-    ring = folder / "ring.toml"
-    assert (
-        run(
-            [
-                "model",
-                "new",
-                "--carcass",
-                "ring",
-                "--setup",
-                str(folder / "log.toml"),
-                "-o",
-                str(ring),
-                "--quiet",
-            ]
-        )
-        == 0
-    )
-    assert run(["compare", str(folder / "log.csv"), "--model", str(ring), "--format", "json"]) == 0
+    assert status("model new --carcass ring --setup log.toml -o ring.toml", folder) == 0
+    words = ["compare", str(folder / "log.csv"), "--model", str(folder / "ring.toml")]
+    assert run([*words, "--format", "json"]) == 0
     said = capfd.readouterr()
     assert "2 hits on an obstacle" in said.err
     assert 'carcass = "coupled_ring" does' in said.err
     assert "transients" not in json.loads(said.out)
-    assert (
-        run(
-            [
-                "compare",
-                str(folder / "log.csv"),
-                "--model",
-                str(ring),
-                "--by",
-                "frequency",
-                "--quiet",
-            ]
-        )
-        == 2
-    )
+    assert run([*words, "--by", "frequency", "--quiet"]) == 2
     assert "--by frequency is for a coupled_ring model" in capfd.readouterr().err

@@ -38,7 +38,6 @@ from tirelog.diagnosis.results import (
 from tirelog.errors import ModelError, UsageError, or_refusal
 from tirelog.inference.base import (
     Base,
-    FittedChannel,
     JointBase,
     bases_by_observable,
     bends,
@@ -54,7 +53,7 @@ from tirelog.inference.cells.joint import (
     without_ratios,
 )
 from tirelog.inference.cells.pieces import MOST_PIECES, Pieces, pieces_of_logs
-from tirelog.inference.fit.cells import centred, take_cells
+from tirelog.inference.fit.cells import centred
 from tirelog.inference.floor import UnweightedMetric, at_mean_speed, scatter_columns
 from tirelog.inference.measured import without_motion_parameters
 from tirelog.inference.nuisances import shared_by
@@ -164,8 +163,7 @@ def comparison_of(base: Base, stacks: Sequence[Stack] | JointStacks = ()) -> Com
     word = "grating" if all(part.member for part in parts) else "observable"
     values = cells.values - base.fit.beside
     level = np.array([np.nanmean(values[cells.part == i]) for i in range(len(base.channels))])
-    assert cells.together is not None
-    waves, floor = first.waveforms, cells.together.scales[0]
+    waves, floor = first.waveforms, cells.scales[0]
     shown = {name: getattr(waves, name) / floor for name in ("measured", "predicted", "floor")}
     return replace(
         first,
@@ -236,7 +234,7 @@ def parameters_of(model: Model) -> dict[str, dict[str, Any]]:
     }
 
 
-def remarks_of(base: FittedChannel) -> list[str]:
+def remarks_of(base: Base) -> list[str]:
     """What a person should know of the fit before believing it."""
     if isinstance(base, JointBase):
         each = [(part.cells.label, remarks_of(part)) for part in bases_by_observable(base)]
@@ -272,7 +270,7 @@ def remarks_of(base: FittedChannel) -> list[str]:
     return said + out_of_range(base)
 
 
-def of_rounding(base: FittedChannel) -> list[str]:
+def of_rounding(base: Base) -> list[str]:
     """What rounding to the source's steps makes of the errors, if it matters."""
     if isinstance(base, JointBase):
         return [
@@ -373,7 +371,7 @@ def error_tables(base: Base, stacks: Sequence[Stack]) -> ErrorTables:
 def _row(base: Base, rows: NDArray[np.bool_], description: dict[str, Any]) -> dict[str, Any]:
     """Errors over some cells."""
     index = np.flatnonzero(rows)
-    plain = UnweightedMetric.of(take_cells(base.cells, index))
+    plain = UnweightedMetric.of(base.cells.take(index))
     residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside)[index]
     left, within = plain.mean_square((plain(residual) ** 2).sum()), base.cells.within[index]
     between, number = base.floor.between, base.cells.revolutions[index]
@@ -434,7 +432,7 @@ def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict
     if model.beside:
         model = model_of(model, stack.observable, base.cells.member)
     predicted = _of_each(model, stack, angles) + base.fit.beside[cell]
-    left, direction = stack.values - predicted, base.plain.direction[cell]
+    left, direction = stack.values - predicted, base.plain.basis[cell]
     left[~np.isfinite(left)] = np.nan
     size = np.nansum(left[..., None] * direction, axis=1, keepdims=True)
     left = left - (direction * size).sum(axis=-1)
@@ -527,10 +525,8 @@ def _mean_within(plain: UnweightedMetric, within: FloatArray) -> float:
 
 def _untouched_several(after: Base, locked: JointPieces) -> tuple[float, float]:
     """The root mean square over the observables, weighted by their revolutions."""
-    layout = after.cells.together
-    assert layout is not None
     squares, weights = [], []
-    members = zip(bases_by_observable(after), locked.parts, layout.scales, strict=True)
+    members = zip(bases_by_observable(after), locked.parts, after.cells.scales, strict=True)
     for part, own, scale in (member for member in members if len(member[1])):
         there = untouched(part, own)
         if isinstance(there, ModelError):

@@ -32,7 +32,7 @@ from tirelog.diagnosis.compare import (
 from tirelog.diagnosis.obstacles import FittedMotion
 from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import ModelError, UsageError
-from tirelog.inference.base import FitResult, FittedChannel, JointBase, fit_together, result_of
+from tirelog.inference.base import Base, FitResult, JointBase, fit_together, result_of
 from tirelog.inference.cells.cells import cells_of, with_nuisances
 from tirelog.inference.cells.joint import JointPieces, model_of, without_ratios
 from tirelog.inference.cells.pieces import Pieces
@@ -145,7 +145,7 @@ def fit_channels_measured(
             "what is said"
         )
     start = without_motion_parameters(model)
-    fitted: Sequence[FittedChannel] | None = None
+    fitted: Sequence[Base] | None = None
     if set(nuisances) == set(AS_COMPARE):
         start, fitted, of_form = _with_form(given, start)
         said += of_form
@@ -178,7 +178,7 @@ def fit_channels_measured(
 
 def _with_form(
     channels: Sequence[Pieces | JointPieces], model: Model
-) -> tuple[Model, Sequence[FittedChannel] | None, list[str]]:
+) -> tuple[Model, Sequence[Base] | None, list[str]]:
     """The model, with the tire's form if that earns its place, and what to say of it.
 
     Also the fit, where `compare` made the same.

@@ -24,12 +24,18 @@ import numpy as np
 from tirelog.diagnosis.candidates.assessment import Scores, flip_test, hats
 from tirelog.diagnosis.compare import start_from
 from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
-from tirelog.inference.base import Base, FittedChannel, JointBase, bases_by_observable, fit_together
+from tirelog.inference.base import Base, JointBase, bases_by_observable, fit_together
 from tirelog.inference.cells.cells import cells_of
-from tirelog.inference.cells.joint import LEVER, JointPieces, model_of, ratio_name, without_ratios
+from tirelog.inference.cells.joint import (
+    LEVER,
+    JointPieces,
+    model_of,
+    own_rows,
+    ratio_name,
+    without_ratios,
+)
 from tirelog.inference.fit.cells import Problem, finish
-from tirelog.inference.floor import UnweightedMetric
-from tirelog.inference.metric import Normal, Offsets, Whitener, stacked
+from tirelog.inference.metric import Normal, Offsets, Whitener
 from tirelog.inference.nuisances import shared_by, shared_effects
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray, IntArray
@@ -182,20 +188,19 @@ class GratingsFound:
 #: through all gratings, metric, floor, and the fit, whose residual is without what is `beside`;
 #: columns (C, m, K) of the random effects that all gratings share, each as large as its standard
 #: deviation; and whether what is beside the model holds the wheel's nuisance
-Member = tuple[FittedChannel, FloatArray, bool]
+Member = tuple[Base, FloatArray, bool]
 
 
 def members_of(base: JointBase) -> Iterator[Member]:
     """The gratings of one fit, one after the other."""
-    cells, shared, layout = base.cells, base.cells.shared, base.cells.together
-    assert layout is not None
+    cells, shared = base.cells, base.cells.shared
     for i, part in enumerate(bases_by_observable(base)):
         if not part.cells.member:
             continue
         rows = np.flatnonzero(cells.part == i)
         columns = np.zeros((*part.cells.phi.shape, 0))
         if shared is not None:
-            columns = shared.columns[rows][:, : layout.widths[i]] * shared.sd * layout.scales[i]
+            columns = own_rows(cells, i, shared.columns) * shared.sd
         own = replace(part.cells, manoeuvre=cells.manoeuvre[rows])
         wheel = shared is not None and WHEEL in shared.groups
         yield replace(part, cells=own), columns, wheel
@@ -253,17 +258,15 @@ _BASE, _EFFECT, _LEVER = " base", " effect", " lever arm"
 
 @dataclass(frozen=True)
 class _Part:
-    """Normal equations of one grating: by manoeuvre gram (M, P, P), right (M, P).
+    """Normal equations of one grating: gram (M + 1, P, P), right (M + 1, P).
 
-    `size_gram` (P, P), `size_right` (P,): in squared floors, of all manoeuvres. `weight`: the
-    values that a mean square of it is over. `columns`: those that a block of all gratings has here.
+    By manoeuvre, and last those of all manoeuvres in squared floors. `weight`: the values that a
+    mean square of these is over. `columns`: those that a block of all gratings has here.
     """
 
     name: str
     gram: FloatArray
     right: FloatArray
-    size_gram: FloatArray
-    size_right: FloatArray
     weight: float
     columns: Mapping[str, IntArray]
 
@@ -271,7 +274,7 @@ class _Part:
 def frames_of(members: Iterable[Member]) -> tuple[Frame, ...]:
     """What repeats beside a fitted model, by frame: all that matters, or the largest of nothing."""
     parts, prior = _parts(members, shapes=True)
-    manoeuvres = max(len(part.gram) for part in parts)
+    manoeuvres = max(len(part.gram) for part in parts) - 1
     every = [ROAD, WHEEL, *(part.name for part in parts)]
     found: list[Frame] = []
     while len(found) < len(every):
@@ -359,27 +362,28 @@ def _parts(
     return found, prior
 
 
-def _normal(channel: FittedChannel, blocks: Mapping[str, Sequence[FloatArray]]) -> _Part:
+def _normal(channel: Base, blocks: Mapping[str, Sequence[FloatArray]]) -> _Part:
     """The normal equations of one grating, its logs' offsets taken out."""
-    cells, manoeuvre = replace(channel.cells, shared=None), channel.cells.manoeuvre
-    good = np.isfinite(cells.values)[..., None]
+    cells = replace(channel.cells, shared=None)
+    good, name = np.isfinite(cells.values), cells.member
     columns = np.concatenate([x for block in blocks.values() for x in block], axis=-1)
-    columns = np.where(good, columns, 0.0)
-    left = np.where(good[..., 0], cells.values - channel.fit.prediction, 0.0)
+    columns = np.where(good[..., None], columns, 0.0)
+    left = np.where(good, cells.values - channel.fit.prediction, 0.0)
 
-    def without_own(metric: Whitener | UnweightedMetric) -> tuple[FloatArray, FloatArray]:
+    def equations(metric: Whitener, group: IntArray) -> tuple[FloatArray, FloatArray]:
         own = Offsets.of(cells, metric)
-        return own.without(metric(columns)), own.without(metric(left))
+        return Normal.of(own.without(metric(columns)), own.without(metric(left)), group)[:2]
 
-    normal = Normal.of(*without_own(channel.white), manoeuvre)
-    slopes, residual = without_own(channel.plain)
-    flat, square, name = stacked(slopes), channel.floor.square, cells.member
+    each = equations(channel.white, cells.manoeuvre)
+    of_all = equations(channel.plain, np.zeros_like(cells.manoeuvre))
+    gram, right = (
+        np.concatenate([one, whole / channel.floor.square])
+        for one, whole in zip(each, of_all, strict=True)
+    )
     ends = np.cumsum([0, *(sum(x.shape[-1] for x in block) for block in blocks.values())])
-    own = {name: np.arange(a, b) for name, (a, b) in zip(blocks, pairwise(ends), strict=True)}
+    own = {block: np.arange(a, b) for block, (a, b) in zip(blocks, pairwise(ends), strict=True)}
     own |= {name: own[ROAD], f"{_EFFECT} {name}": own[_EFFECT], f"{_LEVER} {name}": own[_LEVER]}
-    size_gram, size_right = flat.T @ flat / square, flat.T @ residual.ravel() / square
-    weight = channel.plain.weight
-    return _Part(name, normal.gram, normal.right, size_gram, size_right, weight, own)
+    return _Part(name, gram, right, channel.plain.weight, own)
 
 
 def _evidence(
@@ -394,14 +398,12 @@ def _evidence(
     n, many = int(ends[len(blocks) - len(tested)]), int(ends[-1])
     total = max(len(part.gram) for part in parts)
     gram, right = np.zeros((total, many, many)), np.zeros((total, many))
-    size_gram, size_right = np.zeros((many, many)), np.zeros(many)
     for part, own in zip(parts, owns, strict=True):
         where = np.concatenate([e + np.arange(x.size) for e, x in zip(ends, own, strict=False)])
-        local, turns = np.concatenate(own), np.arange(len(part.gram))
-        gram[np.ix_(turns, where, where)] += part.gram[np.ix_(turns, local, local)]
-        right[np.ix_(turns, where)] += part.right[np.ix_(turns, local)]
-        size_gram[np.ix_(where, where)] += part.size_gram[np.ix_(local, local)]
-        size_right[where] += part.size_right[local]
+        local, turns = np.concatenate(own), np.append(np.arange(len(part.gram) - 1), total - 1)
+        gram[np.ix_(turns, where, where)] += part.gram[:, local[:, None], local]
+        right[np.ix_(turns, where)] += part.right[:, local]
+    size_gram, size_right, gram, right = gram[-1], right[-1], gram[:-1], right[:-1]
     whole = gram.sum(axis=0) + np.diag(np.pad(prior, (0, many - prior.size)))
     inverse = inverse_of(whole[:n, :n])
     ground = inverse @ right[:, :n].sum(axis=0)

@@ -233,11 +233,11 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
     rows: list[Mapping[str, Any]] = []
     for log in np.unique(base.cells.log).tolist():
         of, logname = {}, base.cells.logs[log]
-        if (layout := base.cells.together) is not None:
-            part = log // len(layout.logs)
-            of = {"observable": layout.observables[part]}
-            if layout.members[part]:
-                of["grating"] = layout.members[part]
+        if base.cells.parts:
+            part = base.cells.parts[log // len(base.cells.log_names)]
+            of = {"observable": part.observable}
+            if part.member:
+                of["grating"] = part.member
             if not normal.gram[log, : len(names), : len(names)].any():
                 continue
         se = np.sqrt(np.maximum(np.diag(inverse_of(normal.gram[log])), 0.0)).tolist()

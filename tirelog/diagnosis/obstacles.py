@@ -15,10 +15,15 @@ from scipy.optimize import least_squares, minimize_scalar
 
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.answer import AnswerTable, excess_of, plain_fields
-from tirelog.errors import ModelError, UsageError, or_refusal
-from tirelog.inference.fit.cells import bounds, descend, errors_of
-from tirelog.inference.measured import motion_names
-from tirelog.inference.obstacle_log import DISTURBED, WINDOW_S, TransientLog, around
+from tirelog.errors import UsageError
+from tirelog.inference.fit.cells import LeastSquares, bounds, descend, errors_of
+from tirelog.inference.measured import (
+    DISTURBED,
+    WINDOW_S,
+    TransientLog,
+    around,
+    motion_names,
+)
 from tirelog.inference.stacks.align import split_turns
 from tirelog.physics.carcass.numbers import MOTION
 from tirelog.physics.model.model import Model
@@ -302,11 +307,9 @@ def learn_motion(logs: Sequence[TransientLog], model: Model) -> FittedMotion:
     problem = _Hits(model, names, logs)
     theta = problem.start
     begun = problem.residual(theta)
-    low, high = problem.bounds
     for stage in _STAGES:
         problem.stage = stage
-        reached = descend(problem, theta, low, high, problem.sizes, steps=_STEPS, settled=_SETTLED)
-        theta = reached.theta
+        theta = descend(problem, theta, steps=_STEPS, settled=_SETTLED)[0]
     left = problem.residual(theta)
     slopes = problem.slopes(theta, np.ones(theta.size))
     known = errors_of(slopes, _variance(left, theta.size))
@@ -317,7 +320,7 @@ def learn_motion(logs: Sequence[TransientLog], model: Model) -> FittedMotion:
     return FittedMotion(fitted, names, before, after, len(problem.events))
 
 
-class _Hits:
+class _Hits(LeastSquares):
     """All hits as one problem of least squares.
 
     theta is the parameters, then time and phase of each hit; `stage` is how long after a hit and
@@ -337,20 +340,16 @@ class _Hits:
             self.events.append((near, hit.time_s, window))
             start += [hit.time_s, hit.phase_rad]
         self.start = np.array(start)
-
-    @property
-    def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Those of the parameters; a hit's time and phase have none."""
-        low, high = bounds(self.model, self.names)
-        free = np.full(self.start.size - low.size, np.inf)
-        return np.append(low, -free), np.append(high, free)
+        low, high = bounds(model, names)
+        free = np.full(2 * len(self.events), np.inf)  # a hit's time and phase have no bounds
+        self.low, self.high = np.append(low, -free), np.append(high, free)
 
     def sizes(self, theta: FloatArray) -> FloatArray:
         probes = [0.3 * abs(self.model.parameters[name].probe) for name in self.names]
         own = np.maximum(np.abs(theta[: len(probes)]), probes)
         return np.append(own, np.tile(10.0 * np.array(_NUISANCE_STEPS), len(self.events)))
 
-    def residual(self, theta: FloatArray) -> FloatArray:
+    def left(self, theta: FloatArray) -> FloatArray:
         """What the model misses at all hits within the stage, one after the other, (N,)."""
         parts = []
         for view, at in zip(self._views(theta), theta[len(self.names) :].reshape(-1, 2).tolist()):
@@ -358,10 +357,6 @@ class _Hits:
             width = round(self.stage[1] * view.log.rate_Hz)
             parts.append(uniform_filter1d(left, width) if width > 1 else left)
         return np.concatenate(parts)
-
-    def square(self, theta: FloatArray) -> float:
-        left = or_refusal(self.residual)(theta)
-        return float("inf") if isinstance(left, ModelError) else float((left**2).sum())
 
     def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
         left, steps = self.residual(theta), []
@@ -451,25 +446,29 @@ BANDS_HZ = np.array(
 _ANGLES = 128
 
 
+#: mean squares that are told of a hit: what the model leaves, its error off the obstacle, noise
+#: floor, what the obstacle added as measured, and what of that the model's answer misses
+_SQUARES = ("residual", "steady", "floor", "added", "missed")
+
+
 @dataclass(frozen=True)
 class HitResult:
     """A hit and its numbers, in the observable's unit but for times, phase and shares.
 
-    `squares` (5, m) of what `_errors` names, charged for the nuisances. Mean squares of the bands
-    between `edges_Hz` (b + 1,) in `bands`, (b,) each: "added" by the obstacle as measured,
-    "residual" that the model leaves, "missed" by its answer, "steady" error, noise "floor".
+    Of each of `_SQUARES`, charged for the nuisances: squares (m,) at the hit's times in `squares`,
+    mean squares (b,) of the bands between `edges_Hz` (b + 1,) in `bands`.
     """
 
     log: TransientLog
     ordinal: int
     hit: Hit
-    squares: FloatArray
+    squares: Mapping[str, FloatArray]
     edges_Hz: FloatArray
     bands: Mapping[str, FloatArray]
 
     def row(self) -> dict[str, Any]:
         """One row of the table by hit."""
-        hit, errors = self.hit, _errors(self.squares.mean(axis=1))
+        hit, errors = self.hit, _errors(self.squares)
         covered = _covered(errors)
         # A hit of which the model covers less than this share may be something else than the
         # obstacle. Twice as much marks also hits of which a third is explained.
@@ -496,31 +495,32 @@ class HitResult:
                 **self._name(),
                 "since_s": (number + 0.5) * BIN_S,
                 "samples": int((bins == number).sum()),
-                **_errors(self.squares[:, bins == number].mean(axis=1)),
+                **_errors({name: own[bins == number] for name, own in self.squares.items()}),
             }
             for number in np.unique(bins)
         ]
 
     def frequency_rows(self) -> list[dict[str, Any]]:
         """Rows of bands up to half the sampling rate."""
-        b, charged = self.bands, _charged(self.hit)
-        model = [charged * b[name] for name in ("residual", "missed")]
-        squares = np.stack([model[0], b["steady"], b["floor"], b["added"], model[1]])
         return [
-            {**self._name(), "low_Hz": float(low), "high_Hz": float(high), **_errors(own)}
-            for (low, high), own in zip(pairwise(self.edges_Hz), squares.T, strict=True)
+            {
+                **self._name(),
+                "low_Hz": float(low),
+                "high_Hz": float(high),
+                **_errors({name: own[[i]] for name, own in self.bands.items()}),
+            }
+            for i, (low, high) in enumerate(pairwise(self.edges_Hz))
         ]
 
     def _name(self) -> dict[str, Any]:
         return {"log": self.log.log, "channel": self.log.channel, "hit": self.ordinal}
 
 
-def _errors(squares: FloatArray) -> dict[str, float]:
-    """rmse, rmse_steady, noise_floor, excess, added, missed.
-
-    From mean squares in that order (excess is their own).
-    """
-    rmse, steady, floor, added, missed = np.sqrt(np.maximum(squares, 0.0)).tolist()
+def _errors(squares: Mapping[str, FloatArray]) -> dict[str, float]:
+    """rmse, rmse_steady, noise_floor, excess, added, missed, of `_SQUARES`."""
+    rmse, steady, floor, added, missed = (
+        float(np.sqrt(max(squares[name].mean(), 0.0))) for name in _SQUARES
+    )
     return {
         "rmse": rmse, "rmse_steady": steady, "noise_floor": floor, "excess": excess_of(rmse, floor),
         "added": added, "missed": missed,
@@ -553,8 +553,10 @@ class TransientComparison:
     def to_json(self) -> dict[str, Any]:
         """Totals over the hits, each as many samples as it has, and a row per hit."""
         rows = self.tables["hit"]
-        squares = [hit.squares.mean(axis=1) for hit in self.hits]
-        numbers = _errors(np.average(squares, axis=0, weights=[row["samples"] for row in rows]))
+        of_all = {
+            name: np.concatenate([hit.squares[name] for hit in self.hits]) for name in _SQUARES
+        }
+        numbers = _errors(of_all)
         numbers["covered"] = _covered(numbers)
         return plain_fields({**numbers, "nuisance_parameters": NUISANCES * len(rows), "hits": rows})
 
@@ -614,20 +616,18 @@ def _result(log: TransientLog, ordinal: int, hit: Hit, model: Model) -> HitResul
     at_hit = bins[rows][: hit.since_s.size]
     edges = BANDS_HZ[0.5 * log.rate_Hz > BANDS_HZ]
     edges = np.append(edges[:-1] if edges.size > 1 else [0.0], 0.5 * log.rate_Hz)
-    left = hit.measured - hit.predicted
-    answers = {"added": hit.added, "residual": left, "missed": hit.missed}
+    answers = {"residual": hit.measured - hit.predicted, "added": hit.added, "missed": hit.missed}
+    squares = {name: x**2 for name, x in answers.items()}
     bands = {n: band_squares(hit.since_s, x, edges, log.rate_Hz) for n, x in answers.items()}
     for name, values in (("steady", error), ("floor", off)):
+        squares[name] = _by_angle(values[near] ** 2, bins[near])[at_hit]
         bands[name] = _calm_squares(log, values, near, hit.since_s[-1], edges)
-    steady, floor = (_by_angle(values[near] ** 2, bins[near])[at_hit] for values in (error, off))
-    charged = _charged(hit)
-    squares = [charged * left**2, steady, floor, hit.added**2, charged * hit.missed**2]
-    return HitResult(log, ordinal, hit, np.stack(squares), edges, bands)
-
-
-def _charged(hit: Hit) -> float:
-    """Samples over samples less nuisances, which errors of the model are charged for."""
-    return hit.since_s.size / max(hit.since_s.size - NUISANCES, 1)
+    # errors of the model are charged for its nuisances
+    charged = hit.since_s.size / max(hit.since_s.size - NUISANCES, 1)
+    for name in ("residual", "missed"):
+        squares[name] *= charged
+        bands[name] *= charged
+    return HitResult(log, ordinal, hit, squares, edges, bands)
 
 
 def _steady_error(log: TransientLog, hit: Hit, model: Model) -> FloatArray:

@@ -44,7 +44,7 @@ from tirelog.errors import ModelError
 from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to, with_fewer_cells
 from tirelog.inference.cells.joint import model_of
 from tirelog.inference.floor import held_out_losses, held_out_losses_with, load_derivative
-from tirelog.inference.metric import RANK, Offsets, ProjectedOut, side_by_side
+from tirelog.inference.metric import RANK, Offsets, side_by_side
 from tirelog.inference.nuisances import condition_slopes
 from tirelog.physics.effects import Drive, Effect, Site
 from tirelog.physics.effects.base import Values
@@ -254,7 +254,7 @@ def _behind_m(base: Base) -> FloatArray:
 
 def _score(
     base: Base,
-    taken: ProjectedOut,
+    taken: Offsets,
     residual: FloatArray,
     columns: FloatArray,
     factor: FloatArray | float = 1.0,
@@ -276,7 +276,7 @@ def _score(
 
 def _scores(
     base: Base,
-    taken: ProjectedOut,
+    taken: Offsets,
     residual: FloatArray,
     columns: FloatArray,
     factors: Sequence[FloatArray],
@@ -337,7 +337,7 @@ def describe(base: Base) -> Leftover:
 
 
 def _exponent(
-    base: Base, taken: ProjectedOut, residual: FloatArray, free: FloatArray, *, pressed: bool
+    base: Base, taken: Offsets, residual: FloatArray, free: FloatArray, *, pressed: bool
 ) -> tuple[float, bool]:
     """The exponent of speed with which free shapes explain most.
 
@@ -374,7 +374,7 @@ def _crosses_zero(base: Base) -> bool:
 
 
 def _one_side(
-    base: Base, taken: ProjectedOut, residual: FloatArray, free: FloatArray, exponent: float
+    base: Base, taken: Offsets, residual: FloatArray, free: FloatArray, exponent: float
 ) -> str | None:
     """'entry' or 'exit' if shapes on that side alone explain what both sides do.
 
@@ -572,7 +572,7 @@ def posterior_checks(base: Base, seed: int = 0) -> tuple[Check, ...]:
     cells, white = base.cells, base.noise
     if cells.phi.shape[1] == 1:
         return ()  # one number per revolution has no shape
-    other = ProjectedOut.of(Offsets.of(cells, white), white(base.fit.moving))
+    other = Offsets.of(cells, white).beside(white(base.fit.moving))
     measured = other.without(white(np.nan_to_num(cells.values - base.fit.prediction)))
     random, used = np.random.default_rng(seed), white.inverse_sd > 0.0
     statistics = _statistics(base, used)

@@ -16,9 +16,8 @@ and what is left of it, are those of its base.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -34,12 +33,12 @@ from tirelog.inference.cells.joint import (
     with_ratios,
 )
 from tirelog.inference.fit.cells import (
+    MOST_STEPS,
     Errors,
     Fit,
     Problem,
     finish,
     fit_channels,
-    fit_model,
     fits_apart,
 )
 from tirelog.inference.floor import (
@@ -134,11 +133,13 @@ _STEP = 1e-3
 
 
 @dataclass(frozen=True)
-class FittedChannel:
-    """A model fitted on the cells of one channel.
+class Base:
+    """A model fitted on cells.
 
     Metrics `white` (significance) and `plain` (size), the floor; `discrepancy` [unit^2], the mean
-    square that the model misses.
+    square that the model misses; `raw`: the cells as the first fit centred them. `given`: the model
+    as it came, with the values that the search started from. `held`: losses by manoeuvre left out,
+    (M,) in each metric, if they are known from elsewhere.
     """
 
     cells: Cells
@@ -147,6 +148,9 @@ class FittedChannel:
     floor: Floor
     fit: Fit
     discrepancy: float
+    raw: Cells
+    given: Model | None = None
+    held: tuple[FloatArray, FloatArray] | None = None
 
     @property
     def model(self) -> Model:
@@ -182,18 +186,19 @@ class FittedChannel:
         """
         return float((self.plain.weights**2 * self.cells.rounding).sum()) / self.plain.weight
 
+    @cached_property
+    def _losses(self) -> tuple[FloatArray, FloatArray]:
+        return self.held or held_out_losses(self.cells, self.white, self.plain, self.fit)
 
-@dataclass(frozen=True)
-class Base(FittedChannel):
-    """A fitted channel with held-out losses by manoeuvre (M,).
+    @property
+    def held_white(self) -> FloatArray:
+        """Loss of each manoeuvre left out, (M,), in the metric of significance."""
+        return self._losses[0]
 
-    `given`: the model as it came, with the values that the search started from.
-    """
-
-    held_white: FloatArray
-    held_plain: FloatArray
-    raw: Cells | None = None
-    given: Model | None = None
+    @property
+    def held_plain(self) -> FloatArray:
+        """The same in the metric of size."""
+        return self._losses[1]
 
     @property
     def square_held(self) -> float:
@@ -235,26 +240,29 @@ class Base(FittedChannel):
 
         Once an effect is in, less is taken for scatter.
         """
-        parts, layout = bases_by_observable(self), self.cells.together
-        raws = [
-            replace(part.raw or part.cells, phi=part.cells.phi, moved=part.cells.moved)
-            for part in parts
-        ]
-        fits = [replace(part.fit, model=self.model) for part in parts]
+        parts = bases_by_observable(self)
         anew = _with_scatter(
-            raws, fits, [part.white for part in parts], [part.discrepancy for part in parts]
+            [
+                replace(
+                    part,
+                    raw=replace(part.raw, phi=part.cells.phi, moved=part.cells.moved),
+                    fit=replace(part.fit, model=self.model),
+                    held=None,
+                )
+                for part in parts
+            ]
         )
-        if layout is None:
-            return replace(_held_out(anew[0], raws[0]), given=self.given)
-        drive = [self.cells.manoeuvre[self.cells.part == i] for i in range(len(parts))]
-        return replace(_joined(anew, raws, layout.scales, drive), given=self.given)
+        if self.cells.parts:
+            drive = [self.cells.manoeuvre[self.cells.part == i] for i in range(len(parts))]
+            anew = [_joined(anew, self.cells.scales, drive)]
+        return replace(anew[0], given=self.given)
 
 
 @dataclass(frozen=True)
 class JointBase(Base):
     """Several observables fitted together, in floors; `channels` as fitted, each in its unit."""
 
-    channels: tuple[FittedChannel, ...] = ()
+    channels: tuple[Base, ...] = ()
 
     @cached_property
     def held_alone(self) -> tuple[Base, ...]:
@@ -282,67 +290,43 @@ def prepare_together(
     """
     conditions = Conditions.concatenate([own.conditions for own in cells])
     model = with_ratios(model.resolved(conditions), cells)
-    channels, raw = _fitted(cells, model, several)
+    channels = _fitted(cells, model, several)
     scales = [float(np.sqrt(channel.floor.square)) for channel in channels]
-    return replace(_joined(channels, raw, scales, drive), given=model)
+    return replace(_joined(channels, scales, drive), given=model)
 
 
 def _joined(
-    channels: Sequence[FittedChannel],
-    raw: Sequence[Cells],
-    scales: Sequence[float],
-    drive: Sequence[IntArray],
+    channels: Sequence[Base], scales: Sequence[float], drive: Sequence[IntArray]
 ) -> JointBase:
     """Fitted channels as one base."""
-    fits = [channel.fit for channel in channels]
+    first = channels[0].fit
     cells = joined_cells([channel.cells for channel in channels], scales, drive)
     white = whiteners_joined([channel.white for channel in channels], cells)
     if cells.shared is None or not any(channel.cells.member for channel in channels):
-        (fit,) = finish([Problem(cells, white)], fits[0].model, fits[0].names, fits[0].settled)
+        (fit,) = finish([Problem(cells, white)], first.model, first.names, first.settled)
     else:  # each grating had amplitudes of its own so far, of what is one to all
-        fit = fit_model(cells, white, fits[0].model, several=False)
+        (fit,) = fit_channels([(cells, white)], first.model, several=False)
         cells = fit.cells
     plain = UnweightedMetric.of(cells)
-    floor = _floor_of_all(channels, scales, plain, cells.part)
-    missed = sum(
-        channel.discrepancy / scale**2 * len(channel.cells)
-        for channel, scale in zip(channels, scales, strict=True)
-    )
-    return JointBase(
-        cells,
-        white,
-        plain,
-        floor,
-        fit,
-        missed / len(cells),
-        *held_out_losses(cells, white, plain, fit),
-        raw=joined_cells(raw, scales, drive),
-        channels=tuple(channels),
-    )
+    missed = sum(c.discrepancy / s**2 * len(c.cells) for c, s in zip(channels, scales, strict=True))
+    floor = _floor_of_all([channel.floor for channel in channels], scales, plain, cells.part)
+    raw = joined_cells([channel.raw for channel in channels], scales, drive)
+    own = cells, white, plain, floor, fit, missed / len(cells), raw
+    return JointBase(*own, channels=tuple(channels))
 
 
 def _floor_of_all(
-    channels: Sequence[FittedChannel],
-    scales: Sequence[float],
-    plain: UnweightedMetric,
-    part: IntArray,
+    floors: Sequence[Floor], scales: Sequence[float], plain: UnweightedMetric, part: IntArray
 ) -> Floor:
     """The mean floor of all, each in floors as it was at first, weighted as its cells are."""
-    share = np.bincount(part, (plain.weights**2).sum(axis=1)) / plain.weight
-    square = np.square(scales)
-    within, between = (
-        float((share * np.array([getattr(c.floor, name) for c in channels]) / square).sum())
-        for name in ("within", "between")
-    )
-    scatters = [channel.floor.scatter for channel in channels]
-    rows = {
-        name: np.concatenate([getattr(s, name) for s in scatters])
-        for name in ("load", "load_square")
-    }
+    share = np.bincount(part, (plain.weights**2).sum(axis=1)) / plain.weight / np.square(scales)
+    within, between = share @ np.array([(floor.within, floor.between) for floor in floors])
+    scatters = [floor.scatter for floor in floors]
     baseline = [s.baseline_square / c**2 for s, c in zip(scatters, scales, strict=True)]
-    scatter = Scatter(0.0, 0.0, 0.0, baseline_square=np.concatenate(baseline), **rows)
+    rows = [[s.load for s in scatters], [s.load_square for s in scatters], baseline]
+    scatter = Scatter(0.0, 0.0, 0.0, *map(np.concatenate, rows))
     none = np.zeros(0)  # angles are each observable's own (`bases_by_observable`)
-    return Floor(within, between, none, scatter)
+    return Floor(float(within), float(between), none, scatter)
 
 
 def bases_by_observable(base: Base, *, held_by_all: bool = False) -> tuple[Base, ...]:
@@ -358,22 +342,22 @@ def bases_by_observable(base: Base, *, held_by_all: bool = False) -> tuple[Base,
 
 def _apart(base: JointBase, held_by_all: bool) -> tuple[Base, ...]:
     fits = fits_apart(replace(base.fit, cells=base.cells))
-    raws = [None] * len(fits) if base.raw is None else parts_of(base.raw)
     found = []
-    for i, (channel, fit) in enumerate(zip(base.channels, fits, strict=True)):
+    for i, (channel, raw, fit) in enumerate(
+        zip(base.channels, parts_of(base.raw), fits, strict=True)
+    ):
         more = (len(fit.names) - len(channel.fit.names)) / len(fits)
         own = replace(fit.cells, cell=channel.cells.cell)
         fit = replace(fit, freedom=max(channel.fit.freedom - more, 1.0), cells=own)
-        held = None
+        held, given = None, base.given
         if held_by_all:
             rows = base.cells.part == i
             losses = held_out_losses(base.cells, base.white, base.plain, base.fit, of=rows)
             seen = np.unique(base.cells.manoeuvre[rows])
-            held = losses[0][seen], losses[1][seen] * base.cells.layout.scales[i] ** 2
-        one = _held_out(replace(channel, cells=own, fit=fit), raws[i], held)
-        if (given := base.given) is not None:
+            held = losses[0][seen], losses[1][seen] * base.cells.scales[i] ** 2
+        if given is not None:
             given = replace(given, observable=fit.model.observable, beside=fit.model.beside)
-        found.append(replace(one, given=given))
+        found.append(replace(channel, cells=own, fit=fit, raw=raw, held=held, given=given))
     return tuple(found)
 
 
@@ -383,7 +367,7 @@ def whiteners_joined(whites: Sequence[Whitener], cells: Cells) -> Whitener:
     most = max(white.basis.shape[2] for white in whites)
     inverse, basis, shrink = np.zeros((C, width)), np.zeros((C, width, most)), np.zeros((C, most))
     groups, group_basis = [], []
-    for i, (white, scale) in enumerate(zip(whites, cells.layout.scales, strict=True)):
+    for i, (white, scale) in enumerate(zip(whites, cells.scales, strict=True)):
         rows, (_, m, k) = np.flatnonzero(cells.part == i), white.basis.shape
         inverse[rows, :m] = white.inverse_sd * scale
         basis[rows, :m, :k], shrink[rows, :k] = white.basis, white.shrink
@@ -401,25 +385,20 @@ def prepare(cells: Cells, model: Model, *, several: bool = True) -> Base:
     ModelError if it cannot be computed at these speeds.
     """
     model = model.resolved(cells.conditions)
-    (fitted,), (raw,) = _fitted([cells], model, several)
-    return replace(_held_out(fitted, raw), given=model)
+    return replace(_fitted([cells], model, several)[0], given=model)
 
 
-def fit_together(
-    channels: Sequence[Cells], model: Model, *, several: bool = True
-) -> list[FittedChannel]:
+def fit_together(channels: Sequence[Cells], model: Model, *, several: bool = True) -> list[Base]:
     """The model fitted to all channels at once; of one channel the fit of `prepare`.
 
     ModelError if it cannot be computed at these speeds.
     """
     conditions = Conditions.concatenate([cells.conditions for cells in channels])
-    return _fitted(channels, model.resolved(conditions), several)[0]
+    return _fitted(channels, model.resolved(conditions), several)
 
 
-def _fitted(
-    channels: Sequence[Cells], model: Model, several: bool
-) -> tuple[list[FittedChannel], list[Cells]]:
-    """The channels with their scatter, and the cells as the first fit centred them."""
+def _fitted(channels: Sequence[Cells], model: Model, several: bool) -> list[Base]:
+    """The channels with their scatter."""
     keep_freed()
     rough = [_FIRST_DISCREPANCY**2 * float(np.nanmean(cells.values**2)) for cells in channels]
     whites = [whitener(cells, missed) for cells, missed in zip(channels, rough, strict=True)]
@@ -427,82 +406,71 @@ def _fitted(
     always = asked_for(model, conditions)
     model = freed(model, always)
     fits = fit_channels(list(zip(channels, whites, strict=True)), model, several=several)
-    raw = [replace(f.cells, shared=shared_by(f.cells, f, always)) for f in fits]
-    return _with_scatter(raw, fits, whites, rough), raw
+    begun = []
+    for white, fit, missed in zip(whites, fits, rough, strict=True):
+        raw = replace(fit.cells, shared=shared_by(fit.cells, fit, always))
+        unknown = Floor(0.0, 0.0, np.zeros(0), Scatter(0.0, 0.0, 0.0, *np.zeros((3, len(raw)))))
+        plain = UnweightedMetric.of(raw)
+        begun.append(Base(raw, white, plain, unknown, fit, missed, raw))
+    return _with_scatter(begun)
 
 
-def _with_scatter(
-    raw: Sequence[Cells], fits: Sequence[Fit], used: Sequence[Whitener], missed: Sequence[float]
-) -> list[FittedChannel]:
+def _with_scatter(known: Sequence[Base]) -> list[Base]:
     """The fit with the scatter and the discrepancy that it leaves in metric and floor.
 
-    The cells of each channel are taken at their mean speeds by this fit, the scatter between
+    The raw cells of each channel are taken at their mean speeds by this fit, the scatter between
     manoeuvres and the discrepancy go into metric and floor, and the model is fitted in them, until
     loads have settled.
     """
-    cells = [at_mean_speed(*channel) for channel in zip(raw, fits, strict=True)]
-    values = [channel.values for channel in cells]
-    plain = [UnweightedMetric.of(channel) for channel in cells]
-    known: list[FittedChannel] = []
-    for _ in range(_MOST_ROUNDS):
-        before, known = (
-            known,
-            [
-                _in_scatter(*channel)
-                for channel in zip(cells, values, plain, fits, used, missed, strict=True)
-            ],
-        )
-        in_metric = [(channel.cells, channel.white) for channel in known]
-        fits = fit_channels(in_metric, fits[0].model, several=False, steps=_STEPS_OF_ROUND)
-        cells, used = [fit.cells for fit in fits], [channel.white for channel in known]
-        missed = [channel.discrepancy for channel in known]
-        if before and all(map(_unmoved, known, before)):
+    known = [replace(one, cells=at_mean_speed(one.raw, one.fit)) for one in known]
+    values = [one.cells.values for one in known]
+    for number in range(_MOST_ROUNDS):
+        before, known = known, list(map(_in_scatter, known, values))
+        settled = number > 0 and all(map(_unmoved, known, before))
+        known = _fitted_again(known, _STEPS_OF_ROUND)
+        if settled:
             break
-    if not fits[0].settled:
-        in_metric = [(fit.cells, channel.white) for fit, channel in zip(fits, known, strict=True)]
-        fits = fit_channels(in_metric, fits[0].model, several=False)
-    return [
-        replace(channel, cells=fit.cells, fit=fit) for channel, fit in zip(known, fits, strict=True)
-    ]
+    return known if known[0].fit.settled else _fitted_again(known, MOST_STEPS)
 
 
-def _unmoved(now: FittedChannel, then: FittedChannel) -> bool:
+def _fitted_again(channels: Sequence[Base], steps: int) -> list[Base]:
+    """The channels with the model fitted to all of them from where it is, in so many steps."""
+    in_metric = [(one.cells, one.white) for one in channels]
+    fits = fit_channels(in_metric, channels[0].model, several=False, steps=steps)
+    return [replace(one, cells=fit.cells, fit=fit) for one, fit in zip(channels, fits, strict=True)]
+
+
+def _unmoved(now: Base, then: Base) -> bool:
     """Have loads, and what they and the nuisances bend, settled since the round before?"""
     moved = np.abs(now.floor.scatter.load - then.floor.scatter.load).max()
     turned = (now.plain(now.cells.values - then.cells.values) ** 2).sum() / now.plain.weight
     return bool(moved < _SAME_LOAD and turned < _SAME_BEND * now.floor.square)
 
 
-def _in_scatter(
-    cells: Cells,
-    values: FloatArray,
-    plain: UnweightedMetric,
-    fit: Fit,
-    used: Whitener,
-    missed: float,
-) -> FittedChannel:
-    """A channel in the metric with the scatter and the discrepancy that the fit leaves.
+def _in_scatter(base: Base, values: FloatArray) -> Base:
+    """A channel in the metric with the scatter and the discrepancy that its fit leaves.
 
-    The fit itself was made in the metric `used`, with another discrepancy, `missed` [unit^2].
-    Random effects are linear, a waveform is not quite: of the measured `values` (C, m) goes what
-    its load and its nuisances bend. The columns of these are of the fitted model.
+    The fit itself was made in the metric and with the discrepancy that the base still has. Random
+    effects are linear, a waveform is not quite: of the measured `values` (C, m) goes what its load
+    and its nuisances bend. The columns of these are of the fitted model.
     """
-    cells = _with_shift_of(fit, cells)
+    fit, plain = base.fit, base.plain
+    cells = _with_shift_of(fit, base.cells)
     if cells.shared is not None:  # the columns as the fitted model has them
         anew = shared_by(cells, fit, cells.shared.groups)
         if anew is not None and anew.names == cells.shared.names:
             cells = replace(cells, shared=anew)
     slope, bend = load_slopes(cells, fit)
     columns = np.stack([slope, np.ones_like(slope)], axis=-1)
-    scatter = measure_scatter(cells, fit, used, columns, missed)
+    scatter = measure_scatter(cells, fit, base.white, columns, base.discrepancy)
     bent = 0.5 * bend * scatter.load[:, None] ** 2 + bends(cells, fit)
     cells = replace(cells, values=values - bent)
     floor = measure_floor(cells, plain, columns, scatter)
     left = np.nan_to_num(cells.values - fit.prediction - fit.beside)
     beyond = plain.mean_square((plain(left) ** 2).sum()) - floor.between
-    discrepancy = beyond if beyond > _LEAST_DISCREPANCY * floor.square else 0.0
-    white = _metric(cells, discrepancy, columns, scatter)
-    return FittedChannel(cells, white, plain, floor, fit, discrepancy)
+    missed = beyond if beyond > _LEAST_DISCREPANCY * floor.square else 0.0
+    white = _metric(cells, missed, columns, scatter)
+    return replace(base, cells=cells, white=white, floor=floor, discrepancy=missed)
 
 
 def _with_shift_of(fit: Fit, cells: Cells) -> Cells:
@@ -512,7 +480,7 @@ def _with_shift_of(fit: Fit, cells: Cells) -> Cells:
     misses, and a form would shift its patch by the difference.
     """
     formed = any(effect.id == FORM for effect in fit.model.effects)
-    if not formed or cells.phi.shape[1] == 1 or cells.together is not None:
+    if not formed or cells.phi.shape[1] == 1 or cells.parts:
         return cells
     up, down = (
         predicted(fit.model, replace(cells, phi=cells.phi + step)) for step in (_STEP, -_STEP)
@@ -525,15 +493,6 @@ def _metric(cells: Cells, missed: float, columns: FloatArray, scatter: Scatter) 
     return whitener(cells, missed, scatter.wander_sd * columns[..., 0]).with_manoeuvres(
         cells.manoeuvre, columns, np.array([scatter.load_sd, scatter.baseline_sd])
     )
-
-
-def _held_out(
-    channel: FittedChannel, raw: Cells | None, held: tuple[FloatArray, FloatArray] | None = None
-) -> Base:
-    """The channel with its losses on manoeuvres left out, those `held` if these are known."""
-    white, plain = held or held_out_losses(channel.cells, channel.white, channel.plain, channel.fit)
-    own: dict[str, Any] = {f.name: getattr(channel, f.name) for f in fields(FittedChannel)}
-    return Base(**own, held_white=white, held_plain=plain, raw=raw)
 
 
 def change_to(base: Base, model: Model) -> FloatArray | ModelError:
@@ -554,9 +513,9 @@ def refit(base: Base, model: Model, *, several: bool = False) -> Base:
 
     It may have an effect more, or other start values.
     """
-    fit = fit_model(base.cells, base.white, model.resolved(base.cells.conditions), several=several)
-    held_white, held_plain = held_out_losses(fit.cells, base.white, base.plain, fit)
-    return replace(base, cells=fit.cells, fit=fit, held_white=held_white, held_plain=held_plain)
+    model = model.resolved(base.cells.conditions)
+    (fit,) = fit_channels([(base.cells, base.white)], model, several=several)
+    return replace(base, cells=fit.cells, fit=fit, held=None)
 
 
 def with_fewer_cells(base: Base, most: int) -> Base:
@@ -567,9 +526,8 @@ def with_fewer_cells(base: Base, most: int) -> Base:
     cells, fit = base.cells, base.fit
     if len(cells) <= most:
         return base
-    channels = base.channels if isinstance(base, JointBase) else (base,)
     chosen = []
-    for i in range(len(channels)):
+    for i in range(len(cells.members)):
         own = np.flatnonzero(cells.part == i)
         few = max(2, round(most * own.size / len(cells)))
         chosen.append(own[np.unique(np.linspace(0, own.size - 1, few).round().astype(int))])
@@ -578,14 +536,14 @@ def with_fewer_cells(base: Base, most: int) -> Base:
     cells = replace(cells, manoeuvre=np.unique(cells.manoeuvre, return_inverse=True)[1])
     kept = {name: getattr(fit, name)[rows] for name in ("prediction", "jacobian", "residual")}
     fit = replace(fit, cells=cells, **kept)
+    channels = base.channels if isinstance(base, JointBase) else (base,)
     whites = [
-        _metric(
-            own.cells, channel.discrepancy, scatter_columns(own.cells, own), channel.floor.scatter
-        )
-        for own, channel in zip(fits_apart(fit), channels, strict=True)
+        _metric(own.cells, one.discrepancy, scatter_columns(own.cells, own), one.floor.scatter)
+        for own, one in zip(fits_apart(fit), channels, strict=True)
     ]
-    white = whites[0] if cells.together is None else whiteners_joined(whites, cells)
-    return replace(base, cells=cells, white=white, plain=UnweightedMetric.of(cells), fit=fit)
+    white = whiteners_joined(whites, cells) if cells.parts else whites[0]
+    plain = UnweightedMetric.of(cells)
+    return replace(base, cells=cells, white=white, plain=plain, fit=fit, held=None)
 
 
 # ---- What a fit says: values with errors, correlations, bounds.
@@ -624,7 +582,7 @@ class FitResult:
     revolutions: int
 
 
-def result_of(channels: Sequence[FittedChannel], model: Model | None = None) -> FitResult:
+def result_of(channels: Sequence[Base], model: Model | None = None) -> FitResult:
     """The result of channels that were fitted together.
 
     `model` is the fitted one with further errors of its parameters, if there are any.

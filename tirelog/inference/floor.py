@@ -21,19 +21,18 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc  # tail of F; scipy.stats takes a second to import
 
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.cells.cells import Cells, SharedEffects
+from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.joint import model_of, predicted
 from tirelog.inference.fit.cells import Fit, priors
 from tirelog.inference.metric import (
+    RANK,
     LeaveOneOut,
     Normal,
     Offsets,
-    ProjectedOut,
     Whitener,
-    in_blocks,
+    made_of,
     per_group,
     side_by_side,
-    solve_scaled,
     whitener,
 )
 from tirelog.vocabulary.arrays import FloatArray
@@ -211,35 +210,41 @@ def scatter_between(
     degrees of freedom.
     """
     residual = white(cells.values - fit.prediction - fit.beside)
-    normal = Normal.of(white(columns), residual, cells.manoeuvre)
-    values = solve_scaled(normal.gram, normal.right)
+    values, noise = Normal.of(white(columns), residual, cells.manoeuvre).solved()
     trend = trend_columns(cells)
     hat = trend @ np.linalg.pinv(trend)
-    other, seen = ProjectedOut.of(Offsets.of(cells, used), used(fit.jacobian)), used(columns)
-    between = []
-    for i in range(2):
-        unit = np.broadcast_to(np.eye(2)[i], normal.right.shape)
-        noise = solve_scaled(normal.gram, unit)[:, i]
-        taken = _taken(cells, other, seen[..., i])
-        between.append(_deviations(values[:, i], noise, hat, taken))
-    if between[0][0] > _MOST_SCATTER:  # the baseline takes the other part of such a misfit
-        return (0.0, np.zeros(cells.manoeuvres)), (0.0, np.zeros(cells.manoeuvres))
-    return between[0], between[1]
+    other, seen = Offsets.of(cells, used).beside(used(fit.jacobian)), used(columns)
+    load, baseline = (
+        _deviations(values[:, i], noise[:, i], hat, _taken(cells, other, seen[..., i]))
+        for i in range(2)
+    )
+    if load[0] > _MOST_SCATTER:  # the baseline takes the other part of such a misfit
+        load = baseline = 0.0, np.zeros(cells.manoeuvres)
+    return load, baseline
 
 
-def _taken(cells: Cells, other: ProjectedOut, column: FloatArray) -> float:
+def _taken(cells: Cells, other: Offsets, column: FloatArray) -> float:
     """How many of the effects of single manoeuvres the fit and the offsets take, at most all.
 
     By the share of each one's whitened `column` (C, m) that lies in their span.
     """
-    basis = other.basis.reshape(*column.shape, -1)
+    basis = other.spans[-1][0].reshape(*column.shape, -1)
     along = per_group((np.swapaxes(basis, 1, 2) @ column[..., None])[..., 0], cells.manoeuvre)
-    level = np.bincount(
-        cells.manoeuvre, (other.offsets.direction * column).sum(axis=1), cells.manoeuvres
-    )
-    size = np.bincount(cells.manoeuvre, (column**2).sum(axis=1), cells.manoeuvres)
+    level = per_group((other.direction * column).sum(axis=1), cells.manoeuvre)
+    size = per_group((column**2).sum(axis=1), cells.manoeuvre)
     inside = ((along**2).sum(axis=1) + level**2) / np.maximum(size, 1e-300)
     return float(np.minimum(inside, 1.0).sum())
+
+
+def _chance_of_following(of_all: float, of_rest: float, more: float, rest: float) -> float:
+    """The probability that `more` columns take so much of a sum of squares by chance alone.
+
+    `of_rest`: what they leave, with so many degrees of freedom. One if there is nothing to tell.
+    """
+    if more < 0.5 or rest < 0.5:
+        return 1.0
+    ratio = (of_all - of_rest) / more / max(of_rest / rest, 1e-300)
+    return float(fdtrc(more, rest, max(ratio, 0.0)))
 
 
 def _deviations(
@@ -256,9 +261,7 @@ def _deviations(
         return 0.0, np.zeros(values.size)
     left, about = values - hat @ values, values - values.mean()
     of_all, of_rest = float(about @ about), float(left @ left)
-    more = followed - 1.0
-    ratio = (of_all - of_rest) / max(more, 1e-9) / max(of_rest / rest, 1e-300)
-    if more < 0.5 or fdtrc(more, rest, max(ratio, 0.0)) > _FOLLOWS_P:
+    if _chance_of_following(of_all, of_rest, followed - 1.0, rest) > _FOLLOWS_P:
         expected = float(noise.sum()) * free / values.size
         sd = float(np.sqrt(max((of_all - expected) / free, 0.0)))
         if abs(values.mean()) > sd:
@@ -284,10 +287,8 @@ def wander_within(
     if cells.phi.shape[1] == 1 or cells.observable != STRAIN:
         return none
     residual = white(cells.values - fit.prediction - fit.beside)
-    own = np.arange(len(cells))
-    normal = Normal.of(white(columns), residual, own)
-    load = solve_scaled(normal.gram, normal.right)[:, 0]
-    variance = solve_scaled(normal.gram, np.broadcast_to([1.0, 0.0], normal.right.shape))[:, 0]
+    solved = Normal.of(white(columns), residual, np.arange(len(cells))).solved()
+    load, variance = (part[:, 0] for part in solved)
     known = variance > 0.0
     variance = variance + _load_of_revolutions(cells, columns[..., 0])
     speed = cells.conditions.speed_m_s / max(float(np.mean(cells.conditions.speed_m_s)), 1e-9) - 1.0
@@ -301,15 +302,12 @@ def wander_within(
     more = float(np.trace(hat_followed) - np.trace(hat))
     rest = float(weight.size - np.trace(hat_followed))
     with_speed = _left_beside(root[:, None] * level[known], root * speed[known])[1]
-    if more > 0.5 and rest > 0.5:
-        gone = float(left @ left - left_followed @ left_followed) / more
-        ratio = gone / max(float(left_followed @ left_followed) / rest, 1e-300)
-        p = float(fdtrc(more, rest, max(ratio, 0.0)))
-        if p <= _SURELY_FOLLOWS_P or (
-            p <= _FOLLOWS_P
-            and agreement(with_speed * left, cells.manoeuvre[known], cells.log[known]) <= _AGREE_P
-        ):
-            hat, left = hat_followed, left_followed
+    p = _chance_of_following(float(left @ left), float(left_followed @ left_followed), more, rest)
+    if p <= _SURELY_FOLLOWS_P or (
+        p <= _FOLLOWS_P
+        and agreement(with_speed * left, cells.manoeuvre[known], cells.log[known]) <= _AGREE_P
+    ):
+        hat, left = hat_followed, left_followed
     freedom = float(weight.size - np.trace(hat))
     if freedom < FEWEST_WANDERING:
         return none
@@ -353,11 +351,9 @@ def _load_of_revolutions(cells: Cells, load: FloatArray) -> FloatArray:
     """
     good = np.isfinite(cells.values)[..., None]
     columns, slope = np.where(good, cells.random, 0.0), np.where(good[..., 0], load, 0.0)
-    made_of = solve_scaled(
-        np.swapaxes(columns, 1, 2) @ columns, np.einsum("cmk,cm->ck", columns, slope)
-    )
-    along = np.einsum("ck,ckl,cl->c", made_of, cells.random_cov, made_of)
-    square = (made_of**2).sum(axis=1) ** 2  # zero where a load changes nothing
+    share = made_of(columns, slope)
+    along = np.einsum("ck,ckl,cl->c", share, cells.random_cov, share)
+    square = (share**2).sum(axis=1) ** 2  # zero where a load changes nothing
     return np.asarray(along / np.maximum(square, 1e-300), dtype=np.float64)
 
 
@@ -369,47 +365,35 @@ _SOME_CELLS = 64
 
 
 @dataclass(frozen=True)
-class UnweightedMetric:
+class UnweightedMetric(Whitener):
     """The metric of size.
 
-    What is free in a cell (its shift) is removed, along `direction` (C, m, k); each cell is
-    weighted by its revolutions, so that sums of squares are mean squares times `weight`.
+    What is free in a cell (its shift) is removed; each cell is weighted by its revolutions, so that
+    sums of squares are mean squares times `weight`. `bias`: what noise leaves of them.
     """
 
-    cells: Cells
-    weights: FloatArray
-    direction: FloatArray
-    weight: float
-    bias: float
+    weight: float = 0.0
+    bias: float = 0.0
 
     @classmethod
     def of(cls, cells: Cells) -> UnweightedMetric:
         good = np.isfinite(cells.values) & np.isfinite(cells.sd)
         number = np.maximum(good.sum(axis=1), 1)
         weights = np.where(good, np.sqrt(cells.revolutions / number)[:, None], 0.0)
-        direction = _orthonormal_in_cells(np.where(good[..., None], cells.taken, 0.0))
+        free = np.where(good[..., None], cells.taken, 0.0)
+        direction, size, _ = np.linalg.svd(free, full_matrices=False)
+        direction *= (size > RANK * size.max(axis=1, initial=1e-300, keepdims=True))[:, None]
         spread = np.einsum("cmi,cij,cmj->cm", cells.scattering, cells.random_cov, cells.scattering)
         noise = np.where(good, cells.sd, 0.0) ** 2
         taken = (direction**2).sum(axis=-1)
         bias = (weights**2 * (noise + spread)).sum() - (weights**2 * noise * taken).sum()
-        return cls(cells, weights, direction, float(cells.revolutions.sum()), float(bias))
+        weight = float(cells.revolutions.sum())
+        return cls(weights, direction, np.ones(size.shape), weight=weight, bias=float(bias))
 
-    def __call__(self, x: FloatArray) -> FloatArray:
-        """x (C, m) or (C, m, k) in this metric."""
-        return in_blocks(self._of_cells, x)
-
-    def _of_cells(self, rows: slice, x: FloatArray) -> FloatArray:
-        weights, direction = self.weights[rows, :, None], self.direction[rows]
-        x = np.where(weights > 0, x, 0.0)
-        return (x - direction @ (np.swapaxes(direction, 1, 2) @ x)) * weights
-
-    def only(self, rows: NDArray[np.bool_]) -> UnweightedMetric:
-        """The metric in which only these cells count."""
-        return replace(self, weights=np.where(rows[:, None], self.weights, 0.0))
-
-    def some(self, rows: NDArray[np.int64]) -> UnweightedMetric:
-        """The metric of some cells alone."""
-        return replace(self, weights=self.weights[rows], direction=self.direction[rows])
+    @property
+    def weights(self) -> FloatArray:
+        """Root of the revolutions that each value stands for, (C, m); zero if empty."""
+        return self.inverse_sd
 
     def mean_square(self, losses: FloatArray) -> float:
         """Mean square error of a revolution's value above `within`.
@@ -417,18 +401,6 @@ class UnweightedMetric:
         From sums of squares (M,) of cell means.
         """
         return (float(np.sum(losses)) - self.bias) / self.weight
-
-
-def _orthonormal_in_cells(columns: FloatArray) -> FloatArray:
-    """The columns (C, m, k) of each cell made orthogonal and of length one; zero where they are."""
-    result = np.zeros_like(columns)
-    for i in range(columns.shape[-1]):
-        column, before = columns[..., i], result[..., :i]
-        if i:
-            column = column - (before @ (np.swapaxes(before, 1, 2) @ column[..., None]))[..., 0]
-        norm = np.linalg.norm(column, axis=1, keepdims=True)
-        result[..., i] = np.divide(column, norm, out=np.zeros_like(column), where=norm > 0)
-    return result
 
 
 @dataclass(frozen=True)
@@ -473,13 +445,7 @@ def at_mean_speed(cells: Cells, fit: Fit) -> Cells:
     taken = np.concatenate([cells.random, cells.shift[..., None]], axis=-1)
     weight = np.isfinite(cells.values)[..., None]
     columns, slope_left = np.where(weight, taken, 0.0), np.where(weight[..., 0], slope, 0.0)
-    gram = np.swapaxes(columns, 1, 2) @ columns
-    slope_left = (
-        slope_left
-        - (columns @ solve_scaled(gram, np.einsum("cmk,cm->ck", columns, slope_left))[..., None])[
-            ..., 0
-        ]
-    )
+    slope_left = slope_left - (columns @ made_of(columns, slope_left)[..., None])[..., 0]
     travelled = np.nan_to_num(cells.phi) * fit.model.values["radius_m"]
     faster = (cells.conditions.acceleration_m_s2 / speed)[:, None] * travelled
     bend = (up + down - 2.0 * fit.prediction) / step[:, None] ** 2
@@ -556,32 +522,15 @@ def held_out_losses_with(
 
     The model's own columns, which are most, are brought into the metrics once for all.
     """
-    first = fit.jacobian.shape[-1] + fit.amplitudes.size + _own_levels(cells).shape[-1]
+    first = fit.jacobian.shape[-1] + fit.amplitudes.size
     metrics = (white, plain) if of is None else (white, white.only(of), plain.only(of))
     losses = []
-    for levelled in zip(
-        *(_levelled(cells, metric, fit, additions) for metric in metrics), strict=True
+    for normals in zip(
+        *(_left_out_of(cells, metric, fit, additions) for metric in metrics), strict=True
     ):
-        theta = levelled[0].left_out() - levelled[0].step_of_all(first)
-        losses.append((levelled[-2].loss(theta), levelled[-1].loss(theta)))
+        theta = normals[0].left_out() - normals[0].step_of_all(first)
+        losses.append((normals[-2].loss(theta), normals[-1].loss(theta)))
     return losses
-
-
-def _own_levels(cells: Cells) -> FloatArray:
-    """Columns (C, m, k) of the offsets that a log has beside its first.
-
-    Each observable of a log has its own; with one observable there is none.
-    """
-    if cells.together is None:
-        return np.zeros((*cells.phi.shape, 0))
-    first: dict[int, int] = {}
-    columns = []
-    level = cells.level
-    for log in np.unique(cells.log):
-        rows = cells.log == log
-        if level[rows].any() and first.setdefault(int(cells.drive[rows][0]), int(log)) != log:
-            columns.append(np.where(rows[:, None], level, 0.0))
-    return np.stack(columns, axis=-1) if columns else np.zeros((*cells.phi.shape, 0))
 
 
 def steps_left_out(cells: Cells, white: Whitener, fit: Fit) -> FloatArray:
@@ -589,10 +538,10 @@ def steps_left_out(cells: Cells, white: Whitener, fit: Fit) -> FloatArray:
 
     One step from the fitted point, as for held-out losses; zero for what stands at a bound.
     """
-    (in_white,) = _levelled(cells, white, fit, [()])
+    (normal,) = _left_out_of(cells, white, fit, [()])
     p = fit.jacobian.shape[-1]
-    moved: FloatArray = in_white.left_out() - in_white.step_of_all(p + fit.amplitudes.size)
-    return moved[:, 1 : 1 + p]
+    moved: FloatArray = normal.left_out() - normal.step_of_all(p + fit.amplitudes.size)
+    return moved[:, normal.offsets : normal.offsets + p]
 
 
 def losses_of_errors(
@@ -602,68 +551,53 @@ def losses_of_errors(
 
     In the mean, if nothing is missing: manoeuvres are few, and each scatters.
     """
-    (in_white,), (in_plain,) = (_levelled(cells, metric, fit, [()]) for metric in (white, plain))
-    return in_white.of_errors(in_plain)
+    (in_white,), (in_plain,) = (_left_out_of(cells, one, fit, [()]) for one in (white, plain))
+    # one offset a log is in the scatter of manoeuvres; those of further observables are estimated
+    further = np.zeros(in_white.offsets - 1)
+    precision, pull = (np.append(further, part) for part in in_white.prior)
+    return replace(in_white, offsets=1, prior=(precision, pull)).of_errors(in_plain)
 
 
-def _levelled(
-    cells: Cells,
-    metric: Whitener | UnweightedMetric,
-    fit: Fit,
-    additions: Sequence[Sequence[FloatArray]],
+def _left_out_of(
+    cells: Cells, metric: Whitener, fit: Fit, additions: Sequence[Sequence[FloatArray]]
 ) -> list[LeaveOneOut]:
     """The normal equations of every manoeuvre, with each of the additions (C, m, k) to the model.
 
     No metric couples two manoeuvres, so some are worked on at a time.
     """
-    shared = cells.shared if cells.shared is not None and len(cells.shared) else None
-    own, level = _own_levels(cells), cells.level  # of a number per revolution there is none
-    prediction = fit.prediction + (0.0 if shared is None else shared.columns @ fit.amplitudes)
-    if own.shape[-1]:  # if nothing decides these, they stay as they are
-        prediction, level = fit.prediction + fit.beside, level - own.sum(axis=-1)
-    parts = [level[..., None], fit.moving, *([own] if own.shape[-1] else [])]
-    parts += [] if shared is None else [shared.columns]
-    made: list[list[Normal]] = [[] for _ in additions]
-    last = (
-        np.searchsorted(np.sort(cells.manoeuvre), np.arange(cells.manoeuvres), side="right")
-        // _SOME_CELLS
+    columns, prediction = [fit.moving], fit.prediction
+    mean, known = priors(fit.model, fit.names)
+    pull = known * (mean - [fit.model.values[name] for name in fit.names])
+    if (shared := cells.shared) is not None:
+        columns.append(shared.columns)
+        prediction = prediction + shared.columns @ fit.amplitudes
+        known = np.append(known, shared.sd**-2.0)
+        pull = np.append(pull, -fit.amplitudes / shared.sd**2)
+    levels = cells.level[..., None] * (
+        cells.part[:, None, None] == np.arange(len(cells.observables))
     )
-    for numbers in np.split(np.arange(cells.manoeuvres), np.flatnonzero(np.diff(last)) + 1):
+    made: list[list[Normal]] = [[] for _ in additions]
+    last = np.searchsorted(np.sort(cells.manoeuvre), np.arange(cells.manoeuvres), side="right")
+    cuts = np.flatnonzero(np.diff(last // _SOME_CELLS)) + 1
+    for numbers in np.split(np.arange(cells.manoeuvres), cuts):
         rows = np.flatnonzero(np.isin(cells.manoeuvre, numbers))
-        some, values = metric.some(rows), cells.values[rows]
+        some, manoeuvre = metric.some(rows), cells.manoeuvre[rows] - numbers[0]
+        values = cells.values[rows]
         residual = some(np.where(np.isfinite(values), values - prediction[rows], 0.0))
-        columns = side_by_side(some, [part[rows] for part in parts])
-        manoeuvre = cells.manoeuvre[rows] - numbers[0]
-        of_model = Normal.of(columns, residual, manoeuvre)
+        own = side_by_side(some, [part[rows] for part in (levels, *columns)])
+        of_model = Normal.of(own, residual, manoeuvre)
         for more, of_more in zip(additions, made, strict=True):
             normal = of_model
             if more:
                 added = side_by_side(some, [part[rows] for part in more])
-                crossed = per_group(np.swapaxes(columns, 1, 2) @ added, manoeuvre)
+                crossed = per_group(np.swapaxes(own, 1, 2) @ added, manoeuvre)
                 normal = normal.beside(Normal.of(added, residual, manoeuvre), crossed)
             of_more.append(normal)
-    log = np.zeros(cells.manoeuvres, np.int64)
-    log[cells.manoeuvre] = np.unique(cells.drive, return_inverse=True)[1]
+    drive = np.zeros(cells.manoeuvres, np.int64)
+    drive[cells.manoeuvre] = np.unique(cells.drive, return_inverse=True)[1]
+    normals = [Normal(*map(np.concatenate, zip(*parts, strict=True))) for parts in made]
+    left = [normal.right.shape[1] - levels.shape[-1] - known.size for normal in normals]
     return [
-        LeaveOneOut(normal, log, _prior(fit, shared, own.shape[-1], normal.right.shape[1]))
-        for normal in map(Normal.joined, made)
+        LeaveOneOut(normal, drive, (np.pad(known, (0, k)), np.pad(pull, (0, k))), levels.shape[-1])
+        for normal, k in zip(normals, left, strict=True)
     ]
-
-
-def _prior(
-    fit: Fit, shared: SharedEffects | None, levels: int, columns: int
-) -> tuple[FloatArray, FloatArray]:
-    """What is known of the columns before any manoeuvre: of the shared effects, their size.
-
-    Of a parameter, its prior.
-    """
-    mean, known = priors(fit.model, fit.names)
-    precision, pull = np.zeros(columns), np.zeros(columns)
-    p = 1 + len(fit.names)
-    precision[1:p] = known
-    pull[1:p] = known * (mean - [fit.model.values[name] for name in fit.names])
-    if shared is not None:
-        own = slice(p + levels, p + levels + len(shared))
-        precision[own] = 1.0 / shared.sd**2
-        pull[own] = -fit.amplitudes / shared.sd**2
-    return precision, pull

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,8 +115,7 @@ def per_group(products: FloatArray, group: IntArray) -> FloatArray:
     return total
 
 
-@dataclass(frozen=True)
-class Normal:
+class Normal(NamedTuple):
     """Normal equations of each manoeuvre.
 
     gram (M, p, p), right (M, p), square (M,) of residual on columns.
@@ -140,20 +140,13 @@ class Normal:
 
         `crossed` (M, p, k): products of its columns with the other's.
         """
-        upper = np.concatenate([self.gram, crossed], axis=2)
-        lower = np.concatenate([np.swapaxes(crossed, 1, 2), more.gram], axis=2)
-        right = np.concatenate([self.right, more.right], axis=1)
-        return Normal(np.concatenate([upper, lower], axis=1), right, self.square)
+        gram = np.block([[self.gram, crossed], [np.swapaxes(crossed, 1, 2), more.gram]])
+        return Normal(gram, np.concatenate([self.right, more.right], axis=1), self.square)
 
-    @classmethod
-    def joined(cls, parts: Sequence[Normal]) -> Normal:
-        """Those of successive manoeuvres as one."""
-        return cls(
-            *(
-                np.concatenate([getattr(part, name) for part in parts])
-                for name in ("gram", "right", "square")
-            )
-        )
+    def solved(self) -> tuple[FloatArray, FloatArray]:
+        """What the columns' strengths are in each manoeuvre, (M, p), and their variances (M, p)."""
+        spread = solve_scaled(self.gram[:, None], np.eye(self.right.shape[1]))
+        return solve_scaled(self.gram, self.right), np.einsum("mii->mi", spread)
 
 
 def solve_scaled(gram: FloatArray, right: FloatArray) -> FloatArray:
@@ -168,6 +161,12 @@ def solve_scaled(gram: FloatArray, right: FloatArray) -> FloatArray:
     return (inverse @ (right / scale)[..., None])[..., 0] / scale
 
 
+def made_of(columns: FloatArray, values: FloatArray) -> FloatArray:
+    """How much of each column (C, m, k) is nearest to values (C, m), cell by cell, (C, k)."""
+    swapped = np.swapaxes(columns, 1, 2)
+    return solve_scaled(swapped @ columns, (swapped @ values[..., None])[..., 0])
+
+
 def _inverse(gram: FloatArray) -> FloatArray:
     """The inverse of symmetric (..., p, p) on the directions that have support.
 
@@ -178,19 +177,15 @@ def _inverse(gram: FloatArray) -> FloatArray:
     try:
         inverse = np.asarray(np.linalg.inv(gram), dtype=np.float64)
     except np.linalg.LinAlgError:
-        return _inverse_on_support(gram)
+        inverse = np.full(gram.shape, np.nan)
     size = np.sqrt((inverse**2).sum(axis=(-2, -1)))
     poor = ~(size * gram.shape[-1] < 0.1 / RANK)
     if np.any(poor):
-        inverse[poor] = _inverse_on_support(gram[poor])
+        values, vectors = np.linalg.eigh(gram[poor])
+        good = values > RANK * values[..., -1:]
+        share = np.where(good, 1.0 / np.where(good, values, 1.0), 0.0)
+        inverse[poor] = (vectors * share[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     return inverse
-
-
-def _inverse_on_support(gram: FloatArray) -> FloatArray:
-    values, vectors = np.linalg.eigh(gram)
-    good = values > RANK * values[..., -1:]
-    inverse = np.where(good, 1.0 / np.where(good, values, 1.0), 0.0)
-    return np.asarray((vectors * inverse[..., None, :]) @ np.swapaxes(vectors, -1, -2))
 
 
 # ---- The metric in which residuals are judged.
@@ -261,35 +256,39 @@ class Whitener:
         x = np.where(inverse > 0, x * inverse, 0.0)
         return x - basis @ (self.shrink[rows, :, None] * (np.swapaxes(basis, 1, 2) @ x))
 
-    def only(self, rows: NDArray[np.bool_]) -> Whitener:
+    def only(self, rows: NDArray[np.bool_]) -> Self:
         """The operator on these cells alone; no manoeuvre's scatter couples them with others."""
         return replace(self, inverse_sd=np.where(rows[:, None], self.inverse_sd, 0.0))
 
-    def some(self, rows: NDArray[np.int64]) -> Whitener:
+    def some(self, rows: NDArray[np.int64]) -> Self:
         """The operator of some manoeuvres alone, whose cells are the ascending `rows`."""
         own = np.flatnonzero(np.isin([group[0] for group in self.groups], rows))
-        return Whitener(
-            self.inverse_sd[rows],
-            self.basis[rows],
-            self.shrink[rows],
-            tuple(np.searchsorted(rows, self.groups[i]) for i in own),
-            tuple(self.group_basis[i] for i in own),
-            tuple(self.group_shrink[i] for i in own),
+        return replace(
+            self,
+            inverse_sd=self.inverse_sd[rows],
+            basis=self.basis[rows],
+            shrink=self.shrink[rows],
+            groups=tuple(np.searchsorted(rows, self.groups[i]) for i in own),
+            group_basis=tuple(self.group_basis[i] for i in own),
+            group_shrink=tuple(self.group_shrink[i] for i in own),
         )
 
     def with_manoeuvres(
         self, manoeuvre: NDArray[np.int64], columns: FloatArray, sd: FloatArray
     ) -> Whitener:
-        """The whitener with random effects of manoeuvres.
+        """The operator of single cells with random effects of manoeuvres besides.
 
         `columns` (C, m, k) in the observable's unit per unit of effect, `sd` (k,).
         """
-        white = Whitener(self.inverse_sd, self.basis, self.shrink)(columns) * sd
+        white = self(columns) * sd
         groups = [np.flatnonzero(manoeuvre == number) for number in range(int(manoeuvre.max()) + 1)]
         found = [np.linalg.svd(stacked(white[rows]), full_matrices=False) for rows in groups]
-        bases = tuple(basis for basis, _, _ in found)
-        shrinks = tuple(1.0 - 1.0 / np.sqrt(1.0 + size**2) for _, size, _ in found)
-        return Whitener(self.inverse_sd, self.basis, self.shrink, tuple(groups), bases, shrinks)
+        return replace(
+            self,
+            groups=tuple(groups),
+            group_basis=tuple(basis for basis, _, _ in found),
+            group_shrink=tuple(1.0 - 1.0 / np.sqrt(1.0 + size**2) for _, size, _ in found),
+        )
 
 
 def whitener(
@@ -307,9 +306,6 @@ def whitener(
         1.0 / np.sqrt(cells.sd**2 + discrepancy),
         0.0,
     )
-    C, m = inverse.shape
-    if m == 1:
-        return Whitener(inverse, np.zeros((C, 1, 0)), np.zeros((C, 0)))
     scale, vectors = np.linalg.eigh(cells.random_cov)
     root = vectors * np.sqrt(np.maximum(scale, 0.0))[:, None, :]
     prior = np.array([_FREE_SD[name] for name in cells.free])
@@ -327,34 +323,49 @@ _NOTHING = 3e-4
 
 @dataclass(frozen=True)
 class Offsets:
-    """The cells' parts of the offsets of their logs, and shared effects if there are any.
+    """What is taken out beside a model: offsets of logs, then the spans of other columns.
 
-    `direction` (C, m): each cell's part of its log's column, which has length one; `log` (C,) 0
-    ... `count` - 1; `norm` (count,).
+    direction  (C, m) each cell's part of its log's column, which has length one
+    log        (C,) 0 ... `count` - 1;  norm (count,)
+    spans      of each an orthonormal basis (N, r) and the shares (r,) that are taken along it: of
+               shared effects what their size allows, of others all
+    turn       (K, r) the amplitudes of shared effects in standard deviations, from what lies along
+               their basis
+
+    With columns B, as large as their standard deviations, the covariance I + B B' has the inverse
+    root I - Q (1 - 1/sqrt(1 + D)) Q', Q D Q' = B B'.
     """
 
     direction: FloatArray
     log: IntArray
     norm: FloatArray
-    shared: RandomEffects | None = None
+    spans: tuple[tuple[FloatArray, FloatArray | None], ...] = ()
+    turn: FloatArray | None = None
 
     @classmethod
     def of(cls, cells: Cells, white: Callable[[FloatArray], FloatArray]) -> Offsets:
         """The offsets of waveforms; a number per revolution has no offset that is free."""
         log = np.unique(cells.log, return_inverse=True)[1]
-        alone = cells.phi.shape[1] == 1
-        if alone and cells.shared is None:
-            return cls(np.zeros_like(cells.phi), log, np.zeros(0))
-        columns = np.zeros_like(cells.phi) if alone else white(cells.level)
+        columns = white(cells.level)
         norm = np.sqrt(np.bincount(log, (columns**2).sum(axis=1)))
         offsets = cls(columns / np.maximum(norm, 1e-300)[log][:, None], log, norm)
         if cells.shared is None or not len(cells.shared):
             return offsets
-        sized = white(cells.shared.columns) * cells.shared.sd
-        level = offsets.products(sized) / np.maximum(norm, 1e-300)[:, None]
-        return replace(
-            offsets, shared=RandomEffects.of(offsets._levelled(sized), cells.shared.sd, level)
-        )
+        flat = stacked(offsets.without(white(cells.shared.columns) * cells.shared.sd))
+        values, vectors = np.linalg.eigh(flat.T @ flat)
+        keep = values > RANK * max(float(values[-1]), 1e-300)
+        values, vectors = values[keep], vectors[:, keep]
+        root = np.sqrt(values)
+        span = flat @ (vectors / root), 1.0 - 1.0 / np.sqrt(1.0 + values)
+        return replace(offsets, spans=(span,), turn=vectors * (root / (1.0 + values)))
+
+    def beside(self, columns: FloatArray) -> Offsets:
+        """With the span of other whitened `columns` (C, m, k), which are used up."""
+        before = np.linalg.norm(stacked(columns), axis=0)
+        left = self.without(columns)
+        del columns
+        left[..., np.linalg.norm(stacked(left), axis=0) <= _NOTHING * before] = 0.0
+        return replace(self, spans=(*self.spans, (orthonormal(left), None)))
 
     @property
     def count(self) -> int:
@@ -367,122 +378,55 @@ class Offsets:
 
     def products(self, x: FloatArray) -> FloatArray:
         """Inner products of x (C, m, k) with each log's direction, (count, k)."""
-        result = np.zeros((self.count, x.shape[-1]))
-        np.add.at(result, self.log, (np.swapaxes(x, 1, 2) @ self.direction[..., None])[..., 0])
-        return result
-
-    def without(self, x: FloatArray) -> FloatArray:
-        """x (C, m) or (C, m, k) with offsets taken out and shared effects shrunk."""
-        x = self._levelled(x)
-        if self.shared is None:
-            return x
-        return projected_out(self.shared.basis, x, self.shared.shrink)
-
-    def _levelled(self, x: FloatArray) -> FloatArray:
-        """x (C, m) or (C, m, k) with the offsets taken out."""
-        if not self.count or not x.size:
-            return x
-        columns = x.reshape(*self.direction.shape, -1)
-        level = self.direction[..., None] * self.products(columns)[self.log][:, None, :]
-        return np.subtract(columns, level, out=level).reshape(x.shape)
-
-    def fit(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Offset of each log (count,) and amplitudes (K,) nearest to the whitened x (C, m)."""
-        if not self.count:
-            return np.zeros(0), np.zeros(0)
-        offsets = self.products(x[..., None])[:, 0] / np.maximum(self.norm, 1e-300)
-        if self.shared is None:
-            return offsets, np.zeros(0)
-        sized = self.shared.fit(self._levelled(x))
-        return offsets - self.shared.level @ sized, sized * self.shared.sd
-
-
-@dataclass(frozen=True)
-class RandomEffects:
-    """Shared effects in a metric, offsets taken out: the root of their inverse covariance.
-
-    With columns B, as large as their standard deviations, the covariance I + B B' has the inverse
-    root I - Q (1 - 1/sqrt(1 + D)) Q', Q D Q' = B B': `basis` Q (N, r) and `shrink` (r,). `turn`
-    (K, r) gives the amplitudes in standard deviations from Q' x; `sd` (K,); `level` (count, K) the
-    part of each column that is an offset.
-    """
-
-    basis: FloatArray
-    shrink: FloatArray
-    turn: FloatArray
-    sd: FloatArray
-    level: FloatArray
-
-    @classmethod
-    def of(cls, columns: FloatArray, sd: FloatArray, level: FloatArray) -> RandomEffects:
-        """columns (C, m, K), whitened, offsets taken out, times their standard deviations."""
-        flat = columns.reshape(-1, columns.shape[-1])
-        values, vectors = np.linalg.eigh(flat.T @ flat)
-        keep = values > RANK * max(float(values[-1]), 1e-300)
-        values, vectors = values[keep], vectors[:, keep]
-        root = np.sqrt(values)
-        return cls(
-            flat @ (vectors / root),
-            1.0 - 1.0 / np.sqrt(1.0 + values),
-            vectors * (root / (1.0 + values)),
-            sd,
-            level,
-        )
-
-    def fit(self, x: FloatArray) -> FloatArray:
-        """Amplitudes (K,) in standard deviations, from x (C, m) with offsets taken out."""
-        return np.asarray(self.turn @ (self.basis.T @ x.ravel()), dtype=np.float64)
-
-
-@dataclass(frozen=True)
-class ProjectedOut:
-    """What is projected out of residual and signatures.
-
-    The offsets, and the span of other whitened columns beside them.
-    """
-
-    offsets: Offsets
-    basis: FloatArray
-
-    @classmethod
-    def of(cls, offsets: Offsets, columns: FloatArray) -> ProjectedOut:
-        """`columns` (C, m, k) whitened; they are used up."""
-        before = np.linalg.norm(stacked(columns), axis=0)
-        left = offsets.without(columns)
-        del columns
-        left[..., np.linalg.norm(stacked(left), axis=0) <= _NOTHING * before] = 0.0
-        return cls(offsets, orthonormal(left))
+        return per_group((np.swapaxes(x, 1, 2) @ self.direction[..., None])[..., 0], self.log)
 
     def without(self, x: FloatArray) -> FloatArray:
         """x (C, m) or (C, m, k) with all of it taken out."""
-        return projected_out(self.basis, self.offsets.without(x))
+        if not x.size:
+            return x
+        columns = x.reshape(*self.direction.shape, -1)
+        level = self.direction[..., None] * self.products(columns)[self.log][:, None, :]
+        left = np.subtract(columns, level, out=level).reshape(x.shape)
+        for basis, share in self.spans:
+            left = projected_out(basis, left, share)
+        return left
+
+    def amplitudes(self, x: FloatArray) -> FloatArray:
+        """Amplitudes (K,) of the shared effects in standard deviations, of whitened x (C, m)."""
+        if self.turn is None:
+            return np.zeros(0)
+        levelled = replace(self, spans=()).without(x)
+        return np.asarray(self.turn @ (self.spans[0][0].T @ levelled.ravel()), dtype=np.float64)
+
+    def of_logs(self, x: FloatArray) -> FloatArray:
+        """The offset of each log (count,) that is nearest to the whitened x (C, m)."""
+        return self.products(x[..., None])[:, 0] / np.maximum(self.norm, 1e-300)
 
 
 @dataclass(frozen=True)
 class LeaveOneOut:
-    """Normal equations of each manoeuvre, first of their columns the offset of its log.
+    """Normal equations of each manoeuvre, first of their columns the `offsets` of its log.
 
-    `log` (M,). `prior`: precision (p,) of what is known of the columns' strengths before any
-    manoeuvre, and its pull (p,), precision times the mean; zero for the offset. A solution theta
-    (M, p) has the offset first.
+    There is an offset for each observable; no metric couples two of them. `log` (M,). `prior`:
+    precision (p,) of what is known of the other columns' strengths before any manoeuvre, and its
+    pull (p,), precision times the mean. A solution theta (M, offsets + p).
     """
 
     normal: Normal
     log: IntArray
     prior: tuple[FloatArray, FloatArray]
+    offsets: int = 1
 
     def left_out(self) -> FloatArray:
-        """Theta (M, p): for each manoeuvre the solution of all the others.
+        """Theta: for each manoeuvre the solution of all the others.
 
         If no other manoeuvre of its log remains, the offset is fitted on the manoeuvre itself,
         with the rest held.
         """
-        theta = np.empty_like(self.normal.right)
-        for rows, gram, right, level in self._without_each():
-            own = theta[rows]
-            own[:, 1:] = solve_scaled(gram, right)
-            miss = level[:, -1] - (level[:, 1:-1] * own[:, 1:]).sum(axis=1)
-            own[:, 0] = np.divide(miss, level[:, 0], np.zeros_like(miss), where=level[:, 0] > 0)
+        theta, n = np.empty_like(self.normal.right), self.offsets
+        for rows, others, own in self._without_each():
+            theta[rows, n:] = solve_scaled(*others)
+            theta[rows, :n] = _offsets(*own, theta[rows, n:])
         return theta
 
     def of_errors(self, of: LeaveOneOut) -> FloatArray:
@@ -491,62 +435,62 @@ class LeaveOneOut:
         In the mean, with each manoeuvre left out: the other's sum of squares by the covariance
         that all the others leave.
         """
-        added = np.empty_like(self.normal.square)
-        for rows, gram, _, _ in self._without_each():
-            spread = solve_scaled(gram[:, None], of.normal.gram[rows, 1:, 1:])
+        added, n = np.empty_like(self.normal.square), self.offsets
+        for rows, (gram, _), _ in self._without_each():
+            spread = solve_scaled(gram[:, None], of.normal.gram[rows, n:, n:])
             added[rows] = np.einsum("mii->m", spread)
         return added
 
-    def _without_each(self) -> Iterator[tuple[slice, FloatArray, FloatArray, FloatArray]]:
-        """What all the others say of each of some manoeuvres (n of them, at a slice).
+    def _without_each(self) -> Iterator[tuple[slice, Equations, Equations]]:
+        """What all the others say of each of some manoeuvres (k of them, at a slice).
 
-        Normal equations of the columns, (n, p - 1, p - 1) and (n, p - 1), the offset eliminated;
-        and those of the offset, (n, p + 1), the right side last: of the manoeuvre's own cells if
+        Normal equations of the columns, (k, p, p) and (k, p), the offsets eliminated; and those
+        of the offsets, (k, offsets, offsets + p) and (k, offsets): of the manoeuvre's own cells if
         its log has no other.
         """
-        normal = self.normal
-        gram_of_log, right_of_log = self._of_logs()
-        of_logs = _without_offset(gram_of_log, right_of_log)
-        whole = [part.sum(axis=0) for part in of_logs]
-        diagonal = np.einsum("mii->i", normal.gram)[1:]
+        normal, n = self.normal, self.offsets
+        of_logs = per_group(normal.gram, self.log), per_group(normal.right, self.log)
+        eliminated = _without_offsets(*of_logs, n)
+        diagonal = np.einsum("mii->mi", normal.gram)
         for start in range(0, self.log.size, _BLOCK):
             rows = slice(start, start + _BLOCK)
-            log, own = self.log[rows], normal.gram[rows]
-            gram, right = gram_of_log[log] - own, right_of_log[log] - normal.right[rows]
-            alone = gram[:, 0, 0] <= 1e-12 * own[:, 0, 0]
-            gram[alone, 0, 0] = 0.0
-            level = np.where(
-                alone[:, None],
-                np.concatenate([own[:, 0], normal.right[rows, :1]], axis=1),
-                np.concatenate([gram[:, 0], right[:, :1]], axis=1),
+            log = self.log[rows]
+            gram, right = of_logs[0][log] - normal.gram[rows], of_logs[1][log] - normal.right[rows]
+            alone = np.einsum("mii->mi", gram)[:, :n] <= 1e-12 * diagonal[rows, :n]
+            where, column = np.nonzero(alone)
+            gram[where, column, column] = 0.0
+            own = (
+                np.where(alone[..., None], normal.gram[rows, :n], gram[:, :n]),
+                np.where(alone, normal.right[rows, :n], right[:, :n]),
             )
-            gram, right = (
-                others + all_logs - of_log[log]
-                for others, all_logs, of_log in zip(
-                    _without_offset(gram, right), whole, of_logs, strict=True
+            gram, right = self._known(
+                *(
+                    others + of_log.sum(axis=0) - of_log[log]
+                    for others, of_log in zip(
+                        _without_offsets(gram, right, n), eliminated, strict=True
+                    )
                 )
             )
-            gram, right = self._known(gram, right)
             # a column that the offsets take is none
-            seen = np.einsum("mii->mi", gram) > RANK * (diagonal - np.einsum("mii->mi", own)[:, 1:])
+            of_others = diagonal.sum(axis=0) - diagonal[rows]
+            seen = np.einsum("mii->mi", gram) > RANK * of_others[:, n:]
             gram = np.where(seen[:, :, None] & seen[:, None, :], gram, 0.0)
-            yield rows, gram, np.where(seen, right, 0.0), level
+            yield rows, (gram, np.where(seen, right, 0.0)), own
 
     def step_of_all(self, first: int) -> FloatArray:
-        """Theta (M, p) by which the optimum is missed.
+        """Theta by which the optimum is missed.
 
         What the `first` columns and the offsets would still move by on all data; nothing at an
         optimum.
         """
-        some = slice(first + 1)
-        gram_of_log, right_of_log = self._of_logs()
-        gram, right = _without_offset(gram_of_log[:, some, some], right_of_log[:, some])
+        end, n = self.offsets + first, self.offsets
+        gram = per_group(self.normal.gram[:, :end, :end], self.log)
+        right = per_group(self.normal.right[:, :end], self.log)
+        whole = (part.sum(axis=0)[None] for part in _without_offsets(gram, right, n))
+        step = solve_scaled(*self._known(*whole))
         theta = np.zeros_like(self.normal.right)
-        step = solve_scaled(*self._known(gram.sum(axis=0)[None], right.sum(axis=0)[None]))[0]
-        theta[:, 1 : first + 1] = step
-        level, size = gram_of_log[:, 0, 1 : first + 1] @ step, gram_of_log[:, 0, 0]
-        offset = -np.divide(level, size, np.zeros_like(size), where=size > 0)
-        theta[:, 0] = offset[self.log]
+        theta[:, n:end] = step
+        theta[:, :n] = _offsets(gram[:, :n], np.zeros_like(right[:, :n]), step)[self.log]
         return theta
 
     def loss(self, theta: FloatArray) -> FloatArray:
@@ -557,21 +501,28 @@ class LeaveOneOut:
         sums: FloatArray = np.maximum(normal.square - gained, 0.0)
         return sums
 
-    def _of_logs(self) -> tuple[FloatArray, FloatArray]:
-        """The normal equations of each log."""
-        return per_group(self.normal.gram, self.log), per_group(self.normal.right, self.log)
-
-    def _known(self, gram: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Normal equations (..., p, p), (..., p) without the offset, with what is known before."""
-        precision, pull = (part[1 : 1 + right.shape[-1]] for part in self.prior)
+    def _known(self, gram: FloatArray, right: FloatArray) -> Equations:
+        """Normal equations (..., p, p), (..., p) without the offsets, with what is known before."""
+        precision, pull = (part[: right.shape[-1]] for part in self.prior)
         return gram + np.diag(precision), right + pull
 
 
-def _without_offset(gram: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Normal equations (K, p, p) and (K, p) once the first column of each is eliminated."""
-    cross, size = gram[:, 1:, 0], gram[:, :1, 0]
+#: normal equations (k, p, p) and (k, p)
+Equations = tuple[FloatArray, FloatArray]
+
+
+def _without_offsets(gram: FloatArray, right: FloatArray, offsets: int) -> Equations:
+    """Normal equations (k, p, p) and (k, p) once the first columns are eliminated."""
+    size, cross = np.einsum("mii->mi", gram)[:, None, :offsets], gram[:, offsets:, :offsets]
     share = np.divide(cross, size, out=np.zeros_like(cross), where=size > 0)
     return (
-        gram[:, 1:, 1:] - cross[:, :, None] * share[:, None, :],
-        right[:, 1:] - share * right[:, :1],
+        gram[:, offsets:, offsets:] - share @ gram[:, :offsets, offsets:],
+        right[:, offsets:] - (share @ right[:, :offsets, None])[..., 0],
     )
+
+
+def _offsets(gram: FloatArray, right: FloatArray, theta: FloatArray) -> FloatArray:
+    """The offsets (k, n) beside strengths theta, by their equations (k, n, n + p) and (k, n)."""
+    size, n = np.diagonal(gram, axis1=1, axis2=2), gram.shape[1]
+    miss = right - (gram[:, :, n:] @ theta[..., None])[..., 0]
+    return np.divide(miss, size, out=np.zeros_like(miss), where=size > 0)

@@ -237,7 +237,7 @@ def shared_effects(
 
     `whole`: the cells that it is known from, if these are others of the same logs.
     """
-    if cells.together is not None:
+    if cells.parts:
         fits = [
             replace(f, model=model_of(f.model, f.cells.observable, f.cells.member))
             for f in fits_apart(replace(fit, cells=cells))

@@ -27,11 +27,11 @@ from tirelog.diagnosis.rules import (
     QUIET_FLOORS,
 )
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.base import Base, FittedChannel, JointBase, bases_by_observable, change_to
+from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.joint import embedded, lacking, rows_by_observable
 from tirelog.inference.floor import held_out_losses_with
-from tirelog.inference.metric import Offsets, ProjectedOut, per_group, side_by_side, stacked
+from tirelog.inference.metric import Offsets, per_group, side_by_side, stacked
 from tirelog.inference.nuisances import FORM
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import BY_ID, Effect, readers
@@ -453,13 +453,13 @@ class Assessed:
         )
 
 
-def beside_base(base: Base, more: FloatArray | None = None) -> tuple[ProjectedOut, FloatArray]:
+def beside_base(base: Base, more: FloatArray | None = None) -> tuple[Offsets, FloatArray]:
     """(what the base takes out, the whitened residual (C, m) that it leaves).
 
     Its Jacobian, logs' offsets and `more` (C, m, k), in the observable's unit.
     """
     parts = [base.fit.moving] if more is None else [base.fit.moving, more]
-    taken = ProjectedOut.of(Offsets.of(base.cells, base.white), side_by_side(base.white, parts))
+    taken = Offsets.of(base.cells, base.white).beside(side_by_side(base.white, parts))
     measured = np.isfinite(base.cells.values)
     left = np.where(measured, base.cells.values - base.fit.prediction, 0.0)
     return taken, taken.without(base.white(left))
@@ -526,6 +526,7 @@ def scores_of(
         if not np.any(visible > 1e-3):
             reasons[signature.effect.id] = "does here only what the model's own parameters do"
             continue
+        left[..., visible <= 1e-3] = 0.0  # of a strength that shows nothing rounding is left
         kept.append(signature)
         scores.append(Scores.of(base, left, residual, signature.one_sided))
     return kept, scores, reasons
@@ -571,7 +572,7 @@ def quiet_waveforms(base: Base) -> bool:
     return all(at_noise_floor(part, part.floor.square) for part in waveforms)
 
 
-def out_of_range(base: FittedChannel) -> list[str]:
+def out_of_range(base: Base) -> list[str]:
     """A remark for each range of an effect of the fitted model that is left; none if it is off.
 
     A log's conditions are judged by the means of like revolutions, which is what is fitted; one

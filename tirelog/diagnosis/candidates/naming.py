@@ -78,7 +78,7 @@ from tirelog.vocabulary.arrays import FloatArray
 #: a model with a candidate where its trial ended, and chi-square there
 Trial = tuple[Model, float]
 #: a refit as it comes from another process: fit and held-out losses
-_Again = tuple[Fit, FloatArray, FloatArray]
+_Again = tuple[Fit, tuple[FloatArray, FloatArray]]
 
 
 def _starts(base: Base, candidate: Assessed) -> list[tuple[Model, dict[str, float]]]:
@@ -148,7 +148,7 @@ def refit_candidate(base: Base, candidate: Assessed, trials: Sequence[Trial]) ->
 def _again(base: Base, candidate: Assessed, trials: Sequence[Trial]) -> _Again:
     """The same without what the base has already: it goes from process to process."""
     found = refit_candidate(base, candidate, trials)
-    return found.fit, found.held_white, found.held_plain
+    return found.fit, (found.held_white, found.held_plain)
 
 
 def _moved(base: Base, model: Model) -> float:
@@ -174,9 +174,7 @@ def refits(base: Base, candidates: Sequence[Assessed]) -> list[Base | ModelError
     return [
         again
         if isinstance(again, ModelError)
-        else replace(
-            base, cells=again[0].cells, fit=again[0], held_white=again[1], held_plain=again[2]
-        )
+        else replace(base, cells=again[0].cells, fit=again[0], held=again[1])
         for again in made_apart(jobs)
     ]
 

@@ -29,7 +29,6 @@ from tirelog.diagnosis.rules import ALARM_P, FEWEST_MANOEUVRES, GAIN_SIGMAS, NUI
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import (
     Base,
-    FittedChannel,
     JointBase,
     bases_by_observable,
     refit,
@@ -37,7 +36,7 @@ from tirelog.inference.base import (
 from tirelog.inference.cells.cells import SharedEffects
 from tirelog.inference.cells.joint import without_ratios
 from tirelog.inference.floor import held_out_losses_with, scatter_columns
-from tirelog.inference.metric import Offsets, ProjectedOut, stacked
+from tirelog.inference.metric import Offsets, stacked
 from tirelog.inference.nuisances import (
     FORM,
     ZERO,
@@ -188,7 +187,7 @@ def form_explains(formed: Base, without: Base) -> bool:
     return FORM in groups_of(formed) and (enough or quiet_waveforms(formed))
 
 
-def with_form_errors(base: FittedChannel, formed: FittedChannel | None = None) -> Model:
+def with_form_errors(base: Base, formed: Base | None = None) -> Model:
     """The fitted model; its parameters have `se_with_form`, each in its own unit.
 
     With the form's numbers free within their prior (`formed`, if that was fitted already) the same
@@ -231,7 +230,7 @@ def _with_best(base: Base, allowed: Sequence[str], least: float = 0.0) -> Base:
 def _linear_share(base: Base, effects: SharedEffects) -> float:
     """The share of chi-square's excess that a nuisance removes by one linear step."""
     noise = base.noise
-    taken = ProjectedOut.of(Offsets.of(base.cells, noise), noise(base.fit.moving))
+    taken = Offsets.of(base.cells, noise).beside(noise(base.fit.moving))
     columns = stacked(taken.without(noise(effects.columns * effects.sd)))
     residual = base.cells.values - base.fit.prediction - base.fit.beside
     left = taken.without(noise(np.nan_to_num(residual))).ravel()
@@ -444,7 +443,7 @@ def _plain(name: str) -> str:
 def observed(base: Base, name: str = "") -> tuple[str, str]:
     """What a base is of, and its unit; of several observables that of a part by its name."""
     own = name.rpartition(": ")[0] or base.cells.observable
-    if name and own not in OBSERVABLES and base.cells.together is not None:
+    if name and own not in OBSERVABLES and base.cells.parts:
         own = STRAIN  # a grating's, or all gratings'
     return own, OBSERVABLES[own].unit if own in OBSERVABLES else FLOORS
 
@@ -515,7 +514,7 @@ def _left_by_form(
     of_form = frees(base.model, FORM)
     others = [i for i, name in enumerate(base.fit.names) if name not in of_form]
     offsets = Offsets.of(cells, base.white)
-    without, with_it = (ProjectedOut.of(offsets, x) for x in (slopes[..., others], slopes))
+    without, with_it = (offsets.beside(x) for x in (slopes[..., others], slopes))
     there = replace(base, cells=cells, fit=replace(base.fit, prediction=moved[0]))
     shares = {}
     effects = [e for e in candidate_effects(base.model) if names is None or e.id in names]

@@ -172,7 +172,7 @@ def separations(
         old = np.vstack([old, np.pad(ordinary, ((0, 0), (old.shape[1] - len(shared), 0)))])
     phi = np.asarray((np.arange(_ANGLES) + 0.5) * (2.0 * np.pi / _ANGLES) - np.pi, dtype=np.float64)
     noise = np.sqrt(
-        base.floor.within * _ANGLES / base.plain.cells.phi.shape[1] / (_REVOLUTIONS / _SPEEDS)
+        base.floor.within * _ANGLES / base.cells.phi.shape[1] / (_REVOLUTIONS / _SPEEDS)
     )
 
     @or_refusal

@@ -145,13 +145,10 @@ class Ground:
         """(U (N, R), H (R, R)): outside of U the coupling does nothing, within it is H."""
         shape = self.residual.shape
         size = int(np.prod(shape))
-        parts, offsets = [self.taken.basis], self.taken.offsets
-        if offsets.count:
-            own = np.zeros((*shape, offsets.count))
-            own[np.arange(shape[0]), :, offsets.log] = offsets.direction
-            parts.append(own.reshape(size, -1))
-        if offsets.shared is not None:
-            parts.append(offsets.shared.basis)
+        parts, own = [basis for basis, _ in self.taken.spans], self.taken
+        offsets = np.zeros((*shape, own.count))
+        offsets[np.arange(shape[0]), :, own.log] = own.direction
+        parts.append(offsets.reshape(size, -1))
         for rows, basis in zip(self._coupling.groups, self._coupling.group_basis, strict=True):
             whole = np.zeros((*shape, basis.shape[1]))
             whole[rows] = basis.reshape(rows.size, -1, basis.shape[1])

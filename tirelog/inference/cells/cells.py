@@ -208,36 +208,6 @@ NUISANCES = ("offset", "amplitude", "shift")
 _RANDOM = ("amplitude", "width", "offset")
 
 
-@dataclass(frozen=True)
-class BlockLayout:
-    """Whose the rows are in cells of several members (`cells.together`), n of them.
-
-    A member is an observable, or one grating of several.
-
-    observables, surfaces, scales (n,)  name, surface and what its values are divided by [its unit]
-    widths         (n,)  its angles, 1 for a number per revolution
-    logs           names of all logs;  own_logs (n,) those of each observable
-    free           (n,)  what is taken out of each of its cells
-    members, places (n,)  the grating's name and its angle on the wheel [rad]; "" and NaN for what
-                          is none of several
-    """
-
-    observables: tuple[str, ...]
-    surfaces: tuple[str, ...]
-    scales: tuple[float, ...]
-    widths: tuple[int, ...]
-    logs: tuple[str, ...]
-    own_logs: tuple[tuple[str, ...], ...]
-    free: tuple[tuple[str, ...], ...]
-    members: tuple[str, ...]
-    places: tuple[float, ...]
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """What each member is called, (n,): the grating, else the observable."""
-        return tuple(m or o for m, o in zip(self.members, self.observables, strict=True))
-
-
 @dataclass(frozen=True, kw_only=True)
 class Cells(Means):
     """C cells x m angles, of which the random effects and the shift are relative.
@@ -252,7 +222,9 @@ class Cells(Means):
                    and random effects in it
     moved          (C,)  by how much `phi` was moved to the model's patch centre [rad] (a fit does
                    that)
-    part           (C,) the observable of each row, and `together`, if they are of several
+    part           (C,) the member of each row if they are of several (an observable, or one grating
+                   of several);  parts: what each member is, as cells without rows;  scales: what
+                   its values are divided by [its unit]
     free           which NUISANCES are taken out of each cell
     shared         random effects that all manoeuvres share; none unless asked for
     member         the grating, if they are of one of several; place_rad its angle on the wheel
@@ -267,7 +239,8 @@ class Cells(Means):
     part: IntArray = field(metadata=ROW)
     free: tuple[str, ...] = ("shift",)
     shared: SharedEffects | None = None
-    together: BlockLayout | None = None
+    parts: tuple[Cells, ...] = ()
+    scales: tuple[float, ...] = (1.0,)
     member: str = ""
     place_rad: float = np.nan
 
@@ -282,32 +255,30 @@ class Cells(Means):
         return self.member or self.observable
 
     @property
-    def layout(self) -> BlockLayout:
-        """`together` of cells that are of several observables."""
-        assert self.together is not None
-        return self.together
+    def members(self) -> tuple[Cells, ...]:
+        """What each member is; themselves if they are of one."""
+        return self.parts or (self,)
 
     @property
     def observables(self) -> tuple[str, ...]:
-        """The observable of each part; the one, if they are of one."""
-        return (self.observable,) if self.together is None else self.together.observables
+        """The observable of each member."""
+        return tuple(one.observable for one in self.members)
 
     @property
     def level(self) -> FloatArray:
         """Where an offset of its log is in a cell, (C, m): 1, of a number per revolution 0."""
-        widths = self.phi.shape[1:] if self.together is None else self.together.widths
-        waves = np.array(widths)[self.part] > 1
+        waves = np.array([one.phi.shape[1] > 1 for one in self.members])[self.part]
         return np.repeat(waves[:, None].astype(np.float64), self.phi.shape[1], axis=1)
 
     @property
     def drive(self) -> IntArray:
         """The log as a drive, (C,): the same for all observables that it has."""
-        return self.log if self.together is None else self.log % len(self.together.logs)
+        return self.log % len(self.log_names)
 
     @property
     def log_names(self) -> tuple[str, ...]:
         """The logs, each once."""
-        return self.logs if self.together is None else self.together.logs
+        return self.logs[: len(self.logs) // len(self.members)]
 
     @property
     def taken(self) -> FloatArray:
@@ -384,91 +355,66 @@ def _standing_error(pieces: Pieces, noise: FloatArray) -> FloatArray:
         rows = (pieces.step == step) & (pieces.still != 0.0).any(axis=1)
         if rows.any():
             count = np.maximum(pieces.count[rows], 1.0)
-            standing[rows] = step**2 * _Staircase.of(pieces.still[rows], count).standing(
-                noise / step**2
-            )
+            standing[rows] = step**2 * _standing_steps(pieces.still[rows], count, noise / step**2)
     return standing
 
 
-@dataclass(frozen=True)
-class _Staircase:
-    """Means of rounded values, in steps.
+def _standing_steps(still: ComplexArray, count: FloatArray, noise: FloatArray) -> FloatArray:
+    """The same in steps, of means (P, m) of so many samples with this mean of exp(2 pi i y)."""
+    mean_place = np.angle(still) / (2.0 * np.pi)  # between two steps
+    # of places at random, one over their number is left
+    share = np.clip((count * np.abs(still) ** 2 - 1.0) / np.maximum(count - 1.0, 1.0), 0.0, 1.0)
+    k = _HARMONICS[:, None, None]
+    # what the spread of the places leaves of each harmonic, signed
+    left = (-1.0) ** k * (share * (count > 1.0)) ** (0.5 * k**2)
 
-    `place` between two steps (P, m), what their spread leaves of each harmonic, signed (K, P, m),
-    and samples (P, m).
-    """
-
-    place: FloatArray
-    left: FloatArray
-    count: FloatArray
-
-    @classmethod
-    def of(cls, still: ComplexArray, count: FloatArray) -> _Staircase:
-        # of places at random, one over their number is left
-        share = np.clip(
-            (count * np.abs(still) ** 2 - 1.0) / np.maximum(count - 1.0, 1.0), 0.0, 1.0
-        ) * (count > 1.0)
-        k = _HARMONICS[:, None, None]
-        return cls(np.angle(still) / (2.0 * np.pi), (-1.0) ** k * share ** (0.5 * k**2), count)
-
-    def true_place(self, variance: FloatArray | float) -> FloatArray:
-        """Where the values are whose means stand at `place` under noise of a `variance`, (P, m)."""
-        place = self.place
-        for _ in range(_ROUNDS):
-            place = self.place - self.error(variance, place)
-        return place
-
-    def error(self, variance: FloatArray | float, place: FloatArray) -> FloatArray:
-        """Mean error of rounding values at `place` under noise of a `variance`, (P, m)."""
-        error = np.zeros(place.shape)
-        for k, left in zip(_HARMONICS, self.left, strict=True):
-            damped = _damped(variance, k)
+    def error(variance: FloatArray | float, place: FloatArray) -> FloatArray:
+        """Mean error of rounding values at `place` under noise of a `variance`."""
+        total = np.zeros(place.shape)
+        for harmonic, own in zip(_HARMONICS, left, strict=True):
+            damped = _damped(variance, harmonic)
             if damped.max() < _LEAST_WAVE:
                 break
-            error += damped * left * np.sin(2.0 * np.pi * k * place) / (np.pi * k)
-        return error
+            total += damped * own * np.sin(2.0 * np.pi * harmonic * place) / (np.pi * harmonic)
+        return total
 
-    def anywhere(self, variance: FloatArray | float) -> FloatArray:
-        """Mean square of that error over all places, (P, m)."""
+    def true_place(variance: FloatArray | float) -> FloatArray:
+        """Where the values are whose means stand at `mean_place` under noise of a `variance`."""
+        place = mean_place
+        for _ in range(_ROUNDS):
+            place = mean_place - error(variance, place)
+        return place
+
+    def anywhere(variance: FloatArray | float) -> FloatArray:
+        """Mean square of that error over all places."""
         waves = [
-            (_damped(variance, k) * left / (np.pi * k)) ** 2
-            for k, left in zip(_HARMONICS, self.left, strict=True)
+            (_damped(variance, harmonic) * own / (np.pi * harmonic)) ** 2
+            for harmonic, own in zip(_HARMONICS, left, strict=True)
         ]
         return np.asarray(0.5 * np.sum(waves, axis=0), dtype=np.float64)
 
-    def seen(self, variance: float) -> FloatArray:
-        """Variance of rounded samples about their mean under noise of a `variance`, (m,).
-
-        Pooled over the pieces and neighbours.
-        """
-        whole = np.full(self.place.shape, variance + 1.0 / 12.0)
+    def seen(variance: float) -> FloatArray:
+        """Variance of rounded samples about their mean, (m,), pooled over pieces and neighbours."""
+        whole = np.full(count.shape, variance + 1.0 / 12.0)
         if variance > _PLACE_IS_TOLD:
-            place = self.true_place(variance)
-            for k, left in zip(_HARMONICS[:3], self.left, strict=False):
-                cosine = _damped(variance, k) * left * np.cos(2.0 * np.pi * k * place)
-                whole += cosine * (4.0 * variance + 1.0 / (np.pi * k) ** 2)
-            whole -= self.error(variance, place) ** 2
+            place = true_place(variance)
+            for harmonic, own in zip(_HARMONICS[:3], left, strict=False):
+                cosine = _damped(variance, harmonic) * own * np.cos(2.0 * np.pi * harmonic * place)
+                whole += cosine * (4.0 * variance + 1.0 / (np.pi * harmonic) ** 2)
+            whole -= error(variance, place) ** 2
         else:
-            whole -= self.anywhere(variance)
-        return _smoothed(self.count * whole) / _smoothed(self.count)
+            whole -= anywhere(variance)
+        return _smoothed(count * whole) / _smoothed(count)
 
-    def standing(self, noise: FloatArray) -> FloatArray:
-        """Mean square of the error that stays, (P, m).
-
-        Single samples have the variance `noise` (m,).
-        """
-        tried = np.append(
-            np.geomspace(1e-3, 0.9 * _PLACE_IS_TOLD, _TRIED),
-            np.geomspace(1.001 * _PLACE_IS_TOLD, 1.0, _TRIED),
-        )
-        seen = np.stack([self.seen(float(variance)) for variance in tried])
-        seen = np.minimum.accumulate(seen[::-1], axis=0)[::-1]  # more noise shows as more
-        variance = np.array([np.interp(noise[j], seen[:, j], tried) for j in range(noise.size)])
-        return np.where(
-            variance > _PLACE_IS_TOLD,
-            self.error(variance, self.true_place(variance)) ** 2,
-            self.anywhere(variance),
-        )
+    tried = np.append(
+        np.geomspace(1e-3, 0.9 * _PLACE_IS_TOLD, _TRIED),
+        np.geomspace(1.001 * _PLACE_IS_TOLD, 1.0, _TRIED),
+    )
+    after = np.stack([seen(float(variance)) for variance in tried])
+    after = np.minimum.accumulate(after[::-1], axis=0)[::-1]  # more noise shows as more
+    variance = np.array([np.interp(noise[j], after[:, j], tried) for j in range(noise.size)])
+    told = variance > _PLACE_IS_TOLD
+    return np.where(told, error(variance, true_place(variance)) ** 2, anywhere(variance))
 
 
 def _damped(variance: FloatArray | float, k: float) -> FloatArray:

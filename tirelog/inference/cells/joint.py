@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Conditions, Stack
-from tirelog.inference.cells.cells import BlockLayout, Cells, SharedEffects
+from tirelog.inference.cells.cells import Cells, SharedEffects
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
@@ -190,29 +190,25 @@ def one_drive(parts: Sequence[Pieces]) -> list[Pieces]:
     that the log has.
     """
     found: list[Pieces] = []
+    #: times [s] and manoeuvres of each log's pieces, of the first observable that it has
+    of_log: dict[str, tuple[FloatArray, IntArray]] = {}
     free = 0
     for part in parts:
-        own = np.empty(len(part), np.int64)
+        own, time = np.empty(len(part), np.int64), part.conditions.time_s
         for manoeuvre in np.unique(part.manoeuvre):
             rows = np.flatnonzero(part.manoeuvre == manoeuvre)
-            time, number = _of_log(found, part.logs[part.log[rows[0]]])
-            if not number.size:
+            log = part.logs[part.log[rows[0]]]
+            if log not in of_log:
                 own[rows], free = free, free + 1
                 continue
-            away = np.abs(part.conditions.time_s[rows][:, None] - time[None])
-            nearest = number[away.argmin(axis=1)]
-            own[rows] = int(np.bincount(nearest, part.number[rows]).argmax())
+            nearest = np.abs(time[rows][:, None] - of_log[log][0]).argmin(axis=1)
+            number = of_log[log][1][nearest]
+            own[rows] = int(np.bincount(number, part.number[rows]).argmax())
+        for number in np.unique(part.log).tolist():
+            rows = np.flatnonzero(part.log == number)
+            of_log.setdefault(part.logs[number], (time[rows], own[rows]))
         found.append(replace(part, manoeuvre=own))
     return found
-
-
-def _of_log(parts: Sequence[Pieces], log: str) -> tuple[FloatArray, IntArray]:
-    """(times [s], manoeuvres) of a log's pieces in the first of the parts that has it."""
-    for part in parts:
-        rows = np.array(part.logs)[part.log] == log
-        if rows.any():
-            return part.conditions.time_s[rows], part.manoeuvre[rows]
-    return np.zeros(0), np.zeros(0, np.int64)
 
 
 def joined_cells(
@@ -225,17 +221,6 @@ def joined_cells(
     """
     width = max(part.phi.shape[1] for part in parts)
     names = tuple(dict.fromkeys(name for part in parts for name in part.logs))
-    layout = BlockLayout(
-        tuple(part.observable for part in parts),
-        tuple(part.surface for part in parts),
-        tuple(float(scale) for scale in scales),
-        tuple(part.phi.shape[1] for part in parts),
-        names,
-        tuple(part.logs for part in parts),
-        tuple(part.free for part in parts),
-        tuple(part.member for part in parts),
-        tuple(part.place_rad for part in parts),
-    )
 
     def joined(name: str, empty: float | None, power: int = 0) -> NDArray[Any]:
         rows = [getattr(part, name) for part in parts]
@@ -259,14 +244,15 @@ def joined_cells(
         parts[0],
         observable=together(
             f"{name} of {n} gratings" if n > 1 else name
-            for name, n in Counter(layout.observables).items()
+            for name, n in Counter(part.observable for part in parts).items()
         ),
         conditions=Conditions.concatenate([part.conditions for part in parts]),
         cell=np.zeros(0, np.int64),
         logs=names * len(parts),
         notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
         shared=None,
-        together=layout,
+        parts=tuple(replace(part.take(np.zeros(0, np.int64)), shared=None) for part in parts),
+        scales=tuple(float(scale) for scale in scales),
         member="",
         place_rad=np.nan,
         **rows,
@@ -275,46 +261,36 @@ def joined_cells(
 
 
 def parts_of(cells: Cells) -> tuple[Cells, ...]:
-    """The cells of each observable, in its unit, manoeuvres and logs numbered anew."""
-    layout = cells.together
-    if layout is None:
+    """The cells of each member, in its unit, manoeuvres and logs numbered anew."""
+    if not cells.parts:
         return (cells,)
     found = []
-    for i, observable in enumerate(layout.observables):
+    for i, part in enumerate(cells.parts):
         own = cells.take(np.flatnonzero(cells.part == i))
-        bins: dict[str, Any] = {
+        rows: dict[str, Any] = {
             f.name: own_rows(cells, i, getattr(cells, f.name), f.metadata["power"])
+            if f.metadata["empty"] is not None
+            else getattr(own, f.name)
             for f in fields(Cells)
-            if f.metadata and f.metadata["empty"] is not None
+            if f.metadata
         }
-        numbers = {name: number for number, name in enumerate(layout.own_logs[i])}
-        log = np.array([numbers.get(name, 0) for name in layout.logs])
-        found.append(
-            replace(
-                own,
-                observable=observable,
-                surface=layout.surfaces[i],
-                log=log[own.log % len(layout.logs)],
-                manoeuvre=np.unique(own.manoeuvre, return_inverse=True)[1],
-                logs=layout.own_logs[i],
-                free=layout.free[i],
-                shared=None if cells.shared is None else _own_effects(cells.shared, cells, i),
-                part=np.zeros(len(own), np.int64),
-                together=None,
-                member=layout.members[i],
-                place_rad=layout.places[i],
-                **bins,
-            )
-        )
+        numbers = {name: number for number, name in enumerate(part.logs)}
+        log = np.array([numbers.get(name, 0) for name in cells.log_names])
+        rows |= {
+            "log": log[own.drive],
+            "manoeuvre": np.unique(own.manoeuvre, return_inverse=True)[1],
+            "part": np.zeros(len(own), np.int64),
+        }
+        shared = None if cells.shared is None else _own_effects(cells.shared, cells, i)
+        found.append(replace(part, conditions=own.conditions, shared=shared, **rows))
     return tuple(found)
 
 
 def own_rows(cells: Cells, part: int, x: FloatArray, power: int = 1) -> FloatArray:
     """Of x (C, m) or (C, m, k) of all cells what is of one observable's, in its unit to a power."""
-    if cells.together is None:
-        return x
-    rows: FloatArray = x[cells.part == part][:, : cells.together.widths[part]]
-    return rows * cells.together.scales[part] ** power
+    width = cells.members[part].phi.shape[1]
+    rows: FloatArray = x[cells.part == part][:, :width] * cells.scales[part] ** power
+    return rows
 
 
 def in_bins(x: FloatArray, width: int, empty: float) -> FloatArray:
@@ -329,7 +305,7 @@ def in_bins(x: FloatArray, width: int, empty: float) -> FloatArray:
 def embedded(cells: Cells, part: int, x: FloatArray) -> FloatArray:
     """What is of one observable's cells, in its unit, (c, m) or (c, m, k), among all cells."""
     result = np.zeros((*cells.phi.shape, *x.shape[2:]))
-    result[cells.part == part, : x.shape[1]] = x / cells.layout.scales[part]
+    result[cells.part == part, : x.shape[1]] = x / cells.scales[part]
     return result
 
 
@@ -340,7 +316,7 @@ def joined_effects(cells: Cells, effects: Sequence[SharedEffects | None]) -> Sha
             replace(
                 own,
                 columns=embedded(cells, i, own.columns),
-                names=_names(own, cells.layout, i),
+                names=_names(own, cells, i),
             )
             for i, own in enumerate(effects)
             if own is not None
@@ -348,17 +324,23 @@ def joined_effects(cells: Cells, effects: Sequence[SharedEffects | None]) -> Sha
     )
 
 
-def _names(own: SharedEffects, layout: BlockLayout, part: int) -> tuple[str, ...]:
+def _prefixes(cells: Cells, part: int) -> tuple[str, str]:
+    """What names of shared effects begin with: of a member alone, of all of its observable."""
+    member = cells.members[part]
+    return f"{member.label}: ", f"{member.observable}: "
+
+
+def _names(own: SharedEffects, cells: Cells, part: int) -> tuple[str, ...]:
     """The names of a member's shared effects among all: whose they are, unless all gratings'."""
-    beside = len(set(layout.observables)) > 1
-    of_all = f"{layout.observables[part]}: " if beside else ""
-    mine = f"{layout.labels[part]}: "
+    mine, of_all = _prefixes(cells, part)
+    if len(set(cells.observables)) == 1:
+        of_all = ""
+    grating = cells.members[part].member
 
     def named(name: str) -> str:
         if ": " in name:
             return name
-        shared = layout.members[part] and not name.startswith(_OF_GRATING)
-        return f"{of_all if shared else mine}{name}"
+        return f"{of_all if grating and not name.startswith(_OF_GRATING) else mine}{name}"
 
     return tuple(named(name) for name in own.names)
 
@@ -381,8 +363,7 @@ def _own_effects(shared: SharedEffects, cells: Cells, part: int) -> SharedEffect
 
 def own_amplitudes(shared: SharedEffects, cells: Cells, part: int) -> IntArray:
     """Which of the shared effects one member has, its own and those of all gratings."""
-    layout = cells.layout
-    begins = (f"{layout.labels[part]}: ", f"{layout.observables[part]}: ")
+    begins = _prefixes(cells, part)
     return np.flatnonzero([name.startswith(begins) or ": " not in name for name in shared.names])
 
 
@@ -463,31 +444,27 @@ def _slopes_asked(
 
 def _each(model: Model, cells: Cells) -> Any:
     """(rows, scale, its own model, its grating, arguments of its prediction) of each member."""
-    layout = cells.together
-    if layout is None:
+    if not cells.parts:
         where: dict[str, Any] = {"surface": cells.surface, "observable": cells.observable}
         several = model.beside or cells.member
         one = model_of(model, cells.observable, cells.member) if several else model
         yield slice(None), 1.0, one, cells.member, where | cells.angles
         return
-    for i, observable in enumerate(layout.observables):
-        rows = np.flatnonzero(cells.part == i)
+    for i, part in enumerate(cells.parts):
+        rows, width = np.flatnonzero(cells.part == i), part.phi.shape[1]
         if not rows.size:
             continue
-        where = {"surface": layout.surfaces[i], "observable": observable, "phi_rad": None}
-        if layout.widths[i] > 1:
-            bins = slice(layout.widths[i])
-            where |= {
-                "phi_rad": cells.phi[rows, bins],
-                "phi_variance": cells.phi_variance[rows, bins],
-            }
-        member = layout.members[i]
-        yield rows, layout.scales[i], model_of(model, observable, member), member, where
+        where = {"surface": part.surface, "observable": part.observable, "phi_rad": None}
+        if width > 1:
+            where["phi_rad"] = cells.phi[rows, :width]
+            where["phi_variance"] = cells.phi_variance[rows, :width]
+        one = model_of(model, part.observable, part.member)
+        yield rows, cells.scales[i], one, part.member, where
 
 
 def lacking(effect: Effect, model: Model, cells: Cells) -> list[str]:
     """What an effect needs to be known, and some revolution that it acts on does not know."""
-    alone = cells.together is None and not model.beside
+    alone = not cells.parts and not model.beside
     missing: dict[str, None] = {}
     for i, observable in enumerate(cells.observables):
         if alone or model.acts_on(effect, observable):

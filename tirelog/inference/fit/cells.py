@@ -8,13 +8,13 @@ Damped least squares in whitened space, several starts, one free offset per log 
 
 Offsets are projected out of r and J (they are linear).
 
-One start may end in a local minimum: `fit_model` tries several on a few cells and takes the best
+One start may end in a local minimum: `fit_channels` tries several on a few cells and takes the best
 two on to all of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
@@ -63,51 +63,56 @@ _TRIALS = 8
 
 
 class LeastSquares(Protocol):
-    """What a descent asks of a problem.
+    """What a descent asks of a problem: residuals and slopes in a metric in which they count alike.
 
-    Residuals and slopes are in a metric in which they count alike, N values.
+    low, high   (p,) bounds of theta
     """
 
-    def residual(self, theta: FloatArray) -> FloatArray:
-        """Measured less predicted (N,) at a point to go on from; ModelError if it is refused."""
+    low: FloatArray
+    high: FloatArray
+
+    def left(self, theta: FloatArray) -> FloatArray:
+        """Measured less predicted (N,) at a point; ModelError if it is refused."""
 
     def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
         """Derivatives of the prediction by theta / size, (N, p), where the last residual was."""
 
+    def sizes(self, theta: FloatArray) -> FloatArray:
+        """The longest step of each parameter at a point, (p,)."""
+
+    def residual(self, theta: FloatArray) -> FloatArray:
+        """`left` at a point to go on from."""
+        return self.left(theta)
+
     def square(self, theta: FloatArray) -> float:
         """Sum of squares of the residual at a point on trial; infinite if it is refused."""
+        left = or_refusal(self.left)(theta)
+        return float("inf") if isinstance(left, ModelError) else float((left**2).sum())
+
+    def renewed(self) -> bool:
+        """Were some of the last slopes those of an earlier point?  None of the next will be."""
+        return False
 
 
-@dataclass(frozen=True)
-class DescentEnd:
-    """Where a descent ended: point (p,), sum of squares, whether more steps would gain little."""
-
-    theta: FloatArray
-    square: float
-    settled: bool
+#: where a descent ended: theta (p,), sum of squares, whether more steps would gain little
+Reached = tuple[FloatArray, float, bool]
 
 
 def descend(
     problem: LeastSquares,
     theta: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
-    sizes: Callable[[FloatArray], FloatArray],
     *,
     steps: int = MOST_STEPS,
     settled: float = SETTLED,
-    renewed: Callable[[], bool] = lambda: False,
-) -> DescentEnd:
-    """The least sum of squares near `theta` (p,) within `low` and `high` (p,).
+) -> Reached:
+    """The least sum of squares near `theta` (p,) within the bounds.
 
-    sizes       sizes (p,) of the parameters at a point: the longest step
-    renewed     were some of the last slopes those of an earlier point?  None of the next will be
-    ModelError  the start itself is refused; any later point that is refused is a step too far
+    ModelError if the start itself is refused; any later point that is refused is a step too far.
     """
-    residual = problem.residual(theta)
+    residual, low, high = problem.residual(theta), problem.low, problem.high
     square, damping = float((residual**2).sum()), 1e-3
     for _ in range(steps if theta.size else 0):
-        size = sizes(np.clip(theta, low, high))
+        size = problem.sizes(np.clip(theta, low, high))
         slope = problem.slopes(theta, size)
         gram, gradient = slope.T @ slope, slope.T @ residual
         free = ~parameters_leaving(theta, low, high, gradient)
@@ -118,20 +123,20 @@ def descend(
                 break
             damping = max(damping, 1e-6) * 8.0
         else:
-            if renewed():
+            if problem.renewed():
                 damping = 1e-3
                 continue
-            return DescentEnd(theta, square, True)
+            return theta, square, True
         moved = (new - theta) / size
         hoped = float(moved @ (2.0 * gradient - gram @ moved))
         drop, theta, damping = square - reached, new, damping / 10.0
         if drop < _POOR * hoped:
-            renewed()
+            problem.renewed()
         residual = problem.residual(theta)
         square = float((residual**2).sum())
-        if drop < settled * square and drop < _SETTLED_BY and not renewed():
-            return DescentEnd(theta, square, True)
-    return DescentEnd(theta, square, not theta.size)
+        if drop < settled * square and drop < _SETTLED_BY and not problem.renewed():
+            return theta, square, True
+    return theta, square, not theta.size
 
 
 def parameters_leaving(
@@ -365,7 +370,12 @@ class Problem:
 
     def beside(self, prediction: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Offset of each log (logs,) and amplitudes of the shared effects (K,)."""
-        return self.offsets.fit(self.white(self.cells.values - prediction))
+        cells = self.cells
+        amplitudes = self.offsets.amplitudes(self.white(cells.values - prediction))
+        if cells.shared is not None:
+            amplitudes = amplitudes * cells.shared.sd
+            prediction = prediction + cells.shared.columns @ amplitudes
+        return self.offsets.of_logs(self.white(cells.values - prediction)), amplitudes
 
 
 def centred(cells: Cells, prediction: FloatArray) -> tuple[Cells, float]:
@@ -377,7 +387,7 @@ def centred(cells: Cells, prediction: FloatArray) -> tuple[Cells, float]:
         return cells, 0.0
     weight = np.where(np.isfinite(cells.values) & np.isfinite(cells.sd), cells.shift, 0.0)
     left = np.nan_to_num(cells.values - prediction)
-    if cells.together is None:
+    if not cells.parts:
         left = left - left.mean(axis=1, keepdims=True)
     else:
         held = np.isfinite(cells.phi)
@@ -443,11 +453,12 @@ def inequalities(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatA
     return rows, floor
 
 
-class _Together:
+class _Together(LeastSquares):
     """The least squares of several channels in the parameters `names` of one model."""
 
     def __init__(self, problems: Sequence[Problem], model: Model, names: Sequence[str]) -> None:
         self.problems, self.model, self.names = problems, model, tuple(names)
+        self.low, self.high = bounds(model, names)
         self.known = priors(model, names)[1] > 0.0
         self._kept: FloatArray | None = None
         self._stale = False
@@ -456,7 +467,6 @@ class _Together:
         return dict(zip(self.names, theta, strict=True))
 
     def sizes(self, theta: FloatArray) -> FloatArray:
-        """The scale in which each parameter's step is damped."""
         own = [self.model.parameters[name] for name in self.names]
         usual = [0.3 * abs(p.probe) if p.prior is None else p.prior[1] for p in own]
         return np.maximum(np.maximum(np.abs(theta), usual), 1e-12)
@@ -465,7 +475,7 @@ class _Together:
         values = self.values(theta)
         for problem in self.problems:
             problem.centre(self.model, values)
-        return self._residual(theta)
+        return self.left(theta)
 
     def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
         """Those of numbers with a prior, which are many, are kept from point to point."""
@@ -490,11 +500,7 @@ class _Together:
             self._kept = None
         return self._stale
 
-    def square(self, theta: FloatArray) -> float:
-        left = or_refusal(self._residual)(theta)
-        return float("inf") if isinstance(left, ModelError) else float((left**2).sum())
-
-    def _residual(self, theta: FloatArray) -> FloatArray:
+    def left(self, theta: FloatArray) -> FloatArray:
         """What is left of the cells, and how far each parameter is from its prior's mean."""
         values = self.values(theta)
         left = [p.measured_less(p.predict(self.model, values)).ravel() for p in self.problems]
@@ -510,12 +516,10 @@ def descend_together(
     ModelError only if the start itself is refused.
     """
     together = _Together(problems, model, names)
-    theta = np.array([model.values[n] for n in names])
-    low, high = bounds(model, names)
-    reached = descend(
-        together, theta, low, high, together.sizes, steps=steps, renewed=together.renewed
+    theta, square, settled = descend(
+        together, np.array([model.values[n] for n in names]), steps=steps
     )
-    return model.with_values(together.values(reached.theta)), reached.square, reached.settled
+    return model.with_values(together.values(theta)), square, settled
 
 
 def starts(
@@ -539,11 +543,6 @@ def starts(
 CellsInMetric = tuple[Cells, Whitener]
 
 
-def fit_model(cells: Cells, white: Whitener, model: Model, *, several: bool = True) -> Fit:
-    """The model fitted to the cells of one channel.  ModelError if no start can be computed."""
-    return fit_channels([(cells, white)], model, several=several)[0]
-
-
 def fit_channels(
     channels: Sequence[CellsInMetric],
     model: Model,
@@ -557,12 +556,14 @@ def fit_channels(
         for name in model.free
         if all(name in free_names(model, cells) for cells, _ in channels)
     )
+    tried: list[End | ModelError] = []
     for begins in _begins(channels, names, model) if several else ([model],):
-        ends, refused = _ends(channels, names, begins, steps)
+        tried += [or_refusal(_end)(channels, names, begin, steps) for begin in begins]
+        ends = [end for end in tried if not isinstance(end, ModelError)]
         if ends:
             break
     else:
-        raise refused[-1]
+        raise next(end for end in reversed(tried) if isinstance(end, ModelError))
     fits = _finished(ends, names)
     return _from_within(channels, model, fits) if several and fits[0].held else fits
 
@@ -571,20 +572,10 @@ def fit_channels(
 End = tuple[list["Problem"], Model, float, bool]
 
 
-def _ends(
-    channels: Sequence[CellsInMetric], names: Sequence[str], begins: Sequence[Model], steps: int
-) -> tuple[list[End], list[ModelError]]:
-    """Where descents from some starts end, and why the others cannot be computed."""
-    ends: list[End] = []
-    refused: list[ModelError] = []
-    for begin in begins:
-        problems = [Problem(*channel) for channel in channels]  # which a descent centres
-        end = or_refusal(descend_together)(problems, begin, names, steps=steps)
-        if isinstance(end, ModelError):
-            refused.append(end)
-        else:
-            ends.append((problems, *end))
-    return ends, refused
+def _end(channels: Sequence[CellsInMetric], names: Sequence[str], begin: Model, steps: int) -> End:
+    """Where the descent from a start ends.  ModelError if the start cannot be computed."""
+    problems = [Problem(*channel) for channel in channels]  # which a descent centres
+    return problems, *descend_together(problems, begin, names, steps)
 
 
 def _finished(ends: Sequence[End], names: Sequence[str]) -> list[Fit]:
@@ -613,9 +604,11 @@ def _from_within(channels: Sequence[CellsInMetric], model: Model, fits: list[Fit
     inner = [
         fits[0].model.with_values(dict(zip(held, inside, strict=True))) for inside in sorted(values)
     ]
-    ends, _ = _ends(channels, names, _promising(channels, names, inner), MOST_STEPS)
+    begins = _promising(channels, names, inner)
+    tried = [or_refusal(_end)(channels, names, begin, MOST_STEPS) for begin in begins]
     least = sum(fit.chi2 for fit in fits)
-    return _finished(ends, names) if any(end[2] < least for end in ends) else fits
+    ends = [end for end in tried if not isinstance(end, ModelError) and end[2] < least]
+    return _finished(ends, names) if ends else fits
 
 
 def _promising(
@@ -649,11 +642,6 @@ def _few(cells: Cells, white: Whitener) -> Problem:
         cells.take(rows),
         Whitener(white.inverse_sd[rows], white.basis[rows], white.shrink[rows]),
     )
-
-
-def take_cells(cells: Cells, rows: NDArray[np.int64]) -> Cells:
-    """Some of the cells."""
-    return cells.take(rows)
 
 
 def finish(
@@ -732,15 +720,14 @@ def fits_apart(fit: Fit) -> tuple[Fit, ...]:
 
     Prediction, slopes and residual are those of the fit to all; degrees of freedom are shared out.
     """
-    cells, layout = fit.cells, fit.cells.together
-    if layout is None:
+    cells = fit.cells
+    if not cells.parts:
         return (fit,)
     logs = np.unique(cells.log)
     found = []
     for i, own in enumerate(parts_of(cells)):
         residual = own_rows(cells, i, fit.residual, 0)
-        mine = logs // len(layout.logs) == i
-        waves = layout.widths[i] > 1 and fit.offsets.size
+        mine = logs // len(cells.log_names) == i
         amplitudes = fit.amplitudes[:0]
         if cells.shared is not None and fit.amplitudes.size:
             amplitudes = fit.amplitudes[own_amplitudes(cells.shared, cells, i)]
@@ -756,7 +743,7 @@ def fits_apart(fit: Fit) -> tuple[Fit, ...]:
                 residual=residual,
                 prediction=own_rows(cells, i, fit.prediction),
                 jacobian=own_rows(cells, i, fit.jacobian),
-                offsets=fit.offsets[mine] * layout.scales[i] if waves else np.zeros(0),
+                offsets=fit.offsets[mine] * cells.scales[i],
                 amplitudes=amplitudes,
                 cells=own,
             )

@@ -13,7 +13,6 @@ whole stretch, and no effect of the tire is taken out with it.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -88,12 +87,8 @@ _ROUNDS = 10
 _FAR = 5.0
 
 
-@dataclass(frozen=True)
-class Line:
-    """A line: frequency [Hz] and amplitude, in the waveforms' unit."""
-
-    frequency_Hz: float
-    amplitude: float
+#: a line: frequency [Hz] and amplitude, in the waveforms' unit
+Line = tuple[float, float]
 
 
 def lines_said(lines: Iterable[Line], observable: str) -> str:
@@ -102,12 +97,12 @@ def lines_said(lines: Iterable[Line], observable: str) -> str:
     What a driveline does at one speed may look like it, so a supply is no more than compared with.
     """
     largest: dict[int, Line] = {}
-    for line in sorted(lines, key=lambda line: line.amplitude):
-        largest[round(line.frequency_Hz)] = line
+    for amplitude, frequency in sorted((amplitude, frequency) for frequency, amplitude in lines):
+        largest[round(frequency)] = frequency, amplitude
     factor, unit = shown(observable, OBSERVABLES[observable].unit)
     each = " and ".join(
-        f"{line.frequency_Hz:.4g} Hz ({factor * line.amplitude:.2g} {unit})"
-        for _, line in sorted(largest.items())
+        f"{frequency:.4g} Hz ({factor * amplitude:.2g} {unit})"
+        for frequency, amplitude in sorted(largest.values())
     )
     what = "a line that keeps" if len(largest) == 1 else "lines that keep"
     return f"{what} the frequency, as hum does, taken out of the waveforms: {each}"
@@ -130,15 +125,15 @@ def without_hum(stack: Stack, time_s: FloatArray) -> tuple[FloatArray, list[Line
     for supply in SUPPLIES_HZ:
         for multiple in range(1, MULTIPLES + 1):
             # the third and fourth come with the first or the second
-            seen = [line.frequency_Hz / k for line in lines for k in range(1, MULTIPLES + 1)]
+            seen = [frequency / k for frequency, _ in lines for k in range(1, MULTIPLES + 1)]
             if multiple > 2 and not any(abs(one - supply) <= OFF_HZ for one in seen):
                 break
             found = pairs.line(multiple * supply, multiple * OFF_HZ)
             if found is not None:
-                without, line = pairs.taken_out(found)
-                if line.amplitude >= _LEAST * pairs.scatter:
+                without, amplitude = pairs.taken_out(found)
+                if amplitude >= _LEAST * pairs.scatter:
                     values = without
-                    lines.append(line)
+                    lines.append((found, amplitude))
                     pairs = _Pairs(values, time_s, square_s2, first)
     return values, lines
 
@@ -169,37 +164,23 @@ class _Pairs:
         #: of one bin of one revolution, in the middle over the angles
         self.scatter = float(least) / np.sqrt(2.0)
         self.at = 0.5 * (time_s[first] + time_s[first + 1]).mean(axis=1)
-        self._whole = {1: self.turning(1.0)}
 
     def turning(self, frequency: float) -> NDArray[np.complex128]:
         """A line of unit amplitude at each bin's mean time, (n, m)."""
         return np.asarray(np.exp(2j * np.pi * frequency * self.time_s))
-
-    def whole(self, hertz: int) -> NDArray[np.complex128]:
-        """`turning` of a whole frequency: a few products in place of powers, for half the time."""
-        if hertz in self._whole:
-            return self._whole[hertz]
-        half = self.whole(hertz // 2)
-        square = half * half
-        return square * self._whole[1] if hertz % 2 else square
 
     def left(self, frequency: float) -> FloatArray:
         """What is left of a line's size in the mean over each bin's samples, (n, m)."""
         return np.asarray(np.exp((-2.0 * (np.pi * frequency) ** 2) * self.square_s2))
 
     @cached_property
-    def _near(self) -> tuple[FloatArray, NDArray[np.complex128], NDArray[np.complex128]]:
-        """Frequencies about a middle one [Hz], to half a hertz, and what moves a line's sums there.
+    def _near(self) -> tuple[FloatArray, NDArray[np.complex128]]:
+        """Frequencies about a middle one [Hz], to half a hertz, and what moves its sums there.
 
-        By every so many steps (few, k), and by the steps between (few, k): a product for each
-        instead of a power for each.
+        (k,) and (k, n): the same about each middle.
         """
-        step = 0.25 / float(np.ptp(self.at))
-        off = np.arange(-0.5, 0.5, step)
-        few = int(np.ceil(np.sqrt(off.size)))
-        coarse = np.exp(-2j * np.pi * off[::few, None] * self.at)
-        fine = np.exp(-2j * np.pi * (step * np.arange(few))[:, None] * self.at)
-        return off, coarse, fine
+        off = np.arange(-0.5, 0.5, 0.25 / float(np.ptp(self.at)))
+        return off, np.exp(-2j * np.pi * off[:, None] * self.at)
 
     def power(self, turning: NDArray[np.complex128], middle: float) -> FloatArray:
         """(frequency, power over its own expectation without a line) about a frequency, (k, 2).
@@ -209,19 +190,16 @@ class _Pairs:
 
         along, left = np.empty(self.first.size, np.complex128), self.left(middle)
         size = along_rises(turning, left, self.first, self.weighted, self.weight, along)
-        off, coarse, fine = self._near
-        amplitude = ((coarse * along) @ fine.T).ravel()[: off.size]
-        return np.stack([middle + off, np.abs(amplitude) ** 2 / size], axis=1)
+        off, moved = self._near
+        return np.stack([middle + off, np.abs(moved @ along) ** 2 / size], axis=1)
 
     def line(self, frequency: float, off: float) -> float | None:
         """The frequency of a line near `frequency`; None if nothing stands out there."""
         first = round(frequency - _AROUND_HZ + 0.5)
-        if first < SUPPLIES_HZ[-1]:  # its multiples are made of it
-            self._whole[first] = self.whole(first)
-        turning, parts = self.whole(first), []
+        turning, one_hertz, parts = self.turning(first), self.turning(1.0), []
         for middle in range(first, round(frequency + _AROUND_HZ + 0.5)):
             parts.append(self.power(turning, middle))
-            turning = turning * self._whole[1]
+            turning = turning * one_hertz
         found = np.concatenate(parts)
         near = np.abs(found[:, 0] - frequency) <= off
         if not near.any():
@@ -238,8 +216,11 @@ class _Pairs:
         step = float(found[1, 0] - found[0, 0])
         return float(found[best, 0] + 0.5 * step * (low - high) / (low - 2.0 * top + high))
 
-    def taken_out(self, frequency: float) -> tuple[FloatArray, Line]:
-        """The waveforms without the line, whose cosine and sine follow a course in time."""
+    def taken_out(self, frequency: float) -> tuple[FloatArray, float]:
+        """The waveforms without the line, and its size.
+
+        Its cosine and sine follow a course in time.
+        """
         low, high = float(self.time_s.min()), float(self.time_s.max())
         nodes = np.linspace(low, high, max(2, 1 + round((high - low) / _NODE_S)))
         wave = self.turning(frequency) * self.left(frequency)  # in the mean over a bin's samples
@@ -252,7 +233,7 @@ class _Pairs:
         course, size = _course(gram, right, nodes, self.scatter)
         cosine, sine = (np.interp(self.time_s, nodes, part) for part in course)
         taken = cosine * wave.real + sine * wave.imag
-        return np.asarray(self.values - taken), Line(frequency, size)
+        return np.asarray(self.values - taken), size
 
 
 def _course(

@@ -33,7 +33,7 @@ from tirelog.diagnosis.obstacles import HitResult, TransientComparison
 from tirelog.diagnosis.propose.propose import Proposal
 from tirelog.diagnosis.results import Comparison, EffectCurve, Map, steps_table
 from tirelog.diagnosis.rules import RULES
-from tirelog.inference.obstacle_log import TransientLog
+from tirelog.inference.measured import TransientLog
 from tirelog.physics.effects import Effect
 from tirelog.plots.answers import (
     climbed_panel,
