@@ -68,11 +68,11 @@ def test_a_hidden_effect_is_named_and_the_error_falls_to_the_floor(model):
     assert marks.heldout_after * result.noise_floor == pytest.approx(result.rmse_heldout_after)
     # a bare beam's strain: some simulated cases were like it, unless its manoeuvres are too few
     drawn = diagnosing.with_draws(result, 200)
-    first, second = drawn.inclusion.steps
-    assert first.named == "edge_impact"
-    assert first.shares["edge_impact"] > 0.8
-    assert first.none + sum(first.shares.values()) == pytest.approx(1.0)
-    assert second.none > 0.9
+    first, second = drawn.inclusion["steps"]
+    assert first["named"] == "edge_impact"
+    assert first["shares"]["edge_impact"] > 0.8
+    assert first["none"] + sum(first["shares"].values()) == pytest.approx(1.0)
+    assert second["none"] > 0.9
     assert any(note.startswith("Of 200 draws of the 16 manoeuvres") for note in drawn.notes)
     assert drawn.to_json()["inclusion"]["steps"][0]["named"] == "edge_impact"
     assert answer["certainty"]["sentence"] == certainty_of(marks).sentence

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from math import isfinite, sqrt
 from pathlib import Path
 from pkgutil import resolve_name
@@ -121,7 +121,16 @@ def plain_fields(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def plain_values(value: Any) -> Any:
-    """The same without numpy types, tuples as lists, not-a-number and infinity as None."""
+    """The same without numpy types, tuples as lists, not-a-number and infinity as None.
+
+    A record becomes what its `to_json` says; else its fields, and the properties that it names in
+    `also`.
+    """
+    if hasattr(value, "to_json"):
+        return value.to_json()
+    if is_dataclass(value):
+        names = (*value.__dataclass_fields__, *getattr(value, "also", ()))
+        return plain_fields({name: getattr(value, name) for name in names})
     if isinstance(value, Mapping):
         return plain_fields(value)
     if isinstance(value, list | tuple):

@@ -20,7 +20,7 @@ The verdicts:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from pkgutil import resolve_name
@@ -71,13 +71,13 @@ from tirelog.diagnosis.candidates.separation import advise, drive_next, drive_se
 from tirelog.diagnosis.certainty import (
     Certainty,
     GroupVerdict,
-    Inclusion,
     Marks,
-    PerGroup,
-    Stability,
     certainty_of,
+    each_alone,
     inclusion,
+    inclusion_sentences,
     marks_of,
+    stability,
     unlike_cases,
 )
 from tirelog.diagnosis.compare import (
@@ -157,9 +157,9 @@ class Diagnosis(AnswerRecord):
     found: SearchResult
     stacks: Sequence[Stack] | JointStacks
     gratings: GratingsFound | None = None
-    inclusion: Inclusion | None = None
-    stability: Stability | None = None
-    each: PerGroup | None = None
+    inclusion: Mapping[str, Any] | None = None
+    stability: Mapping[str, Any] | None = None
+    each: Mapping[str, Any] | None = None
 
     @property
     def model(self) -> Model:
@@ -203,20 +203,17 @@ class Diagnosis(AnswerRecord):
         )
 
     def to_json(self) -> dict[str, Any]:
-        apart = {"effects", "notes", "found", "stacks", "nuisances", "checks", "suspects"}
-        more = {n: getattr(self, n) for n in ("gratings", "inclusion", "stability", "each")}
+        later = {n for n in ("gratings", "inclusion", "stability", "each") if not getattr(self, n)}
+        names = [
+            n for n in self.__dataclass_fields__ if n not in {"notes", "found", "stacks"} | later
+        ]
+        also = ("certainty", "drive_next", "form_may_hold")
         return plain_fields(
-            {n: getattr(self, n) for n in self.__dataclass_fields__ if n not in apart | more.keys()}
-            | {"effects": [vars(c) for c in self.effects], "note": " ".join(self.notes)}
-            | {"certainty": self.certainty.to_json(), "drive_next": list(self.drive_next)}
-            | {"nuisance_or_effect": [list(pair) for pair in self.found.alike]}
+            {name: getattr(self, name) for name in (*names, *also)}
+            | {"note": " ".join(self.notes), "nuisance_or_effect": self.found.alike}
             | {"rmse_heldout_without_nuisances": (self.found.given or self.found.before).rmse_held}
-            | {"nuisances": {n.nuisance: n.to_json() for n in self.nuisances}}
-            | {"form_may_hold": self.form_may_hold}
-            | {"checks": [asdict(c) | {"never": c.never} for c in self.checks]}
-            | {"suspects": [asdict(s) for s in self.suspects]}
-            | {name: one.to_json() for name, one in more.items() if one is not None}
-            | {"remarks": list(self.before.remarks)}
+            | {"nuisances": {n.nuisance: n for n in self.nuisances}}
+            | {"remarks": self.before.remarks}
         )
 
     def rows(self) -> list[dict[str, Any]]:
@@ -565,7 +562,7 @@ def _advice(found: SearchResult, verdict: str) -> tuple[list[dict[str, Any]], li
 # ---- A diagnosis asked again: without each log or tire, of each alone, of manoeuvres drawn anew.
 #
 #     pieces of all logs, groups of logs -> the pieces without each group, or of it alone
-#         -> a diagnosis each -> `stability.Stability`, `stability.Each`
+#         -> a diagnosis each -> `certainty.stability`, `certainty.each_alone`
 #
 # It takes as many diagnoses as there are logs, or tires.
 
@@ -577,15 +574,85 @@ Some = Callable[[Sequence[str]], Pieces | JointPieces]
 def with_draws(found: Diagnosis, draws: int, effects: Iterable[Effect] = ()) -> Diagnosis:
     """The diagnosis, with how often its effects are named over draws of its manoeuvres."""
     drawn = inclusion(found.found, draws, effects)
-    return replace(found, inclusion=drawn, notes=(*found.notes, *drawn.sentences))
+    return replace(found, inclusion=drawn, notes=(*found.notes, *inclusion_sentences(drawn)))
 
 
-def with_stability(
-    found: Diagnosis, stability: Stability, each: PerGroup | None = None
+def with_groups(
+    found: Diagnosis,
+    groups: Mapping[str, Sequence[str]],
+    some: Some,
+    model: Model,
+    *,
+    by: str = "log",
+    effects: Iterable[Effect] = (),
+    alone: bool = False,
+    progress: Progress = lambda text: None,
 ) -> Diagnosis:
-    """The diagnosis, with whether it stands without single logs or tires, and what each says."""
-    said = [one.sentence for one in (stability, each) if one is not None]
-    return replace(found, stability=stability, each=each, notes=(*found.notes, *said))
+    """The diagnosis, with whether it stands without each group of logs in turn.
+
+    groups  name -> its logs: those of one tire, or one log each;  some  gives the pieces of logs
+    alone   also what each group says alone, with p adjusted over them
+    UsageError: there is but one group.
+    """
+    refuse_one(groups, by)
+    every = [log for logs in groups.values() for log in logs]
+    rest = {name: [log for log in every if log not in logs] for name, logs in groups.items()}
+    extra, more = tuple(effects), dict[str, Any]()
+    whole = verdict_of_group("", every, found)
+    if alone:
+        own = _verdicts(groups, some, model, extra, progress, "{group} alone")
+        more["each"] = each_alone(by, list(own))
+    without = _verdicts(rest, some, model, extra, progress, "once more without {group}")
+    more = {"stability": stability(by, whole, list(without)), **more}
+    notes = (*found.notes, *(answer["sentence"] for answer in more.values()))
+    return replace(found, **more, notes=notes)
+
+
+def refuse_one(groups: Mapping[str, Sequence[str]], by: str) -> None:
+    """UsageError: there is but one group."""
+    if len(groups) < 2:
+        raise UsageError(
+            f"one {by} alone: none can be left out",
+            allowed=f"two {by}s at least",
+            do="give more logs",
+        )
+
+
+def _verdicts(
+    asked: Mapping[str, Sequence[str]],
+    some: Some,
+    model: Model,
+    effects: tuple[Effect, ...],
+    progress: Progress,
+    words: str,
+) -> Iterator[GroupVerdict]:
+    """What is said of some logs, by the name of each group; what cannot be asked says why.
+
+    `words` for `progress`, with {group}.
+    """
+    for group, logs in asked.items():
+        progress(words.format(group=group))
+        try:
+            yield verdict_of_group(group, logs, diagnose(some(logs), model, effects=effects))
+        except TirelogError as problem:
+            yield GroupVerdict(group, tuple(logs), "", problem=problem.message)
+
+
+def verdict_of_group(group: str, logs: Sequence[str], found: Diagnosis) -> GroupVerdict:
+    """A diagnosis in few words."""
+    p, left = found.marks.least_p, found.unexplained["p"]
+    if found.verdict == "unknown" and left is not None:
+        p = min(p, left)
+    return GroupVerdict(
+        group,
+        tuple(logs),
+        found.verdict,
+        found.selected,
+        found.ambiguous_groups,
+        # two questions are asked: of candidates, and of any shape
+        None if found.verdict == "too_few" else min(2.0 * p, 1.0),
+        found.certainty.probability,
+    )
 
 
 def logs_of(pieces: Pieces | JointPieces) -> dict[str, tuple[str, ...]]:
@@ -619,87 +686,3 @@ def _of_logs(pieces: Pieces, names: set[str]) -> Pieces | None:
     number, log = np.unique(some.log, return_inverse=True)
     manoeuvre = np.unique(some.manoeuvre, return_inverse=True)[1]
     return replace(some, log=log, manoeuvre=manoeuvre, logs=tuple(pieces.logs[i] for i in number))
-
-
-def answer_of(group: str, logs: Sequence[str], found: Diagnosis) -> GroupVerdict:
-    """A diagnosis in few words."""
-    p, left = found.marks.least_p, found.unexplained["p"]
-    if found.verdict == "unknown" and left is not None:
-        p = min(p, left)
-    return GroupVerdict(
-        group,
-        tuple(logs),
-        found.verdict,
-        found.selected,
-        found.ambiguous_groups,
-        # two questions are asked: of candidates, and of any shape
-        None if found.verdict == "too_few" else min(2.0 * p, 1.0),
-        found.certainty.probability,
-    )
-
-
-def _answers(
-    asked: Mapping[str, Sequence[str]],
-    some: Some,
-    model: Model,
-    effects: Iterable[Effect],
-    progress: Progress,
-    words: str,
-) -> Iterator[GroupVerdict]:
-    """The diagnosis of some logs, by the name of each group; what cannot be asked says why.
-
-    `words` for `progress`, with {group}.
-    """
-    extra = tuple(effects)
-    for group, logs in asked.items():
-        progress(words.format(group=group))
-        try:
-            yield answer_of(group, logs, diagnose(some(logs), model, effects=extra))
-        except TirelogError as problem:
-            yield GroupVerdict(group, tuple(logs), "", problem=problem.message)
-
-
-def leave_one_out(
-    groups: Mapping[str, Sequence[str]],
-    some: Some,
-    model: Model,
-    whole: Diagnosis,
-    *,
-    by: str = "log",
-    effects: Iterable[Effect] = (),
-    progress: Progress = lambda text: None,
-) -> Stability:
-    """The verdict without each group of logs in turn.
-
-    groups  name -> its logs: those of one tire, or one log each;  some  gives the pieces of logs
-    whole   what is said of all
-    UsageError: there is but one group.
-    """
-    refuse_one(groups, by, "none can be left out")
-    every = [log for logs in groups.values() for log in logs]
-    rest = {name: [log for log in every if log not in logs] for name, logs in groups.items()}
-    without = _answers(rest, some, model, effects, progress, "once more without {group}")
-    return Stability(by, answer_of("", every, whole), tuple(without))
-
-
-def each_alone(
-    groups: Mapping[str, Sequence[str]],
-    some: Some,
-    model: Model,
-    *,
-    by: str = "log",
-    effects: Iterable[Effect] = (),
-    progress: Progress = lambda text: None,
-) -> PerGroup:
-    """What each group of logs says alone, with p adjusted over them; as `leave_one_out`."""
-    refuse_one(groups, by, "it is the whole")
-    alone = _answers(groups, some, model, effects, progress, "{group} alone")
-    return PerGroup(by, tuple(alone))
-
-
-def refuse_one(groups: Mapping[str, Sequence[str]], by: str, but_one: str) -> None:
-    """UsageError: there is but one group."""
-    if len(groups) < 2:
-        raise UsageError(
-            f"one {by} alone: {but_one}", allowed=f"two {by}s at least", do="give more logs"
-        )

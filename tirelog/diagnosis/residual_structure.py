@@ -20,7 +20,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -550,6 +550,7 @@ class Check:
     measured: float
     low: float
     high: float
+    also: ClassVar = ("never",)
 
     @property
     def never(self) -> bool:
