@@ -58,11 +58,12 @@ class AnswerRecord:
     """What every answer has: a headline, tables and sentences below it, and a figure.
 
     `picture` and `panel`: functions of `plots.answers` that take the answer: its figure,
-    and the main panel of that.
+    and the main panel of that. `apart`: fields that stand in no JSON.
     """
 
     picture: ClassVar[str]
     panel: ClassVar[str]
+    apart: ClassVar[tuple[str, ...]] = ("model",)
 
     @property
     def headline(self) -> str:
@@ -72,6 +73,10 @@ class AnswerRecord:
     def below(self) -> tuple[Sequence[AnswerTable], Sequence[str]]:
         """What a notebook shows below the headline: tables, and sentences."""
         return (), ()
+
+    def to_json(self) -> dict[str, Any]:
+        """The answer as plain values by name (`record_fields`)."""
+        return record_fields(self)
 
     def plot(self, path_or_axes: str | Path | Axes | None = None, **how: str) -> Any:
         """The figure.
@@ -115,6 +120,16 @@ def excess_of(rmse: float, floor: float) -> float:
     return float(np.sqrt(max(rmse**2 - floor**2, 0.0)))
 
 
+def record_fields(record: Any) -> dict[str, Any]:
+    """A dataclass as plain values by name: its fields but those `apart`, and those in `also`.
+
+    What is in `also` are properties.
+    """
+    names = (*record.__dataclass_fields__, *getattr(record, "also", ()))
+    apart = getattr(record, "apart", ())
+    return plain_fields({name: getattr(record, name) for name in names if name not in apart})
+
+
 def plain_fields(values: Mapping[str, Any]) -> dict[str, Any]:
     """Values by name as JSON takes them (`plain_values`)."""
     return {str(name): plain_values(value) for name, value in values.items()}
@@ -123,14 +138,10 @@ def plain_fields(values: Mapping[str, Any]) -> dict[str, Any]:
 def plain_values(value: Any) -> Any:
     """The same without numpy types, tuples as lists, not-a-number and infinity as None.
 
-    A record becomes what its `to_json` says; else its fields, and the properties that it names in
-    `also`.
+    A dataclass becomes what its `to_json` says, or its `record_fields`.
     """
-    if hasattr(value, "to_json"):
-        return value.to_json()
     if is_dataclass(value):
-        names = (*value.__dataclass_fields__, *getattr(value, "also", ()))
-        return plain_fields({name: getattr(value, name) for name in names})
+        return value.to_json() if hasattr(value, "to_json") else record_fields(value)
     if isinstance(value, Mapping):
         return plain_fields(value)
     if isinstance(value, list | tuple):

@@ -29,7 +29,6 @@ from tirelog.diagnosis.residual_structure import half_angle
 from tirelog.diagnosis.results import (
     ERRORS,
     Comparison,
-    ErrorTables,
     Map,
     Waveforms,
     agreement_sentence,
@@ -177,7 +176,7 @@ def comparison_of(base: Base, stacks: Sequence[Stack] | JointStacks = ()) -> Com
         member="",
         model=without_ratios(base.model),
         **_errors(base, values - level[cells.part][:, None]),
-        tables=ErrorTables.joined(parts),
+        tables={},
         remarks=tuple(remarks_of(base)),
         parts=parts,
         contributions=known,
@@ -190,12 +189,18 @@ def _errors(base: Base, about: FloatArray) -> dict[str, Any]:
     spread = base.plain.mean_square((base.plain(np.nan_to_num(about)) ** 2).sum())
     spread += base.floor.within
     left = float(np.sqrt(max(base.square_held, 0.0) / spread)) if spread > 0.0 else 1.0
+    fitted, held = float(np.sqrt(max(base.square_fit, 0.0))), base.rmse_held
+    floor, within = (float(np.sqrt(square)) for square in (base.floor.square, base.floor.within))
     return {
-        "rmse": float(np.sqrt(max(base.square_fit, 0.0))),
-        "rmse_heldout": base.rmse_held,
-        "noise_floor": float(np.sqrt(base.floor.square)),
-        "noise_floor_within": float(np.sqrt(base.floor.within)),
+        "rmse": fitted,
+        "rmse_heldout": held,
+        "noise_floor": floor,
+        "noise_floor_within": within,
         "noise_floor_between": float(np.sqrt(base.floor.between)),
+        "excess": excess_of(fitted, floor),
+        "excess_heldout": None if held is None else excess_of(held, floor),
+        "excess_within": excess_of(fitted, within),
+        "excess_heldout_within": None if held is None else excess_of(held, within),
         "reduced_chi2": base.reduced_chi2,
         "fit_percent": 100.0 * (1.0 - left),
         "revolutions": int(base.cells.revolutions.sum()),
@@ -219,7 +224,8 @@ def _comparison_of_one(base: Base, stacks: Sequence[Stack]) -> Comparison:
         member=cells.member,
         model=without_ratios(base.model),
         **_errors(base, np.asarray(measured - np.nanmean(measured))),
-        tables=error_tables(base, stacks),
+        tables=error_tables(base),
+        by_revolution=partial(_by_revolution, base, stacks),
         waveforms=_waveforms(base),
         by_speed=_map(base, cells.conditions.speed_m_s, "speed_m_s"),
         by_time=replace(by_time, begins=tuple(begins[1:-1].tolist())),
@@ -341,11 +347,8 @@ def _map(base: Base, axis: FloatArray, name: str) -> Map:
 # ---- tables --------------------------------------------------------------------------------------
 
 
-def error_tables(base: Base, stacks: Sequence[Stack]) -> ErrorTables:
-    """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions.
-
-    By revolution there is one row each, made when it is asked for.
-    """
+def error_tables(base: Base) -> dict[str, list[dict[str, Any]]]:
+    """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions."""
     c, conditions = base.cells, base.cells.conditions
     tables = {"angle": _by_angle(base)}
     band = np.floor(conditions.speed_m_s / 2.0) * 2.0 + 1.0
@@ -367,7 +370,7 @@ def error_tables(base: Base, stacks: Sequence[Stack]) -> ErrorTables:
         each = dict.fromkeys(labels.tolist())
         tables[name] = [_row(base, labels == label, describe(label)) for label in each]
     tables["speed"].sort(key=lambda row: row["speed_m_s"])
-    return ErrorTables(tables, {"revolution": lambda: _by_revolution(base, stacks)})
+    return tables
 
 
 def _row(base: Base, rows: NDArray[np.bool_], description: dict[str, Any]) -> dict[str, Any]:

@@ -40,6 +40,7 @@ from tirelog.diagnosis.answer import (
     percent,
     plain_fields,
     probability,
+    record_fields,
     sentence_of,
     separation_sentence,
     strengths,
@@ -132,6 +133,8 @@ class Diagnosis(AnswerRecord):
 
     picture = "diagnose_figure"
     panel = "ranking"
+    apart = ("notes", "found", "stacks", "nuisances")
+    also = ("certainty", "drive_next", "form_may_hold")
 
     verdict: str
     sentence: str
@@ -203,18 +206,16 @@ class Diagnosis(AnswerRecord):
         )
 
     def to_json(self) -> dict[str, Any]:
-        later = {n for n in ("gratings", "inclusion", "stability", "each") if not getattr(self, n)}
-        names = [
-            n for n in self.__dataclass_fields__ if n not in {"notes", "found", "stacks"} | later
-        ]
-        also = ("certainty", "drive_next", "form_may_hold")
-        return plain_fields(
-            {name: getattr(self, name) for name in (*names, *also)}
-            | {"note": " ".join(self.notes), "nuisance_or_effect": self.found.alike}
-            | {"rmse_heldout_without_nuisances": (self.found.given or self.found.before).rmse_held}
-            | {"nuisances": {n.nuisance: n for n in self.nuisances}}
-            | {"remarks": self.before.remarks}
-        )
+        later, found = ("gratings", "inclusion", "stability", "each"), self.found
+        more = {
+            "note": " ".join(self.notes),
+            "rmse_heldout_without_nuisances": (found.given or found.before).rmse_held,
+            "nuisance_or_effect": found.alike,
+            "nuisances": {n.nuisance: n for n in self.nuisances},
+            "remarks": self.before.remarks,
+        }
+        fields = record_fields(self) | plain_fields(more)
+        return {n: value for n, value in fields.items() if value is not None or n not in later}
 
     def rows(self) -> list[dict[str, Any]]:
         """The ranking, a row per effect."""

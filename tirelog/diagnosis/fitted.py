@@ -322,11 +322,6 @@ class TireForm(AnswerRecord):
             ]
         return rows
 
-    def to_json(self) -> dict[str, Any]:
-        """All numbers by name; the model is left out."""
-        profiles = {n: vars(getattr(self, n)) for n in ("pressure", "stiffness")}
-        return plain_fields({n: v for n, v in vars(self).items() if n != "model"} | profiles)
-
 
 def tire_form(measured: Measured, model: Model) -> TireForm:
     """The form of a tire from its measured waveforms.
