@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.diagnosis.candidates.assessment import (
-    Assessed,
+    Variant,
     gain_and_error,
     least_left,
     quiet_waveforms,
@@ -130,7 +130,7 @@ def search_effects(
         formed = _formed(base, extra, progress, allowed, plain.after, len(plain.named) - 1)
     if formed is None:
         return plain
-    beyond = [s.named.assessed.signature.effect for s in plain.steps if s.named is not None]
+    beyond = [s.named.assessed.effect for s in plain.steps if s.named is not None]
     beyond = [e for e in beyond if e.id in plain.named and e.id not in formed.named]
     one_does = len(beyond) == 1 and not beyond[0].followed
     fewer = len(formed.named) < len(plain.named) and not one_does
@@ -142,7 +142,7 @@ def _one_may_do(formed: Base, extra: tuple[Effect, ...]) -> bool:
     without = with_nuisances(formed, [name for name in groups_of(formed) if name != FORM])
     if isinstance(without, ModelError):
         return False
-    same = [a for a in assess_all(without, extra)[0] if not a.signature.effect.followed]
+    same = [a for a in assess_all(without, extra)[0] if not a.effect.followed]
     return max((a.removed for a in same), default=0.0) > MOST * without.excess
 
 
@@ -172,7 +172,7 @@ def _or_form(plain: SearchResult) -> SearchResult:
     """A search that one effect ended at the floor, with the form if that does as much."""
     named = plain.steps[0].named
     before = plain.steps[0].before
-    if named is None or not named.assessed.signature.effect.followed:
+    if named is None or not named.assessed.effect.followed:
         return plain  # one number that does the same throughout is the cause
     gained = float((before.held_white - named.base.held_white).sum())
     forms = [x for x, gain in alarming_nuisances(before, [FORM]) if gain > TWINS**2 * gained]
@@ -301,7 +301,7 @@ def _climb(
     than the best effect: what both explain is then the nuisance's. The steps stand on the base with
     all nuisances; on none if one came in after an effect.
     """
-    climb, excess, without = _Climb(base, base), base.excess, list[Assessed]()
+    climb, excess, without = _Climb(base, base), base.excess, list[Variant]()
     while True:
         after = climb.after
         named = [s.named.id for s in climb.steps if s.named is not None]
@@ -344,7 +344,7 @@ def _climb(
             return climb
 
 
-def _may_do_as_well(base: Base, rival: Base, assessed: Sequence[Assessed]) -> bool:
+def _may_do_as_well(base: Base, rival: Base, assessed: Sequence[Variant]) -> bool:
     """Could an effect, once refitted, leave as little as a nuisance does?
 
     Not if the nuisance leaves the floor, and none comes near to it by its linear strength: refits
@@ -377,7 +377,7 @@ def _as_much(base: Base, rival: Base, named: Refitted) -> bool:
     does the same under all conditions: one number that does it is the cause.
     """
     form = newest(rival, base) == FORM
-    if form and not named.assessed.signature.effect.followed:
+    if form and not named.assessed.effect.followed:
         return False
     better, worse = sorted((rival, named.base), key=lambda refitted: refitted.noise_chi2)
     removed = [base.noise_chi2 - refitted.noise_chi2 for refitted in (worse, better)]
@@ -405,13 +405,13 @@ def ranking_of(
     """
     first = found.steps[0]
     refitted = {r.id: r for r in first.contenders}
-    own: dict[str, tuple[Assessed, float]] = {}
+    own: dict[str, tuple[Variant, float]] = {}
     for a in first.assessed:
         if a.id in first.reasons and a.id not in selected:
             continue  # a failed refit is no number
         again = refitted.get(a.id)
         removed = first.before.square_held - again.base.square_held if again else a.removed
-        unphysical = a.signature.one_sided and a.strengths[0] < 0.0 and not again
+        unphysical = a.one_sided and a.step[0] < 0.0 and not again
         shared = excess > LEAST_SHARE_OF_FLOOR * floor and not unphysical
         share = share_of_all if tuple(selected) == (a.id,) else removed / excess if shared else 0.0
         own[a.id] = a, float(np.clip(share, 0.0, 1.0))
@@ -434,7 +434,7 @@ def ranking_of(
 
 
 def _strengths(
-    found: SearchResult, a: Assessed, refitted: Mapping[str, Any]
+    found: SearchResult, a: Variant, refitted: Mapping[str, Any]
 ) -> dict[str, dict[str, Any]]:
     """The effect's parameters with errors and units.
 
@@ -448,10 +448,10 @@ def _strengths(
                 for name, q in own.items()
                 if q.free
             }
-    units = {q.name: q.unit for q in a.signature.effect.parameters}
+    units = {q.name: q.unit for q in a.effect.parameters}
     return {
         n: {"value": float(v), "se": None, "unit": units[n]}
-        for n, v in zip(a.signature.strengths, a.strengths, strict=True)
+        for n, v in zip(a.strengths, a.step, strict=True)
     }
 
 
