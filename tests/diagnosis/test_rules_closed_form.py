@@ -55,13 +55,33 @@ def test_a_chi_square_of_few_values_is_quiet_as_far_as_chance_goes(chi2, freedom
     assert at_noise_floor(base, 1.0) is said
 
 
+#: as much of a diagnosis as its sentence needs
+FACTS = {
+    "selected": (), "share": 0.0, "beside": (), "suspects": (), "before": 1.0, "after": 1.0,
+    "floor": 1.0, "total": 0.0, "explained": 0.9, "enough": 0.7, "manoeuvres": 20, "chi2": 1.4,
+    "observable": "strain", "unit": "strain", "groups": (), "or_nuisance": (), "shares": {},
+    "scatter": None, "unexplained": {"significant": False}, "unestablished": (),
+}  # fmt: skip
+
+
 def test_a_held_out_error_above_the_floor_is_said():
-    facts = {
-        "verdict": "nothing_missing", "selected": (), "share": 0.0, "beside": (),
-        "before": 1.0, "floor": 1.0, "manoeuvres": 20,
-    }  # fmt: skip
+    facts = {**FACTS, "verdict": "nothing_missing"}
     assert "held out" not in sentence_of(facts)
     assert "1.12 floors" in sentence_of({**facts, "before": 1.2544})
+
+
+@pytest.mark.parametrize(
+    ("name", "share", "said"),
+    [
+        ("wear", 0.99, "wear would explain 99.0 % of the excess, but its strength cannot be told"),
+        ("aero_load", 0.99, "aero_load would explain 99.0 % of the excess, but that is not beyond"),
+        ("wear", 0.3, "no effect of the catalogue explains; the nearest, wear, explains 30.0 %"),
+    ],
+)
+def test_the_nearest_effect_is_said_and_why_it_is_not_named(name, share, said):
+    left = {"nearest_effect": name, "nearest_share": share}
+    facts = {**FACTS, "verdict": "unknown", "before": 5.0, "unexplained": left}
+    assert said in sentence_of({**facts, "unestablished": ("wear",)})
 
 
 @pytest.mark.parametrize(("measured", "parted"), [(np.nan, "measured temperature"), (300.0, "")])
@@ -79,17 +99,13 @@ def test_a_nuisance_and_an_effect_that_do_nearly_the_same_are_told(measured, par
 
 
 def test_what_repeats_is_never_said_not_to():
-    facts = {
-        "verdict": "scatter", "selected": (), "share": 0.0, "beside": (), "suspects": (),
-        "before": 1.02, "floor": 1.0, "manoeuvres": 20, "chi2": 1.4, "observable": "strain",
-        "unit": "strain", "unexplained": {"significant": True},
-        "scatter": {"size": 1e-7, "like_load": True, "follows": "", "grows": True,
-                    "together": ()},
-    }  # fmt: skip
+    scatter = {"size": 1e-7, "like_load": True, "follows": "", "grows": True, "together": ()}
+    facts = {**FACTS, "verdict": "scatter", "before": 1.02, "scatter": scatter}
+    assert "does not repeat" in sentence_of(facts)
+    facts["unexplained"] = {"significant": True}
     said = sentence_of(facts)
     assert "does not repeat" not in said
     assert "repeats, but is too small to matter" in said
-    assert "does not repeat" in sentence_of({**facts, "unexplained": {"significant": False}})
 
 
 class PlainOfOne(SimpleNamespace):

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.cases import Case, case, planted
 from tirelog.data.recording import Conditions, Stack
-from tirelog.diagnosis.answer import probability, rounding_sentences, sentence_of
+from tirelog.diagnosis.answer import probability, rounding_sentences
 from tirelog.diagnosis.candidates import search
 from tirelog.diagnosis.candidates.assessment import candidate_effects, least_p
 from tirelog.diagnosis.candidates.naming import Step
@@ -237,39 +237,6 @@ def test_a_model_of_given_numbers_that_is_wrong_in_size_misses_something():
     result = diagnosed(base)
     assert result.verdict != "nothing_missing"
     assert result.unexplained["significant"]
-
-
-def test_what_one_effect_would_explain_is_not_said_to_be_explained_by_none():
-    facts = {
-        "verdict": "unknown",
-        "selected": (),
-        "share": 0.0,
-        "before": 5.0,
-        "floor": 1.0,
-        "enough": 0.7,
-        "unestablished": ("wear",),
-    }
-    for name, share, said in (
-        (
-            "wear",
-            0.99,
-            "wear would explain 99.0 % of the excess, but its strength cannot be told from "
-            "nothing here",
-        ),
-        (
-            "aero_load",
-            0.99,
-            "aero_load would explain 99.0 % of the excess, but that is not beyond doubt",
-        ),
-        (
-            "wear",
-            0.3,
-            "that no effect of the catalogue explains; the nearest, wear, explains 30.0 %",
-        ),
-    ):
-        assert said in sentence_of(
-            facts | {"unexplained": {"nearest_effect": name, "nearest_share": share}}
-        )
 
 
 def test_tension_of_inflation_grows_with_the_pressure_of_the_log(two_pressures):

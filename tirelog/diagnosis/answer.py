@@ -164,29 +164,25 @@ def plain_values(value: Any) -> Any:
 
 def not_varied(conditions: Conditions, effects: Iterable[Effect]) -> str:
     """The sentence, '' if there is nothing to say."""
-    same, unknown, who = list[str](), list[str](), list[str]()
+    same, unknown, who = list[str](), list[str](), dict[str, None]()
     candidates = list(effects)
     for field in SETUP_KEYS:
-        followers = [
-            effect.id for effect in candidates if field in [name for name, _ in effect.followed]
-        ]
-        values = getattr(conditions, field)
+        followers = [e.id for e in candidates if field in [name for name, _ in e.followed]]
+        values, condition = getattr(conditions, field), CONDITIONS[field]
         known = bool(np.isfinite(values).all())
         # a range below this share of the largest value is none: what follows the square of it then
         # changes by 4 %; doubled, by 8 %
         if not followers or (known and np.ptp(values) > 0.02 * np.abs(values).max()):
             continue
-        condition = CONDITIONS[field]
-        (same if known else unknown).append(
-            f"{condition.name} {np.mean(values):.6g} {condition.unit}" if known else condition.name
-        )
-        who += [name for name in followers if name not in who]
+        if known:
+            same.append(f"{condition.name} {np.mean(values):.6g} {condition.unit}")
+        else:
+            unknown.append(condition.name)
+        who |= dict.fromkeys(followers)
+    parts = {"the same throughout": same, "not known": unknown}
+    said = "; ".join(f"{word}: {', '.join(names)}" for word, names in parts.items() if names)
     if not who:
         return ""
-    parts = ([f"the same throughout: {', '.join(same)}"] if same else []) + (
-        [f"not known: {', '.join(unknown)}"] if unknown else []
-    )
-    said = "; ".join(parts)
     return (
         f"{said[0].upper()}{said[1:]}. What follows them ({', '.join(who)}) shows here by its "
         "shape at most; logs that differ in them would tell more."
@@ -218,80 +214,91 @@ _PARITY = {
 }
 
 
+#: the verdict in one sentence, by what is said of it
+_SENTENCES = {
+    "nothing_missing": "Nothing is missing that this data could show: what the model{beside} leaves"
+    " is the noise floor{above}.",
+    "scatter": "What is left {repeats} from manoeuvre to manoeuvre, and is more than noise: {size} "
+    "({errors}).{like_load}{goes_with} {check}",
+    "small": "What is left repeats, but is too small to matter: {errors}. {check}",
+    "too_few": "Too few manoeuvres for a test ({manoeuvres}): candidates are ranked, none is "
+    "claimed.",
+    "unknown": "Something repeatable is missing ({excess:.2g} squared floors){nearest}. {check}",
+    "ambiguous": "Missing is {sets}: these data cannot tell which; {each}.",
+    "or_nuisance": "{missing}, or {places}: these data cannot tell which; {removes} of the excess.",
+    "partial": "{explains} repeats{where} and has no name yet. {check}",
+    "shapeless": f"{{explains}} has no name: {_SHAPELESS}. {{check}}",
+    "form": "{explains} repeats and is within what a somewhat different form of {names} would "
+    "leave. {check}",
+    "missing": "{missing}: {removes} of the excess.",
+    "missing_and_scatter": "{missing}: {removes} of the excess that repeats; {left} beside it do "
+    "not repeat from manoeuvre to manoeuvre. {check}",
+}
+
+
 def sentence_of(facts: Mapping[str, Any]) -> str:
     """The verdict in one sentence; what is no physics first if conditions may be wrong."""
-    verdict, selected, share = facts["verdict"], facts["selected"], facts["share"]
-    names, one = " and ".join(selected), len(selected) == 1
-    before, floor = facts["before"], facts["floor"]
-    if verdict == "nothing_missing":
-        said = " and ".join(NUISANCES_SAID[name] for name in facts["beside"])
-        beside = f" with {said} beside it" if said else ""
-        floors, above = sqrt(max(before, 0.0) / floor) if floor > 0.0 else 0.0, ""
-        if floors > QUIET_FLOORS:
-            above = (
-                f"; held out it is {floors:.3g} floors, no more than {facts['manoeuvres']} "
-                "manoeuvres leave uncertain in its parameters"
-            )
-        return (
-            f"Nothing is missing that this data could show: what the model{beside} leaves is the "
-            f"noise floor{above}."
+    names, one, share = " and ".join(facts["selected"]), len(facts["selected"]) == 1, facts["share"]
+    before, floor, scatter, left = (facts[n] for n in ("before", "floor", "scatter", "unexplained"))
+    factor, unit = shown(facts["observable"], facts["unit"])
+    squares = max(before, 0.0) / floor if floor > 0.0 else 0.0
+    floors, above = sqrt(squares), ""
+    if floors > QUIET_FLOORS:
+        above = (
+            f"; held out it is {floors:.3g} floors, no more than {facts['manoeuvres']} manoeuvres "
+            "leave uncertain in its parameters"
         )
-    if verdict == "scatter":
-        return f"{_scatter(facts)} {_first_check(facts)}"
-    if verdict == "too_few":
-        return (
-            f"Too few manoeuvres for a test ({facts['manoeuvres']}): candidates are ranked, none "
-            "is claimed."
-        )
-    if verdict == "unknown":
-        excess = max(before - floor, 0.0) / floor if floor > 0 else 0.0
-        return (
-            f"Something repeatable is missing ({excess:.2g} squared floors){_nearest(facts)}. "
-            f"{_first_check(facts)}"
-        )
-    is_missing = f"{names} {'is' if one else 'are'} missing"
-    removes = "it removes" if one else "they remove"
-    if verdict == "ambiguous" and facts["groups"]:
-        sets = "; ".join(" or ".join(group) for group in facts["groups"])
-        each = ", ".join(
+    beside = " and ".join(NUISANCES_SAID[name] for name in facts["beside"])
+    rest = "partial" if left.get("significant") else "shapeless"
+    kinds = {
+        "scatter": "small" if left.get("significant") else "scatter",
+        "ambiguous": "ambiguous" if facts["groups"] else "or_nuisance",
+        "partial": "form" if share >= 0.9 else rest,
+        "missing": "missing" if facts["total"] >= facts["explained"] else "missing_and_scatter",
+    }
+    return _SENTENCES[kinds.get(facts["verdict"], facts["verdict"])].format(
+        names=names,
+        missing=f"{names} {'is' if one else 'are'} missing",
+        removes=f"{'it removes' if one else 'they remove'} {percent(share)}",
+        explains=f"{names} {'explains' if one else 'explain'} {percent(share)} of the excess; the "
+        f"other {percent(1 - share)}",
+        manoeuvres=facts["manoeuvres"],
+        excess=max(squares - 1.0, 0.0),
+        errors=f"held out {floors:.2f} floors, reduced chi-square {facts['chi2']:.3g}",
+        above=above,
+        beside=f" with {beside} beside it" if beside else "",
+        left=f"{max(facts['after'] - floor, 0.0) ** 0.5 * factor:.3g} {unit}",
+        where=f" {_WHERE[left['where']]}" if left.get("where") else "",
+        sets="; ".join(" or ".join(group) for group in facts["groups"]),
+        each=", ".join(
             f"{name} removes {percent(facts['shares'][name])} of the excess"
             for group in facts["groups"]
             for name in group
             if name in facts["shares"]
-        )
-        return f"Missing is {sets}: these data cannot tell which; {each}."
-    if verdict == "ambiguous":
-        places = " and ".join(
+        ),
+        places=" and ".join(
             f"in place of {effect} {NUISANCES_SAID[nuisance]}"
             for nuisance, effect in facts["or_nuisance"]
-        )
-        return (
-            f"{is_missing}, or {places}: these data cannot tell which; {removes} {percent(share)} "
-            "of the excess."
-        )
-    if verdict == "partial":
-        rest = facts["unexplained"]
-        explains = (
-            f"{names} {'explains' if one else 'explain'} {percent(share)} of the excess; the other "
-            f"{percent(1 - share)}"
-        )
-        if share >= 0.9:
-            return (
-                f"{explains} repeats and is within what a somewhat different form of {names} "
-                f"would leave. {_first_check(facts)}"
-            )
-        if not rest.get("significant"):
-            return f"{explains} has no name: {_SHAPELESS}. {_first_check(facts)}"
-        where = f" {_WHERE[rest['where']]}" if rest.get("where") else ""
-        return f"{explains} repeats{where} and has no name yet. {_first_check(facts)}"
-    if facts["total"] < facts["explained"]:
-        factor, unit = shown(facts["observable"], facts["unit"])
-        left = max(facts["after"] - floor, 0.0) ** 0.5 * factor
-        return (
-            f"{is_missing}: {removes} {percent(share)} of the excess that repeats; {left:.3g} "
-            f"{unit} beside it do not repeat from manoeuvre to manoeuvre. {_first_check(facts)}"
-        )
-    return f"{is_missing}: {removes} {percent(share)} of the excess."
+        ),
+        nearest=_nearest(facts),
+        check=_first_check(facts),
+        size=f"{scatter['size'] * factor:.3g} {unit}" if scatter else "",
+        repeats="is not shown to repeat" if scatter and scatter["follows"] else "does not repeat",
+        like_load=" It looks like a load that changes." * bool(scatter and scatter["like_load"]),
+        goes_with=_goes_with(scatter) if scatter else "",
+    )
+
+
+def _goes_with(scatter: Mapping[str, Any]) -> str:
+    """What goes with what does not repeat."""
+    follows, grows = scatter["follows"], scatter["grows"]
+    if not follows:
+        return " Nothing that the logs hold is found to go with it."
+    if follows.startswith("log "):
+        size = "larger" if grows else "smaller"
+        return f" It is {size} in log {int(follows[4:]) + 1} than in the others."
+    way = "grows" if grows else "falls"
+    return f" It {way} with {follows}{_or_those(scatter['together'])}."
 
 
 def _first_check(facts: Mapping[str, Any]) -> str:
@@ -381,38 +388,6 @@ def rounding_sentences(observable: str, held: float, floor: float, rounding: flo
             "what is smaller is not seen; log finer steps"
         ]
     return []
-
-
-def _scatter(facts: Mapping[str, Any]) -> str:
-    """What does not repeat: how much, against what, and what it goes with."""
-    scatter = facts["scatter"]
-    factor, unit = shown(facts["observable"], facts["unit"])
-    floors = (facts["before"] / facts["floor"]) ** 0.5 if facts["floor"] > 0 else 0.0
-    looks = " It looks like a load that changes." if scatter["like_load"] else ""
-    follows = scatter["follows"]
-    if follows.startswith("log "):
-        goes = (
-            f" It is {'larger' if scatter['grows'] else 'smaller'} in log {int(follows[4:]) + 1} "
-            "than in the others."
-        )
-    elif follows:
-        goes = (
-            f" It {'grows' if scatter['grows'] else 'falls'} with "
-            f"{follows}{_or_those(scatter['together'])}."
-        )
-    else:
-        goes = " Nothing that the logs hold is found to go with it."
-    if facts["unexplained"]["significant"]:
-        return (
-            f"What is left repeats, but is too small to matter: held out {floors:.2f} floors, "
-            f"reduced chi-square {facts['chi2']:.3g}."
-        )
-    shown_not = "is not shown to repeat" if follows else "does not repeat"
-    return (
-        f"What is left {shown_not} from manoeuvre to manoeuvre, and is more than noise: "
-        f"{scatter['size'] * factor:.3g} {unit} "
-        f"(held out {floors:.2f} floors, reduced chi-square {facts['chi2']:.3g}).{looks}{goes}"
-    )
 
 
 def unexplained_sentence(facts: Mapping[str, Any], few: bool) -> str:
@@ -506,8 +481,7 @@ def next_command(
             adds.append(f"tirelog model {word} {file} {name}{use} -o {longer}")
             file = longer
         return " && ".join([*adds, f"tirelog model fit {given} --model {file} -o {file}"])
-    if verdict in ("unknown", "scatter"):
-        return f"tirelog compare {given} --model {file} --plot residual.png"
+    compare = f"tirelog compare {given} --model {file}"
     if verdict == "too_few":
         return f"tirelog diagnose {given} MORE_LOGS --model {file}"
-    return f"tirelog compare {given} --model {file}"
+    return f"{compare} --plot residual.png" if verdict in ("unknown", "scatter") else compare

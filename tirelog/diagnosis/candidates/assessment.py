@@ -155,7 +155,7 @@ def signatures_of(base: Base, effect: Effect) -> list[Variant] | ModelError:
     own, result = {p.name: p for p in effect.parameters}, []
     size = float(np.nanmax(np.abs(base.fit.prediction)))
     for shape in variants(effect):
-        columns, names = [], []
+        columns = {}
         for name in effect.strength:
             added = with_candidate(model, effect, {**shape, name: own[name].probe})
             change = change_to(base, added.resolved(cells.conditions))
@@ -164,17 +164,17 @@ def signatures_of(base: Base, effect: Effect) -> list[Variant] | ModelError:
             # a change below this share of the waveform is rounding; doubling it decides nothing,
             # since what acts at its probe strength does far more
             if np.nanmax(np.abs(change)) > 1e-9 * size:
-                columns.append(change / own[name].probe)
-                names.append(name)
+                columns[name] = change / own[name].probe
         if not columns:
             continue
-        if np.unique(cells.log).size > 1 and all(_moves_zeros_alone(cells, x) for x in columns):
+        changes, names = list(columns.values()), tuple(columns)
+        if np.unique(cells.log).size > 1 and all(_moves_zeros_alone(cells, x) for x in changes):
             raise ModelError(
                 "differs from log to log alone, and each log counts the "
                 f"{' and '.join(OWN_ZERO)} from a zero of its own"
             )
         single = len(names) == 1 and own[names[0]].min >= 0.0 and own[names[0]].probe > 0
-        result.append(Variant(effect, tuple(names), shape, np.stack(columns, axis=-1), single))
+        result.append(Variant(effect, names, shape, np.stack(changes, axis=-1), single))
     if not result:
         raise ModelError(
             "does nothing under these conditions (a quantity it follows is zero or does not vary)"
@@ -469,9 +469,17 @@ def assess(
     best, found = best_variants(base, kept, statistic), []
     for i, white, plain in best.values():
         gain, error = gain_and_error(base.held_white, white)
-        known = replace(kept[i], statistic=float(statistic[i]), p=float(p[i]), gain=gain)
-        more = {"step": scores[i].step(), "gain_error": error, "removed": mean_drop(base, plain)}
-        found.append(replace(known, **more))
+        found.append(
+            replace(
+                kept[i],
+                statistic=float(statistic[i]),
+                p=float(p[i]),
+                step=scores[i].step(),
+                gain=gain,
+                gain_error=error,
+                removed=mean_drop(base, plain),
+            )
+        )
     untested = {name: why for name, why in reasons.items() if name not in best}
     return sorted(found, key=lambda a: -a.statistic), untested
 
