@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from math import isfinite, sqrt
 from pathlib import Path
 from pkgutil import resolve_name
@@ -125,7 +125,7 @@ def record_fields(record: Any) -> dict[str, Any]:
 
     What is in `also` are properties.
     """
-    names = (*record.__dataclass_fields__, *getattr(record, "also", ()))
+    names = (*(own.name for own in fields(record)), *getattr(record, "also", ()))
     apart = getattr(record, "apart", ())
     return plain_fields({name: getattr(record, name) for name in names if name not in apart})
 

@@ -7,7 +7,7 @@ Stacks, Model -> `base.prepare` -> errors, tables, waveforms with the floor's ba
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import PurePath
@@ -102,14 +102,13 @@ def start_from(pieces: Pieces | JointPieces, model: Model, *, several: bool = Tr
     model = without_motion_parameters(model)
     if not isinstance(pieces, JointPieces):
         return prepare(cells_of(pieces), model, several=several)
-    cells, drive = map(cells_of, pieces.parts), [part.manoeuvre for part in pieces.parts]
-    if not pieces.places:
-        return prepare_together(list(cells), drive, model, several=several)
-    members = [
-        replace(own, member=name, place_rad=place)
-        for own, name, place in zip(cells, pieces.members, pieces.places, strict=True)
+    places = pieces.places or (np.nan,) * len(pieces.parts)
+    cells = [
+        replace(cells_of(part), member=name, place_rad=place)
+        for part, name, place in zip(pieces.parts, pieces.members, places, strict=True)
     ]
-    return prepare_together(members, drive, model, several=several)
+    drive = [part.manoeuvre for part in pieces.parts]
+    return prepare_together(cells, drive, model, several=several)
 
 
 def observables_of(pieces: Pieces | JointPieces) -> tuple[str, ...]:
@@ -350,27 +349,24 @@ def _map(base: Base, axis: FloatArray, name: str) -> Map:
 def error_tables(base: Base) -> dict[str, list[dict[str, Any]]]:
     """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions."""
     c, conditions = base.cells, base.cells.conditions
-    tables = {"angle": _by_angle(base)}
     band = np.floor(conditions.speed_m_s / 2.0) * 2.0 + 1.0
-    groups: dict[str, tuple[Any, Callable[[Any], dict[str, Any]]]] = {
-        "speed": (band, lambda speed: {"speed_m_s": float(speed)}),
-        "regime": (c.regime, lambda regime: {"regime": str(regime)}),
-        "conditions": (
-            c.log,
-            lambda log: (
-                {"log": c.logs[log]}
-                | {
-                    name: float(np.mean(getattr(conditions, name)[c.log == log]))
-                    for name in SETUP_KEYS
-                }
-            ),
-        ),
+    kept = {
+        log: {name: float(np.mean(getattr(conditions, name)[c.log == log])) for name in SETUP_KEYS}
+        for log in dict.fromkeys(c.log.tolist())
     }
-    for name, (labels, describe) in groups.items():
-        each = dict.fromkeys(labels.tolist())
-        tables[name] = [_row(base, labels == label, describe(label)) for label in each]
-    tables["speed"].sort(key=lambda row: row["speed_m_s"])
-    return tables
+    return {
+        "angle": _by_angle(base),
+        "speed": [
+            _row(base, band == speed, {"speed_m_s": speed}) for speed in np.unique(band).tolist()
+        ],
+        "regime": [
+            _row(base, c.regime == regime, {"regime": str(regime)})
+            for regime in dict.fromkeys(c.regime.tolist())
+        ],
+        "conditions": [
+            _row(base, c.log == log, {"log": c.logs[log], **means}) for log, means in kept.items()
+        ],
+    }
 
 
 def _row(base: Base, rows: NDArray[np.bool_], description: dict[str, Any]) -> dict[str, Any]:

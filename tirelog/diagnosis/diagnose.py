@@ -118,7 +118,6 @@ from tirelog.errors import TirelogError, UsageError
 from tirelog.inference.base import JointBase
 from tirelog.inference.cells.joint import JointPieces, JointStacks
 from tirelog.inference.cells.pieces import Pieces
-from tirelog.inference.floor import Floor
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.observables import shown
@@ -323,14 +322,14 @@ def conclude(
     `asked`: of several gratings what they had said before.
     """
     decision, before = decide(found), found.before
-    verdict, selected, floor = decision.verdict, decision.selected, decision.floor
+    verdict, selected, floor = (decision[name] for name in ("verdict", "selected", "floor"))
     if selected:
         fit = replace(found.after.fit, model=with_form_errors(found.after))
         found = replace(found, after=replace(found.after, fit=fit))
     result = found.after if selected else before
     unnamed, manoeuvres = verdict in ("unknown", "partial"), before.cells.manoeuvres
-    ranking = ranking_of(found, selected, decision.repeats, floor.square, decision.share)
-    scatter = scattered(before, floor.square) if verdict == "scatter" else None
+    ranking = ranking_of(found, selected, decision["repeats"], floor, decision["share"])
+    scatter = scattered(before, floor) if verdict == "scatter" else None
     unexplained = _unexplained(decision, ranking, manoeuvres) | {"scatter": scatter}
     beside, checks = nuisances_found(result), posterior_checks(result)
     suspected = suspects(result) if unnamed or scatter else ()
@@ -352,10 +351,21 @@ def conclude(
         *(f"{said}." for said in out_of_range(result) if said not in left_before),
     ]
     few, ranked = manoeuvres < FEWEST_MANOEUVRES, {c.effect for c in ranking}
-    large = decision.after > SECOND_LEAST * floor.square
+    large = decision["left"].significant and decision["excess_after"] > SECOND_LEAST * floor
     uses = {nuisance.name: nuisance.use for nuisance in before.model.nuisances}
     groups = tuple(s.group for s in found.steps if few and s.group)
-    facts = _facts(decision, found, ranking) | {
+    observable, unit = observed(before)
+    facts = decision | {
+        "observable": observable,
+        "unit": unit,
+        "shares": {c.effect: c.excess_removed for c in ranking},
+        "enough": MOST,
+        "explained": EXPLAINED,
+        "unestablished": [r.id for r in found.steps[0].contenders if not r.established],
+        "chi2": before.reduced_chi2,
+        "manoeuvres": manoeuvres,
+        "before": before.square_held,
+        "after": found.after.square_held,
         "suspects": tuple(s.said for s in suspected[:3]),
         "beside": stayed,
         "scatter": scatter,
@@ -366,7 +376,7 @@ def conclude(
         sentence=sentence_of(facts),
         selected=selected,
         effects=ranking,
-        ambiguous_groups=decision.groups if selected else groups,
+        ambiguous_groups=decision["groups"] if selected else groups,
         separating_manoeuvres=tuple(advice),
         unexplained=unexplained,
         nuisances=beside,
@@ -376,8 +386,8 @@ def conclude(
         | (not_among_candidates(result) if unnamed else {}),
         rmse_heldout_before=before.rmse_held,
         rmse_heldout_after=result.rmse_held,
-        noise_floor=float(np.sqrt(floor.square)),
-        noise_floor_within=float(np.sqrt(floor.within)),
+        noise_floor=float(np.sqrt(floor)),
+        noise_floor_within=float(np.sqrt(decision["floor_within"])),
         reduced_chi2_before=before.reduced_chi2,
         reduced_chi2_after=result.reduced_chi2,
         revolutions=int(before.cells.revolutions.sum()),
@@ -388,7 +398,7 @@ def conclude(
             selected,
             model=before.model,
             logs=before.cells.log_names,
-            large_rest=verdict == "partial" and decision.left.significant and large,
+            large_rest=verdict == "partial" and large,
             beside=[
                 name for name, use in uses.items() if name in groups_of(result) and use != "on"
             ],
@@ -433,30 +443,15 @@ def shares_explained(
     return repeats, min(removed / repeats, 1.0), alone, removed
 
 
-@dataclass(frozen=True)
-class Decision:
-    """A verdict with the effects that are claimed, and what it was decided by.
+def decide(found: SearchResult) -> dict[str, Any]:
+    """The verdict of a search by the table of rules, what it claims, and what it was decided by.
 
-    before, after   held-out error above the floor [unit^2] without them and with them
+    excess_before, excess_after  held-out error above the floor [unit^2] without the effects that
+                                 are claimed and with them
     repeats, share  what the share is of, which they remove (`shares_explained`)
-    left, floor     what repeats of what the claimed model leaves, and its noise floor
+    left, floor     what repeats of what the claimed model leaves, and its noise floor [unit^2]
     groups          effects that cannot be told apart;  or_nuisance  (nuisance, effect) likewise
     """
-
-    verdict: str
-    selected: tuple[str, ...]
-    before: float
-    after: float
-    repeats: float
-    share: float
-    left: Leftover
-    floor: Floor
-    groups: tuple[tuple[str, ...], ...]
-    or_nuisance: list[tuple[str, str]]
-
-
-def decide(found: SearchResult) -> Decision:
-    """The verdict of a search by the table of rules, and what it claims."""
     last, left = found.after if found.named else found.before, describe(found.after)
     floor = last.floor
     before, after = (max(b.square_held - floor.square, 0.0) for b in (found.before, last))
@@ -486,61 +481,40 @@ def decide(found: SearchResult) -> Decision:
         if max(before, certain) <= LEAST_SHARE_OF_FLOOR * floor.square:
             # what alarmed is gone, once less is taken for scatter, or too small to be missing
             verdict = verdict_of(replace(evidence, named=0, repeats=False))
-    return Decision(
-        verdict, selected, before, after, repeats, share, left, floor, groups, or_nuisance
-    )
-
-
-def _facts(decision: Decision, found: SearchResult, ranking: Sequence[Candidate]) -> dict[str, Any]:
-    """What the verdict's sentence is made of, beside what stands in the diagnosis."""
-    before, (observable, unit) = found.before, observed(found.before)
     return {
-        "verdict": decision.verdict,
-        "selected": decision.selected,
-        "share": decision.share,
-        "total": 1.0 - decision.after / decision.before if decision.before > 0 else 0.0,
-        "shares": {c.effect: c.excess_removed for c in ranking},
-        "enough": MOST,
-        "explained": EXPLAINED,
-        "unestablished": tuple(r.id for r in found.steps[0].contenders if not r.established),
-        "observable": observable,
-        "unit": unit,
-        "chi2": before.reduced_chi2,
-        "groups": decision.groups,
-        "or_nuisance": decision.or_nuisance,
-        "manoeuvres": before.cells.manoeuvres,
-        "before": before.square_held,
-        "after": found.after.square_held,
-        "floor": decision.floor.square,
+        "verdict": verdict,
+        "selected": selected,
+        "excess_before": before,
+        "excess_after": after,
+        "total": 1.0 - after / before if before > 0 else 0.0,
+        "repeats": repeats,
+        "share": share,
+        "left": left,
+        "groups": groups,
+        "or_nuisance": or_nuisance,
+        "floor": floor.square,
+        "floor_within": floor.within,
     }
 
 
 def _unexplained(
-    decision: Decision, ranking: Sequence[Candidate], manoeuvres: int
+    decision: Mapping[str, Any], ranking: Sequence[Candidate], manoeuvres: int
 ) -> dict[str, Any]:
     """What remains, in the contract's keys and a sentence."""
-    left, counts = decision.left, decision.before > LEAST_SHARE_OF_FLOOR * decision.floor.square
+    left, excess = decision["left"], decision["excess_before"]
+    counts = excess > LEAST_SHARE_OF_FLOOR * decision["floor"]
     near = [c for c in ranking if c.excess_removed >= REST_SHARE]
-    tells = left.significant and not decision.selected
+    tells = left.significant and not decision["selected"]
     nearest = max(near, key=lambda c: c.excess_removed, default=None) if tells else None
-    facts = {
-        "significant": left.significant,
-        "share_of_excess": min(decision.after / decision.before, 1.0) if counts else 0.0,
-        "p": left.p,
+    apart = {"shape", "phi_rad"}
+    if left.observable is None:  # of one, or of several together
+        apart |= {"observable", "contradicts"}
+    facts = {name: value for name, value in vars(left).items() if name not in apart} | {
         "size": float(np.sqrt(max(left.size, 0.0))),
-        "where": left.where,
-        "parity": left.parity,
-        "follows": left.follows,
-        "together": left.together,
-        "speed_exponent": left.speed_exponent,
-        "frequency_Hz": left.frequency_Hz,
-        "in_pressure": left.in_pressure,
-        "in_time": left.in_time,
+        "share_of_excess": min(decision["excess_after"] / excess, 1.0) if counts else 0.0,
         "nearest_effect": nearest.effect if nearest else None,
         "nearest_share": nearest.excess_removed if nearest else None,
     }
-    if left.observable is not None:  # of several that are fitted together
-        facts |= {"observable": left.observable, "contradicts": left.contradicts}
     return facts | {"sentence": unexplained_sentence(facts, manoeuvres < FEWEST_MANOEUVRES)}
 
 

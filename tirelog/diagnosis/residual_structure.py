@@ -36,7 +36,6 @@ from tirelog.diagnosis.candidates.assessment import (
     hats_on,
     mean_drop,
     surely_gains,
-    with_candidate,
 )
 from tirelog.diagnosis.results import contributions
 from tirelog.diagnosis.rules import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
@@ -46,10 +45,8 @@ from tirelog.inference.cells.joint import model_of
 from tirelog.inference.floor import held_out_losses, held_out_losses_with, load_derivative
 from tirelog.inference.metric import RANK, Offsets, ProjectedOut, side_by_side
 from tirelog.inference.nuisances import condition_slopes
-from tirelog.physics.effects import Drive, Effect, Site
-from tirelog.physics.effects.base import Values
-from tirelog.physics.pressure import bell
-from tirelog.physics.spectral import ComplexArray, Parameter
+from tirelog.physics.model.model import ModelEffect
+from tirelog.physics.model.user_effects import effect_by_shape
 from tirelog.process_pool import made_apart
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS
@@ -124,7 +121,7 @@ def gone_along(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:
 #
 # What a cause in the patch looks like through the carcass.
 #
-#     bells on the patch, one after the other -> the model's own response to each -> columns (C,
+#     hats on the patch, one after the other -> the model's own response to each -> columns (C,
 #     m, k)
 #
 # A carcass answers a pressure the more the faster it rolls (the beam near its critical speed
@@ -133,40 +130,21 @@ def gone_along(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:
 # these few columns explain as much as free shapes of the strain do, they tell the exponent.
 
 
-def _probe(centre: float, probe: float) -> Effect:
-    """A bell of pressure at `centre` (over L)."""
-
-    def pressure(v: Values, drive: Drive, site: Site) -> ComplexArray:
-        height = v["height"] * site.mean_pressure
-        # half of it leaves gaps between the centres, twice as much tells neighbours apart half as
-        # well
-        return bell(height, centre * site.half_length_m, 0.15 * site.half_length_m, site.radius_m)
-
-    return Effect(
-        id="probe",
-        mechanism="a bell of pressure",
-        follows=(),
-        acts_on=("contact_pressure",),
-        parameters=(
-            Parameter("height", "1", "height over the mean pressure", 0.0, -1.0, 1.0, probe=probe),
-        ),
-        strength=("height",),
-        source="",
-        valid="",
-        signature="",
-        pressure=pressure,
-    )
-
-
 def pressure_columns(base: Base) -> FloatArray | None:
-    """Changes of the prediction by a bell of pressure at each place of the patch, (C, m, 19).
+    """Changes of the prediction by a hat of pressure at each place of the patch, (C, m, 19).
 
     None if the model cannot be computed with one of them.
     """
     # over the mean pressure; twice as much doubles the share of the response that is not linear
-    height = 0.02
-    probes = [_probe(centre, height) for centre in np.linspace(-1.8, 1.8, 19).tolist()]  # over L
-    pressed = [with_candidate(base.model, probe, {"height": height}) for probe in probes]
+    height, nodes = 0.02, np.linspace(-2.0, 2.0, 21)  # over L
+    pressed = [
+        base.model.with_effect(
+            ModelEffect.of(
+                effect_by_shape("probe", "contact_pressure", "patch", "1", nodes, height * own)
+            )
+        )
+        for own in np.eye(nodes.size)[1:-1]
+    ]
     changes = [change_to(base, model) for model in pressed]
     known = [change / height for change in changes if not isinstance(change, ModelError)]
     return np.stack(known, axis=-1) if len(known) == len(changes) else None

@@ -338,10 +338,10 @@ class Comparison(AnswerRecord):
             for name, p in self.parameters.items()
             if p["free"] or fixed
         ]
-        without = [f"without {one.observable}" for one in known]
         caption = "Parameters as fitted"
         if known:
             caption += "; without an observable: the error that the others alone would leave"
+        without = (f"without {one.observable}" for one in known)
         names = ["parameter", "value", "error", "with form", "unit", *without]
         return AnswerTable(caption, names, rows)
 
