@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.diagnosis.toy import stack_of
 from tirelog.data.recording import Conditions, Stack
 from tirelog.diagnosis.compare import compare
 from tirelog.errors import ModelError
@@ -28,35 +29,13 @@ def lengths(seed: int) -> list[Stack]:
     half, n, m = TRUE.values()
     for number, (load, pressure) in enumerate(drives):
         true = 2.0 * half * (load / 3600.0) ** n * (pressure / 2.0e5) ** -m
-        count = 20
-        zero = np.zeros((count, 1))
-        stacks.append(
-            Stack(
-                observable="patch_length",
-                channel="s",
-                surface="outer",
-                radius_m=0.31,
-                values=true + rng.normal(0.0, NOISE, (count, 1)),
-                phi_rad=np.zeros(1),
-                phi_mean=zero,
-                phi_variance=zero,
-                count=np.ones((count, 1), int),
-                noise=np.full(count, NOISE),
-                conditions=Conditions.of(
-                    count,
-                    speed_m_s=15.0,
-                    acceleration_m_s2=0.0,
-                    time_s=np.arange(count) * 0.1,
-                    load_N=load,
-                    inflation_pressure_Pa=pressure,
-                ),
-                log=np.full(count, number),
-                manoeuvre=np.full(count, number),
-                revolution=np.arange(count),
-                regime=np.full(count, "cruise"),
-                logs=logs,
-            )
-        )
+        drive = Conditions.of(
+            20, speed_m_s=15.0, acceleration_m_s2=0.0, time_s=np.arange(20) * 0.1, load_N=load,
+            inflation_pressure_Pa=pressure,
+        )  # fmt: skip
+        values, own = true + rng.normal(0.0, NOISE, (20, 1)), np.full(20, number)
+        named = {"observable": "patch_length", "radius_m": 0.31, "log": own, "logs": logs}
+        stacks.append(stack_of(values, drive, own, NOISE, **named))
     return stacks
 
 

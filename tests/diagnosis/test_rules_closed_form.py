@@ -1,4 +1,4 @@
-"""Closed form: the table of verdicts, each rule by hand."""
+"""Closed form: the table of verdicts, each rule by hand, and sentences that go with them."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -6,11 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tirelog.diagnosis.answer import sentence_of
+from tirelog.data.recording import Conditions
+from tirelog.diagnosis.answer import not_varied, sentence_of
 from tirelog.diagnosis.candidates.assessment import at_noise_floor
 from tirelog.diagnosis.candidates.naming import removed_by, worth_it
 from tirelog.diagnosis.candidates.nuisances import alike_sentences
 from tirelog.diagnosis.rules import RULES, THRESHOLDS, Evidence, verdict_of
+from tirelog.physics.effects import BY_ID
 
 NAMED = Evidence(few=False, named=1, share=1.0, rest=False, alike=False, repeats=False, quiet=False)
 
@@ -149,3 +151,39 @@ def test_size_is_what_held_out_errors_tell_and_what_changes_where_they_do_not():
     # a change that the held-out errors rule out is none
     worse = base_of(changed, [18.9, 19.0, 19.1, 19.0], [2.0] * 4)
     assert removed_by(before, worse, sure=True)[0] < -2.0
+
+
+#: what follows the load, the water depth and the speed
+FOLLOWING = [BY_ID["stiffening"], BY_ID["water_film"], BY_ID["viscous_damping"]]
+
+
+def conditions(**values):
+    return Conditions.of(
+        4, **{"inflation_pressure_Pa": 2.2e5, "distance_km": 100.0, "water_depth_mm": 0.5, **values}
+    )
+
+
+def test_the_same_and_the_unknown_are_said_apart():
+    said = not_varied(conditions(load_N=3434.0, water_depth_mm=np.nan), FOLLOWING)
+    assert said.startswith(
+        "The same throughout: load 3434 N; not known: water depth. What follows them "
+        "(stiffening, water_film)"
+    )
+
+
+def test_what_varies_and_what_nothing_follows_is_not_said():
+    varied = conditions(
+        load_N=np.array([3000.0, 3100.0, 3300.0, 3434.0]),
+        water_depth_mm=np.array([0.0, 0.0, 0.0, 1.0]),
+    )
+    assert not_varied(varied, FOLLOWING) == ""
+    hardly = conditions(load_N=np.array([3400.0, 3410.0, 3420.0, 3434.0]))
+    assert "load" in not_varied(hardly, FOLLOWING[:1])
+
+
+def test_an_effect_that_follows_the_inflation_pressure_is_named_by_any_of_its_names():
+    same = conditions(load_N=np.array([3000.0, 3400.0, 3500.0, 3600.0]))
+    for effect in (BY_ID["inflation"], replace(BY_ID["inflation"], follows="inflation pressure")):
+        assert not_varied(same, [effect]).startswith(
+            "The same throughout: inflation pressure 220000 Pa. What follows them (inflation)"
+        )
