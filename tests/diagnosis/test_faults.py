@@ -124,9 +124,7 @@ def test_no_room_for_what_is_put_aside():
 def by_load() -> Stack:
     """Phase shifts [rad] that follow the load, which is measured, and nothing else."""
     drive = {"load_N": (3000.0, 4000.0), "acceleration_m_s2": (-3.0, 3.0)}
-    return phase_shifts(
-        5, 8, 6, lambda driven: 0.03 * (driven.load_N / 3500.0 - 1.0), 1e-3, **drive
-    )
+    return phase_shifts(5, 12, 6, lambda one: 0.03 * (one.load_N / 3500.0 - 1.0), 1e-3, **drive)
 
 
 def test_candidates_that_act_on_nothing_are_said_not_to_be_tested():

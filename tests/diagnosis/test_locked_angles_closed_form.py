@@ -111,11 +111,7 @@ def test_what_revolutions_between_those_of_others_have_more_of_is_seen(samples):
     size = np.where(first, 0.99, 1.01)[:, None]
     values = size * waveform(phi) + 0.002 * random.standard_normal(phi.shape)
     part = one_waveform(
-        np.where(count > 0, values, np.nan),
-        phi,
-        np.zeros_like(phi),
-        count,
-        np.full(len(phi), 26.0),
+        np.where(count > 0, values, np.nan), phi, np.zeros_like(phi), count, np.full(len(phi), 26.0)
     )
     amplitude = part["coefficients"][:, 0]
     assert amplitude[~first].mean() - amplitude[first].mean() == pytest.approx(0.02, abs=1e-3)

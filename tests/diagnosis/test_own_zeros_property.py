@@ -62,8 +62,7 @@ def test_what_moves_along_a_log_is_told_beside_them():
 
 
 @pytest.mark.parametrize(
-    ("observables", "refused"),
-    [(("phase_shift",), True), (("phase_shift", "patch_width"), False)],
+    ("observables", "refused"), [(("phase_shift",), True), (("phase_shift", "patch_width"), False)]
 )
 def test_a_stand_in_is_tried_where_it_stands_for_nothing(observables, refused):
     """A trend with the speed also widens the patch, which no measured force tells."""

@@ -13,11 +13,7 @@ from tirelog.inference.nuisances import asked_for, freed
 from tirelog.physics import Model
 from tirelog.physics.model.file import as_toml, parse_model
 
-TRUE = {
-    "patch_half_length_m": 0.06,
-    "patch_load_exponent": 0.63,
-    "patch_pressure_exponent": 0.37,
-}
+TRUE = {"patch_half_length_m": 0.06, "patch_load_exponent": 0.63, "patch_pressure_exponent": 0.37}
 LOADS, PRESSURES, NOISE = (2800.0, 3600.0, 4400.0), (1.6e5, 2.0e5, 2.4e5), 4e-4
 
 

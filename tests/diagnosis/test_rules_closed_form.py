@@ -11,10 +11,10 @@ from tirelog.diagnosis.answer import not_varied, sentence_of
 from tirelog.diagnosis.candidates.assessment import at_noise_floor
 from tirelog.diagnosis.candidates.naming import removed_by, worth_it
 from tirelog.diagnosis.candidates.nuisances import alike_sentences
-from tirelog.diagnosis.rules import RULES, THRESHOLDS, Evidence, verdict_of
+from tirelog.diagnosis.rules import RULES, THRESHOLDS, verdict_of
 from tirelog.physics.effects import BY_ID
 
-NAMED = Evidence(few=False, named=1, share=1.0, rest=False, alike=False, repeats=False, quiet=False)
+NAMED = {"named": 1, "share": 1.0} | dict.fromkeys(("few", "rest", "alike", "repeats", "quiet"), 0)
 
 
 @pytest.mark.parametrize(
@@ -32,7 +32,7 @@ NAMED = Evidence(few=False, named=1, share=1.0, rest=False, alike=False, repeats
     ],
 )
 def test_verdict(changes, verdict):
-    assert verdict_of(replace(NAMED, **changes)) == verdict
+    assert verdict_of(NAMED | changes) == verdict
 
 
 def test_every_verdict_has_a_rule_and_every_number_a_reason():

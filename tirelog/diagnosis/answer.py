@@ -249,6 +249,7 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
             "leave uncertain in its parameters"
         )
     beside = " and ".join(NUISANCES_SAID[name] for name in facts["beside"])
+    suspected = "; or ".join(facts["suspects"])
     rest = "partial" if left.get("significant") else "shapeless"
     kinds = {
         "scatter": "small" if left.get("significant") else "scatter",
@@ -281,7 +282,7 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
             for nuisance, effect in facts["or_nuisance"]
         ),
         nearest=_nearest(facts),
-        check=_first_check(facts),
+        check=f"Or the conditions are wrong: {suspected}." if suspected else FIRST_CHECK,
         size=f"{scatter['size'] * factor:.3g} {unit}" if scatter else "",
         repeats="is not shown to repeat" if scatter and scatter["follows"] else "does not repeat",
         like_load=" It looks like a load that changes." * bool(scatter and scatter["like_load"]),
@@ -299,12 +300,6 @@ def _goes_with(scatter: Mapping[str, Any]) -> str:
         return f" It is {size} in log {int(follows[4:]) + 1} than in the others."
     way = "grows" if grows else "falls"
     return f" It {way} with {follows}{_or_those(scatter['together'])}."
-
-
-def _first_check(facts: Mapping[str, Any]) -> str:
-    """What to look at before physics: the conditions that would explain much, or all of them."""
-    suspected = facts.get("suspects")
-    return f"Or the conditions are wrong: {'; or '.join(suspected)}." if suspected else FIRST_CHECK
 
 
 def _nearest(facts: Mapping[str, Any]) -> str:

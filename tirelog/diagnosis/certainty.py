@@ -119,14 +119,14 @@ def marks_of(
     # a rival, or a gain, is as far away as matters [standard errors]; doubling changes nothing that
     # simulated cases showed
     far = 10.0
-    gains, rivals = [], []
-    for step in found.steps:
-        if step.named is None:
-            continue
-        best = step.named.base
-        gains.append(gain_sigmas(step.before.held_white, best.held_white))
-        apart = [r for r in step.contenders if r.id != step.named.id and r.id not in step.group]
-        rivals += [gain_sigmas(r.base.held_white, best.held_white) for r in apart] or [far]
+    named = [(step, step.named) for step in found.steps if step.named is not None]
+    gains = [gain_sigmas(step.before.held_white, own.base.held_white) for step, own in named]
+    rivals = [
+        gain_sigmas(rival.base.held_white, own.base.held_white)
+        for step, own in named
+        for rival in step.contenders
+        if rival.id not in (own.id, *step.group)
+    ] + [far] * bool(named)
     in_floors = [math.nan if e is None or not floor > 0.0 else e / floor for e in held]
     return Marks(
         verdict,
@@ -137,8 +137,8 @@ def marks_of(
         chi2[0],
         chi2[1],
         least_p=min((a.p for a in found.steps[0].assessed), default=1.0),
-        gain_sigmas=float(np.clip(min(gains), 0.0, far)) if gains else 0.0,
-        rival_sigmas=float(np.clip(min(rivals), 0.0, far)) if rivals else 0.0,
+        gain_sigmas=float(np.clip(min(gains, default=0.0), 0.0, far)),
+        rival_sigmas=float(np.clip(min(rivals, default=0.0), 0.0, far)),
     )
 
 
@@ -247,8 +247,7 @@ def unlike_cases(model: Model, selected: Iterable[str], gratings: bool) -> str:
 @cache
 def calibration() -> dict[str, Any]:
     """The table that the package comes with (see `benchmarks.calibration`)."""
-    text = (resources.files("tirelog.diagnosis") / TABLE).read_text("utf-8")
-    return tomllib.loads(text)
+    return tomllib.loads((resources.files("tirelog.diagnosis") / TABLE).read_text("utf-8"))
 
 
 # ---- How often each effect is named when manoeuvres are drawn anew: does a few of them decide?

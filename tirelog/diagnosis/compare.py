@@ -214,8 +214,7 @@ def _comparison_of_one(base: Base, stacks: Sequence[Stack]) -> Comparison:
     known = OBSERVABLES[base.model.observable]
     # time over all logs, one after the other
     time_s, logs = cells.conditions.time_s, range(int(cells.log.max()) + 1)
-    ends = [time_s[cells.log == log].max(initial=0.0) for log in logs]
-    begins = np.cumsum([0.0, *ends])
+    begins = np.cumsum([0.0, *(time_s[cells.log == log].max(initial=0.0) for log in logs)])
     by_time = _map(base, time_s + begins[cells.log], "time_s")
     return Comparison(
         observable=base.model.observable,
@@ -491,14 +490,13 @@ def locked_away(
     return pieces.take(~mask), pieces.take(mask)
 
 
-@or_refusal
-def untouched(after: Base, locked: Pieces | JointPieces) -> tuple[float, float] | ModelError:
-    """(rmse of the model on the locked manoeuvres, the floor there), or why it has none there.
+def _on_locked(after: Base, locked: Pieces | JointPieces) -> tuple[float, float]:
+    """(rmse of the model on the locked manoeuvres, the floor there).
 
     The offsets are as fitted on the others. Of several observables both are in floors.
     """
     if isinstance(locked, JointPieces):
-        return _untouched_several(after, locked)
+        return _on_locked_of_several(after, locked)
     cells = cells_of(locked)
     for _ in range(3):
         cells, _farthest = centred(cells, predicted(after.model, cells))
@@ -524,17 +522,19 @@ def _mean_within(plain: UnweightedMetric, within: FloatArray) -> float:
     return float((share * np.where(share > 0, within, 0.0)).sum() / plain.weight)
 
 
-def _untouched_several(after: Base, locked: JointPieces) -> tuple[float, float]:
+#: the same, or why the model has no error there
+untouched = or_refusal(_on_locked)
+
+
+def _on_locked_of_several(after: Base, locked: JointPieces) -> tuple[float, float]:
     """The root mean square over the observables, weighted by their revolutions."""
-    layout = after.cells.together
-    assert layout is not None
-    squares, weights = [], []
-    members = zip(bases_by_observable(after), locked.parts, layout.scales, strict=True)
-    for part, own, scale in (member for member in members if len(member[1])):
-        there = untouched(part, own)
-        if isinstance(there, ModelError):
-            raise there
-        squares.append(np.square(there) / scale**2)
-        weights.append(float(own.number.sum()))
+    parts, scales = bases_by_observable(after), after.cells.layout.scales
+    known = [
+        (_on_locked(part, own), scale, own.number.sum())
+        for part, own, scale in zip(parts, locked.parts, scales, strict=True)
+        if len(own)
+    ]
+    squares = [np.square(errors) / scale**2 for errors, scale, _ in known]
+    weights = [float(number) for _, _, number in known]
     rmse, floor = np.sqrt(np.average(squares, axis=0, weights=weights)).tolist()
     return rmse, floor

@@ -111,7 +111,6 @@ from tirelog.diagnosis.rules import (
     REST_SHARE,
     SECOND_LEAST,
     TOGETHER,
-    Evidence,
     verdict_of,
 )
 from tirelog.errors import TirelogError, UsageError
@@ -464,15 +463,15 @@ def decide(found: SearchResult) -> dict[str, Any]:
     ]
     enough = share >= MOST and (len(found.named) == 1 or alone >= MOST or share >= TOGETHER)
     matters = left.significant and after > LEAST_SHARE_OF_FLOOR * floor.square
-    evidence = Evidence(
-        few=found.before.cells.manoeuvres < FEWEST_MANOEUVRES,
-        named=len(found.named),
-        share=share if enough else 0.0,
-        rest=matters and after > REST_SHARE * before,
-        alike=bool(groups or or_nuisance),
-        repeats=matters,
-        quiet=at_noise_floor(found.before, floor.square),
-    )
+    evidence = {
+        "few": found.before.cells.manoeuvres < FEWEST_MANOEUVRES,
+        "named": len(found.named),
+        "share": share if enough else 0.0,
+        "rest": matters and after > REST_SHARE * before,
+        "alike": bool(groups or or_nuisance),
+        "repeats": matters,
+        "quiet": at_noise_floor(found.before, floor.square),
+    }
     verdict, selected = verdict_of(evidence), found.named
     if selected and verdict not in CLAIMING:
         # what was named is not claimed: all that is said is of the model as it came
@@ -480,7 +479,7 @@ def decide(found: SearchResult) -> dict[str, Any]:
         before = after = max(found.before.square_held - floor.square, 0.0)
         if max(before, certain) <= LEAST_SHARE_OF_FLOOR * floor.square:
             # what alarmed is gone, once less is taken for scatter, or too small to be missing
-            verdict = verdict_of(replace(evidence, named=0, repeats=False))
+            verdict = verdict_of(evidence | {"named": 0, "repeats": False})
     return {
         "verdict": verdict,
         "selected": selected,

@@ -117,8 +117,7 @@ class FitOfLogs(AnswerRecord):
             for name, p in self.model.parameters.items()
             if p.free
         ]
-        names = ["parameter", "value", "error", "unit"]
-        fitted = AnswerTable("Parameters as fitted", names, rows)
+        fitted = AnswerTable("Parameters as fitted", ["parameter", "value", "error", "unit"], rows)
         return [fitted], [*bounds, *self.doubts, *self.remarks]
 
 

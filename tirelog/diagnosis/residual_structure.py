@@ -295,7 +295,12 @@ def describe(base: Base) -> Leftover:
         return replace(left, significant=False)
     free = _late_shapes(base) if in_time else _shapes(base)
     exponent, in_pressure = None, False
-    if name.startswith(SPEED) and not _crosses_zero(base):
+    # a number per revolution that is now above, now below zero follows the speed but for a level
+    # that a parameter takes, and grows with no power of it; a remainder is of one sign if its sum
+    # is this share of its sizes'; twice as much would leave none
+    rest = base.plain(np.nan_to_num(cells.values - base.fit.prediction))
+    one_sign = cells.phi.shape[1] > 1 or abs(rest.sum()) >= 0.8 * np.abs(rest).sum()
+    if name.startswith(SPEED) and one_sign:
         exponent, in_pressure = _exponent(base, taken, residual, free, pressed=not in_time)
     follows = "nothing" if exponent == 0.0 else name.split("^")[0]
     together = gone_along(factors, name)
@@ -336,19 +341,7 @@ def _exponent(
     del bells
     by_shape = explained(free)
     in_pressure = max(by_pressure, default=-1.0) >= max(by_shape)
-    best = by_pressure if in_pressure else by_shape
-    return FINE_EXPONENTS[int(np.argmax(best))], in_pressure
-
-
-def _crosses_zero(base: Base) -> bool:
-    """Is what is left of a number per revolution now above, now below zero?
-
-    What follows the speed but for a level that a parameter takes grows with no power of it.
-    """
-    left = base.plain(np.nan_to_num(base.cells.values - base.fit.prediction))
-    # a remainder is of one sign if its sum is this share of its sizes'; twice as much would leave
-    # none
-    return base.cells.phi.shape[1] == 1 and bool(abs(left.sum()) < 0.8 * np.abs(left).sum())
+    return FINE_EXPONENTS[int(np.argmax(by_pressure if in_pressure else by_shape))], in_pressure
 
 
 def _one_side(
@@ -482,7 +475,7 @@ def scattered(base: Base, floor_square: float) -> dict[str, Any]:
     # with this probability on either side (a dozen factors are looked at); doubling either says
     # nothing
     like_load = cells.phi.shape[1] > 1 and bool(along.sum() > 0.5 * square.sum())
-    factors, best, name = factors_of(base), 0.0, ""
+    factors = factors_of(base)
     number = np.bincount(cells.manoeuvre)  # cells of a manoeuvre go together: it is what counts
     sizes = [np.log(np.maximum(square / cells.revolutions, 1e-300))]
     if cells.phi.shape[1] == 1:  # what crosses zero is largest at both ends
@@ -492,13 +485,18 @@ def scattered(base: Base, floor_square: float) -> dict[str, Any]:
     if freedom > 0:  # what manoeuvres that follow nothing reach
         t = float(stdtrit(freedom, 1.0 - 0.00135))
         least = max(0.5, t / float(np.sqrt(freedom + t**2)))
-    for factor, values in factors.items():
-        mean = np.bincount(cells.manoeuvre, np.abs(values) if factor in SIGNED else values) / number
-        if np.ptp(mean) > 0.0:
-            for of_size in ranked:
-                rank = float(np.corrcoef(of_size, _ranks(mean))[0, 1])
-                if abs(rank) > max(abs(best), least):
-                    best, name = rank, factor
+    means = {
+        factor: np.bincount(cells.manoeuvre, np.abs(x) if factor in SIGNED else x) / number
+        for factor, x in factors.items()
+    }
+    ranks = [
+        (float(np.corrcoef(of_size, _ranks(mean))[0, 1]), factor)
+        for factor, mean in means.items()
+        for of_size in ranked
+        if np.ptp(mean) > 0.0
+    ]
+    sure = [pair for pair in ranks if abs(pair[0]) > least]
+    best, name = max(sure, key=lambda pair: abs(pair[0]), default=(0.0, ""))
     return {
         "size": float(np.sqrt(beyond)) / unit,
         "like_load": like_load,

@@ -236,9 +236,11 @@ class Step:
     ) -> Step:
         """A step in which the best of the contenders is `named`, or nothing.
 
-        What is not established is never named.
+        What is not established is never named, nor what is clearly worse than one that is not.
         """
-        named = named and nameable(contenders)
+        doubtful = [r.base for r in contenders if not r.established]
+        named = named and contenders[0].established
+        named = named and not any(clearly_worse(contenders[0].base, rest) for rest in doubtful)
         light = tuple(replace(r, assessed=r.assessed.without_columns) for r in contenders)
         best, group = (light[0], group_of(contenders)) if named else (None, ())
         return cls(before, tuple(a.without_columns for a in assessed), reasons, light, best, group)
@@ -284,11 +286,19 @@ def contend(base: Base, chosen: Sequence[Variant], reasons: dict[str, str]) -> l
 
 
 def ranked(base: Base, tried: Iterable[Refitted]) -> list[Refitted]:
-    """Contenders by rising held-out loss, established ones first; each with its likeness."""
+    """Contenders by rising held-out loss, established ones first; each with its likeness.
+
+    That is the nonlinear cosine with the best, whitened and in size: the root of what the rival
+    explains over what the best does.
+    """
     order = sorted(tried, key=lambda r: (not r.established, float(r.base.held_white.sum())))
+    left = np.array([(one.fit.chi2, one.square_held) for one in (base, *(r.base for r in order))])
+    explains = left[0] - left[1:]
+    most = np.maximum(explains[:1], 1e-300)
+    alike = np.sqrt(np.clip(explains, 0.0, most) / most).tolist()
     return [
-        Refitted(r.assessed, r.base, *likenesses(base, order[0].base, r.base), r.sigmas)
-        for r in order
+        replace(r, likeness=white, likeness_of_size=size)
+        for r, (white, size) in zip(order, alike, strict=True)
     ]
 
 
@@ -319,17 +329,8 @@ def strength_sigmas(base: Base, effect_id: str) -> float:
     if base.cells.phi.shape[1] == 1 and np.abs(direction[mine][:, ~good]).max(initial=0.0) > 0.1:
         return 0.0
     root = direction[mine][:, good] / np.sqrt(size[good])
-    spread, axes = np.linalg.eigh(root @ root.T)
-    known = spread > NULL * spread[-1]
-    evidence = (axes[:, known].T @ values) ** 2 / spread[known]
-    return float(np.sqrt(evidence.sum() / (max(1.0, fit.reduced_chi2) * mine.size)))
-
-
-def nameable(contenders: Sequence[Refitted]) -> bool:
-    """Is the best established, and none that is not clearly better?"""
-    sure = bool(contenders) and contenders[0].established
-    rest = [r.base for r in contenders if not r.established]
-    return sure and not any(clearly_worse(contenders[0].base, other) for other in rest)
+    evidence = values @ np.linalg.pinv(root @ root.T, rcond=NULL, hermitian=True) @ values
+    return float(np.sqrt(evidence / (max(1.0, fit.reduced_chi2) * mine.size)))
 
 
 def clearly_worse(one: Base, other: Base) -> bool:
@@ -342,16 +343,6 @@ def clearly_worse(one: Base, other: Base) -> bool:
         gain > WORSE_SIGMAS * error
         and one.square_held - other.square_held > LEAST_SHARE_OF_FLOOR * other.floor.square
     )
-
-
-def likenesses(base: Base, best: Base, rival: Base) -> tuple[float, float]:
-    """Nonlinear cosines of two refits, whitened and in size.
-
-    The root of what the rival explains over what the best does.
-    """
-    white = (base.fit.chi2 - rival.fit.chi2) / max(base.fit.chi2 - best.fit.chi2, 1e-300)
-    size = (base.square_held - rival.square_held) / max(base.square_held - best.square_held, 1e-300)
-    return float(np.sqrt(np.clip(white, 0.0, 1.0))), float(np.sqrt(np.clip(size, 0.0, 1.0)))
 
 
 def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:
@@ -399,8 +390,7 @@ def worth_it(before: Base, after: Base, p: float = 1.0, *, held_out_only: bool =
     goes of the held-out error, and nothing else, however small p is.
     """
     gain, error = gain_and_error(before.held_white, after.held_white)
-    removed = before.square_held - after.square_held
-    if not surely_gains(gain, error, p, before.share(removed)):
+    if not surely_gains(gain, error, p, before.share(before.square_held - after.square_held)):
         return False
     least = LEAST_SHARE_OF_FLOOR * before.floor.square
     size, by_size = removed_by(before, after, sure=p <= BEYOND_DOUBT_P and not held_out_only)

@@ -117,8 +117,7 @@ class Ground:
         ModelError if the model cannot be computed with it.
         """
         model = self.base.model.with_effect(ModelEffect.of(effect))
-        change = predicted(model, self.base.cells) - self.base.fit.prediction
-        return np.nan_to_num(change) / probe
+        return np.nan_to_num(predicted(model, self.base.cells) - self.base.fit.prediction) / probe
 
     def expression(self, text: str, numbers: Mapping[str, Any]) -> FloatArray:
         """An expression's values on the cells; numbers of shape (S, 1, 1) give (S, C, m)."""
@@ -161,8 +160,7 @@ class Ground:
         basis, found, _ = np.linalg.svd(columns[:, norm > 0] / norm[norm > 0], full_matrices=False)
         # eigenvalues of a coupling below this are directions that it leaves alone
         basis = basis[:, found > 1e-10 * found[0]] if found.size else basis
-        image = self.coupled(basis.reshape(*shape, -1)).reshape(size, -1)
-        return basis, basis.T @ image
+        return basis, basis.T @ self.coupled(basis.reshape(*shape, -1)).reshape(size, -1)
 
     @cached_property
     def _products(self) -> FloatArray:

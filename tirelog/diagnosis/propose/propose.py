@@ -137,7 +137,7 @@ class Proposal(AnswerRecord):
     written     names of the effects that `model` has more than the model that was asked about
     model       with them, fitted on the manoeuvres that were seen; None without a proposal
     locked      errors without and with it on the manoeuvres that nothing had touched, the floor
-                there, and the share of the excess that is removed; None where there was none
+                there, and the share of the excess that is removed
     rmse_heldout_before, rmse_heldout_after, noise_floor  on the manoeuvres that were seen
     nearest     effects of the catalogue and the share of the excess that each removes
     separating_manoeuvres  what to drive, so that formulas that are as good part
@@ -190,7 +190,7 @@ class Proposal(AnswerRecord):
             law = "" if self.shapes[0].law == "1" else f", times {self.shapes[0].law}"
             why = "" if self.asked else ", since no formula does as well"
             what = f"a measured shape {self.shapes[0].words}{law}{why}"
-        if locked is None or locked["share_removed"] is None:
+        if locked is None:
             return f"Proposed: {what}."
         return (
             f"Proposed: {what}. On {locked['manoeuvres']} manoeuvres that nothing had touched it "
@@ -305,8 +305,7 @@ def propose(
         return _nothing(reason, base, diagnosis)
     # what no free shape alone shows to repeat must be beyond doubt over the whole grammar
     alarm = BEYOND_DOUBT_P if diagnosis.verdict == "scatter" else ALARM_P
-    climb = _climb(ground, alarm, progress)
-    return _proposal(climb, diagnosis, locked, shape, progress)
+    return _proposal(_climb(ground, alarm, progress), diagnosis, locked, shape, progress)
 
 
 def _nothing(
