@@ -223,7 +223,11 @@ _SENTENCES = {
     "small": "What is left repeats, but is too small to matter: {errors}. {check}",
     "too_few": "Too few manoeuvres for a test ({manoeuvres}): candidates are ranked, none is "
     "claimed.",
-    "unknown": "Something repeatable is missing ({excess:.2g} squared floors){nearest}. {check}",
+    "unknown": "{lacks} that no effect of the catalogue explains. {check}",
+    "unknown_and_near": "{lacks} that no effect of the catalogue explains; the "
+    "nearest, {nearest}, explains {near}. {check}",
+    "unknown_and_doubt": "{lacks}; {nearest} would explain {near} of the excess, but "
+    "{doubt}, so none is named. {check}",
     "ambiguous": "Missing is {sets}: these data cannot tell which; {each}.",
     "or_nuisance": "{missing}, or {places}: these data cannot tell which; {removes} of the excess.",
     "partial": "{explains} repeats{where} and has no name yet. {check}",
@@ -251,7 +255,10 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
     beside = " and ".join(NUISANCES_SAID[name] for name in facts["beside"])
     suspected = "; or ".join(facts["suspects"])
     rest = "partial" if left.get("significant") else "shapeless"
+    nearest, near = left.get("nearest_effect"), left.get("nearest_share") or 0.0
+    unnamed = "unknown_and_near" if near < facts["enough"] else "unknown_and_doubt"
     kinds = {
+        "unknown": unnamed if nearest else "unknown",
         "scatter": "small" if left.get("significant") else "scatter",
         "ambiguous": "ambiguous" if facts["groups"] else "or_nuisance",
         "partial": "form" if share >= 0.9 else rest,
@@ -264,7 +271,12 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
         explains=f"{names} {'explains' if one else 'explain'} {percent(share)} of the excess; the "
         f"other {percent(1 - share)}",
         manoeuvres=facts["manoeuvres"],
-        excess=max(squares - 1.0, 0.0),
+        lacks=f"Something repeatable is missing ({max(squares - 1.0, 0.0):.2g} squared floors)",
+        nearest=nearest,
+        near=percent(near),
+        doubt="its strength cannot be told from nothing here"
+        if nearest in facts["unestablished"]
+        else "that is not beyond doubt",
         errors=f"held out {floors:.2f} floors, reduced chi-square {facts['chi2']:.3g}",
         above=above,
         beside=f" with {beside} beside it" if beside else "",
@@ -281,7 +293,6 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
             f"in place of {effect} {NUISANCES_SAID[nuisance]}"
             for nuisance, effect in facts["or_nuisance"]
         ),
-        nearest=_nearest(facts),
         check=f"Or the conditions are wrong: {suspected}." if suspected else FIRST_CHECK,
         size=f"{scatter['size'] * factor:.3g} {unit}" if scatter else "",
         repeats="is not shown to repeat" if scatter and scatter["follows"] else "does not repeat",
@@ -300,23 +311,6 @@ def _goes_with(scatter: Mapping[str, Any]) -> str:
         return f" It is {size} in log {int(follows[4:]) + 1} than in the others."
     way = "grows" if grows else "falls"
     return f" It {way} with {follows}{_or_those(scatter['together'])}."
-
-
-def _nearest(facts: Mapping[str, Any]) -> str:
-    """What no effect explains; or what one would explain, and why it is not named all the same."""
-    rest = facts["unexplained"]
-    nearest, share = rest.get("nearest_effect"), rest.get("nearest_share")
-    if not nearest:
-        return " that no effect of the catalogue explains"
-    if share < facts["enough"]:
-        return (
-            f" that no effect of the catalogue explains; the nearest, {nearest}, explains "
-            f"{percent(share)}"
-        )
-    why = "that is not beyond doubt"
-    if nearest in facts["unestablished"]:
-        why = "its strength cannot be told from nothing here"
-    return f"; {nearest} would explain {percent(share)} of the excess, but {why}, so none is named"
 
 
 def percent(share: float) -> str:

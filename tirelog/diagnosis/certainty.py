@@ -189,22 +189,20 @@ def class_of(verdict: str) -> str | None:
 
 def certainty_of(marks: Marks, table: Mapping[str, Any] | None = None) -> Certainty:
     """P(right) of a diagnosis with these marks, by the package's table or another."""
-    table, kind = calibration() if table is None else table, class_of(marks.verdict)
-    if kind is None:
-        return Certainty(None, reason="it claims nothing")
-    known, words = table.get(kind), " or ".join(CLASSES[kind])
-    if known is None:
-        return Certainty(None, reason=f"no simulated case was {words}")
-    if marks.carcass not in known["carcasses"]:
-        had = " or ".join(known["carcasses"])
-        return Certainty(None, reason=f"simulated cases that were {words} had a {had}")
-    low, high = known["manoeuvres"]
-    # so many times the manoeuvres that the cases had, or so few, are still like them
-    if not low / 1.5 <= marks.manoeuvres <= high * 1.5:
-        return Certainty(
-            None, reason=f"simulated cases had {low} to {high} manoeuvres, these logs "
-            f"{marks.manoeuvres}",
-        )  # fmt: skip
+    table, kind = calibration() if table is None else table, class_of(marks.verdict) or ""
+    known, words = table.get(kind, {}), " or ".join(CLASSES.get(kind, ()))
+    (low, high), had = known.get("manoeuvres", (0, 0)), known.get("carcasses", ())
+    reasons = {
+        "it claims nothing": not kind,
+        f"no simulated case was {words}": not known,
+        f"simulated cases that were {words} had a {' or '.join(had)}": marks.carcass not in had,
+        # so many times the manoeuvres that the cases had, or so few, are still like them
+        f"simulated cases had {low} to {high} manoeuvres, these logs {marks.manoeuvres}": not (
+            low / 1.5 <= marks.manoeuvres <= high * 1.5
+        ),
+    }
+    if why := next((why for why, holds in reasons.items() if holds), ""):
+        return Certainty(None, reason=why)
     logit = float(known["intercept"])
     for name, term in known.get("terms", {}).items():
         value = marks.terms[name]

@@ -179,9 +179,8 @@ class Comparison(AnswerRecord):
         """Errors, floor, and how much was measured."""
         factor, unit = shown(self.observable, self.unit)
         return (
-            f"{self.observable} in {unit}: {self.revolutions} revolutions, "
-            f"{self.manoeuvres} manoeuvres, held-out error {in_unit(self.rmse_heldout, factor)}, "
-            f"noise floor {in_unit(self.noise_floor, factor)}"
+            f"{self.observable} in {unit}: {self._measured}, held-out error "
+            f"{in_unit(self.rmse_heldout, factor)}, noise floor {in_unit(self.noise_floor, factor)}"
         )
 
     def below(self) -> tuple[list[AnswerTable], list[str]]:
@@ -190,44 +189,45 @@ class Comparison(AnswerRecord):
         said = [text for text in (self.nuisances_sentence(), self.agreement) if text]
         return [errors, self.parameters_table()], [*said, *self.notes]
 
-    def page(self) -> Iterator[str | AnswerTable]:
+    def page(self) -> list[str | AnswerTable]:
         """What a terminal shows: errors, where they are, parameters; of several what each brings.
 
         Of logs that met an obstacle also what the model says of each hit.
         """
-        if self.parts:
-            yield (
-                f"{self.observable}, fitted together, in {self.unit}: {self.revolutions} "
-                f"revolutions, {self.manoeuvres} manoeuvres"
-            )
-            yield self.together_table()
-            yield self.agreement
+        gratings, said = all(part.member for part in self.parts), self.nuisances_sentence()
+        each, hits = list[str | AnswerTable](), list[str | AnswerTable]()
+        if not self.parts:
+            first = self._errors_page()
         else:
-            yield from self._errors_page()
-        yield self.parameters_table()
-        if self.parts and not all(part.member for part in self.parts):
-            yield "without an observable: the error that the others alone would leave"
-            for part in self.parts:
-                yield from ("", *part._errors_page())
-        if said := self.nuisances_sentence():
-            yield said
+            head = f"{self.observable}, fitted together, in {self.unit}: {self._measured}"
+            first = [head, self.together_table(), self.agreement]
+        if not gratings:
+            each = ["without an observable: the error that the others alone would leave"]
+            each += [line for part in self.parts for line in ("", *part._errors_page())]
         if (hit := self.obstacles) is not None:
-            total, hits = hit.to_json(), hit.hits_table()
-            yield (
+            total, table = hit.to_json(), hit.hits_table()
+            text = (
                 f"obstacles: {len(hit.hits)} hits; the model covers {100.0 * total['covered']:.0f} "
                 f"% of what they added ({total['nuisance_parameters']} nuisance numbers: when, "
                 "phase, level and alignment of each)"
             )
-            yield hits.columns(*hits.names[:-2])
+            hits = [text, table.columns(*table.names[:-2])]
+        return [*first, self.parameters_table(), *each, *([said] if said else []), *hits]
 
-    def _errors_page(self) -> Iterator[str | AnswerTable]:
+    @property
+    def _measured(self) -> str:
+        return f"{self.revolutions} revolutions, {self.manoeuvres} manoeuvres"
+
+    def _errors_page(self) -> list[str | AnswerTable]:
         """The errors of one observable, and where they are."""
         named = f"{self.observable} of {self.member}" if self.member else self.observable
-        unit, errors = shown(self.observable, self.unit)[1], self.errors_table()
-        yield f"{named} in {unit}: {self.revolutions} revolutions, {self.manoeuvres} manoeuvres"
-        yield errors.columns(*errors.names[:-1])
-        yield from self.floor_sentences()
-        yield f"reduced chi-square {self.reduced_chi2:.3g}, fit {self.fit_percent:.2f} %"
+        errors, unit = self.errors_table(), shown(self.observable, self.unit)[1]
+        return [
+            f"{named} in {unit}: {self._measured}",
+            errors.columns(*errors.names[:-1]),
+            *self.floor_sentences(),
+            f"reduced chi-square {self.reduced_chi2:.3g}, fit {self.fit_percent:.2f} %",
+        ]
 
     def by(self, name: str) -> Iterator[list[dict[str, Any]]]:
         """Rows of the errors by revolution, angle, speed, ... (`ERRORS_BY`), part by part.

@@ -328,7 +328,7 @@ _EXACT = 13
 #: and beyond them so many random ones, some at a time: they tell a p of ALARM_P to 8 % of it; twice
 #: as many to 5.5 %
 _RANDOM = 16383
-#: patterns of signs that are drawn at a time: memory depends on it alone
+#: patterns of signs that are worked on at a time: memory and time depend on it alone
 _BLOCK = 1024
 
 
@@ -397,11 +397,14 @@ def statistics(candidates: Sequence[Scores], signs: FloatArray) -> FloatArray:
     result = np.zeros((signs.shape[0], len(candidates)))
     for i, candidate in enumerate(candidates):
         root = candidate.root()
-        flipped = signs @ (candidate.scores @ root)
-        if candidate.one_sided and root.size:
-            result[:, i] = np.maximum(np.sign(root[0, 0]) * flipped[:, 0], 0.0)
-        else:
-            result[:, i] = np.linalg.norm(flipped, axis=1)
+        projected = candidate.scores @ root
+        for start in range(0, signs.shape[0], _BLOCK):
+            rows = slice(start, start + _BLOCK)
+            flipped = signs[rows] @ projected
+            if candidate.one_sided and root.size:
+                result[rows, i] = np.maximum(np.sign(root[0, 0]) * flipped[:, 0], 0.0)
+            else:
+                result[rows, i] = np.linalg.norm(flipped, axis=1)
     return result
 
 

@@ -77,14 +77,12 @@ class Ground:
         #: root mean square of what base and nuisances leave, in the observable's unit
         self.missing = float(np.sqrt(np.nanmean(beside**2)))
         self.manoeuvres = cells.manoeuvres
-        self.values: dict[str, Any] = {
-            name: getattr(cells.conditions, column)[:, None] for name, column in CONDITIONS.items()
-        }
         radius, phi = model.values["radius_m"], np.nan_to_num(cells.phi)
         spread = np.sqrt(np.nan_to_num(np.maximum(cells.phi_variance, 0.0)))
         self._bins = [{"phi": at, "xi": at * radius} for at in (phi - spread, phi + spread)]
         load = cells.conditions.load_N[:, None]
-        self.values |= {
+        self.values: dict[str, Any] = {
+            **{name: getattr(cells.conditions, of)[:, None] for name, of in CONDITIONS.items()},
             "phi": phi,
             "xi": phi * radius,
             "L": model.half_length_m(cells.conditions)[:, None],
