@@ -50,7 +50,7 @@ from benchmarks.hidden import wilson
 from benchmarks.nuisance_worlds import FIRST_DRAWN, CaseOf, several
 from benchmarks.nuisances import Row, append_rows, names, read_rows, row_of, seeds_of, written
 from tirelog.diagnosis import certainty
-from tirelog.diagnosis.certainty import CLASSES, NEGLIGIBLE, OF_CLASS, TERMS, certainty_of, class_of
+from tirelog.diagnosis.certainty import CLASSES, NEGLIGIBLE, OF_CLASS, SIGNS, certainty_of, class_of
 from tirelog.errors import TirelogError
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -228,7 +228,7 @@ def fitted(rows: Sequence[Row], weight: FloatArray, terms: Sequence[str]) -> Fit
     columns: list[FloatArray] = []
     known: dict[str, dict[str, float]] = {}
     for name in terms:
-        value = np.array([TERMS[name].of(r.marks) for r in rows])
+        value = np.array([r.marks.terms[name] for r in rows])
         there = np.isfinite(value)
         if weight[there].sum() < 0.5 * weight.sum():
             continue
@@ -257,7 +257,7 @@ def fitted(rows: Sequence[Row], weight: FloatArray, terms: Sequence[str]) -> Fit
         slope[1:] += b[1:] / _SLOPE**2
         return total, slope
 
-    signs = [TERMS[name].sign for name in known]
+    signs = [SIGNS[name] for name in known]
     bounds = [(None, None), *((0.0, None) if s > 0 else (None, 0.0) for s in signs)]
     found = minimize(loss, np.zeros(x.shape[1]), jac=True, method="L-BFGS-B", bounds=bounds).x
     slopes = {

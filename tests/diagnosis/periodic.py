@@ -60,17 +60,6 @@ def _half_sine(random: Random, half: float) -> Shape:
     return lambda x: np.where(np.abs(x) < half, np.cos(0.5 * np.pi * x / half), 0.0)
 
 
-def _wide(random: Random, half: float) -> Shape:
-    power = random.uniform(1.5, 4.0)
-    return lambda x: np.exp(-((np.abs(x) / (1.6 * half)) ** power))
-
-
-def _difference(random: Random, half: float) -> Shape:
-    """A narrow bump less a wider one."""
-    ratio, share = random.uniform(1.5, 3.0), random.uniform(0.2, 0.7)
-    return lambda x: _bump(x, 0.0, 0.6 * half) - share * _bump(x, 0.0, 0.6 * half * ratio)
-
-
 def _asymmetric(random: Random, half: float) -> Shape:
     """A bump with flanks of two widths, and one shoulder."""
     before, behind = half * random.uniform(0.3, 0.9, 2)
@@ -79,10 +68,6 @@ def _asymmetric(random: Random, half: float) -> Shape:
         np.where(x < 0.0, _bump(x, 0.0, before), _bump(x, 0.0, behind))
         - share * (_bump(x, 2.0 * half, 0.7 * half))
     )
-
-
-def _second_derivative(random: Random, half: float) -> Shape:
-    return lambda x: (1.0 - (x / half) ** 2) * _bump(x, 0.0, half)
 
 
 def _saddle(random: Random, half: float) -> Shape:
@@ -119,10 +104,7 @@ SHAPES: Mapping[str, Callable[[Random, float], Shape]] = MappingProxyType(
     {
         "box": _box,
         "half_sine": _half_sine,
-        "wide": _wide,
-        "difference": _difference,
         "asymmetric": _asymmetric,
-        "second_derivative": _second_derivative,
         "saddle": _saddle,
         "fourier": _fourier,
         "spline": _spline,

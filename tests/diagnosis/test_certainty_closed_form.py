@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import tomlkit
 
-from benchmarks import calibration
 from benchmarks.calibration import fitted, is_right, rows_of, table, weights
 from benchmarks.nuisances import Row
 from tirelog.diagnosis.certainty import Marks, certainty_of, unlike_cases
@@ -19,16 +18,10 @@ from tirelog.physics.model.model import Model
 
 MARKS = Marks("missing", "beam", 22, 2.0, 1.0, 10.0, 1.0)
 NAME = {
-    "cases": 40,
-    "tires": 20,
-    "effective": 18.0,
-    "most": 0.95,
-    "carcasses": ["beam"],
-    "manoeuvres": [20, 24],
-    "lacking": [],
-    "intercept": math.log(4.0),
+    "cases": 40, "tires": 20, "effective": 18.0, "most": 0.95, "carcasses": ["beam"],
+    "manoeuvres": [20, 24], "lacking": [], "intercept": math.log(4.0),
     "terms": {"rest": {"centre": 1.0, "slope": -1.0, "low": 0.0, "high": 3.0}},
-}
+}  # fmt: skip
 TABLE = {"date": "2026-11-22", "name": NAME}
 
 
@@ -56,25 +49,28 @@ def test_a_probability_is_the_logistic_of_its_terms():
 
 
 def test_it_never_says_more_than_so_many_cases_can_tell():
-    sure = {"date": "", "name": {**NAME, "intercept": 50.0, "terms": {}}}
-    assert certainty_of(MARKS, sure).probability == pytest.approx(19.0 / 20.0)
-    never = {"date": "", "name": {**NAME, "intercept": -50.0, "terms": {}}}
-    assert certainty_of(MARKS, never).probability == pytest.approx(1.0 / 20.0)
-    odd = {"date": "", "name": {**NAME, "most": 11.0 / 12.0, "intercept": 50.0, "terms": {}}}
-    assert certainty_of(MARKS, odd).probability <= 11.0 / 12.0
-    assert certainty_of(MARKS, odd).sentence.startswith("Right in 91 of 100 like cases")
+    def said(intercept, most=0.95):
+        name = {**NAME, "most": most, "intercept": intercept, "terms": {}}
+        return certainty_of(MARKS, {"date": "", "name": name})
+
+    assert said(50.0).probability == pytest.approx(19.0 / 20.0)
+    assert said(-50.0).probability == pytest.approx(1.0 / 20.0)
+    assert said(50.0, 11.0 / 12.0).probability <= 11.0 / 12.0
+    assert said(50.0, 11.0 / 12.0).sentence.startswith("Right in 91 of 100 like cases")
+
+
+def test_what_no_case_had_is_left_open():
+    def made(rows):
+        return table(rows, date(2026, 11, 22)).unwrap()["name"]
+
     rows = [row(i, rest=1.0 + 0.01 * (i % 5)) for i in range(10)]
     # ten of ten tell no more than eleven of twelve, and nothing of what no case had: 15 % of cases
-    made = table(rows, calibration.date(2026, 11, 22)).unwrap()["name"]
-    assert made["most"] == pytest.approx(min(11.0 / 12.0, 1.0 - 0.5 * 0.15), abs=1e-3)
-    assert made["lacking"] == ["effect that no catalogue has"]
+    assert made(rows)["most"] == pytest.approx(min(11.0 / 12.0, 1.0 - 0.5 * 0.15), abs=1e-3)
+    assert made(rows)["lacking"] == ["effect that no catalogue has"]
     many = [replace(r, seed=100 * k + r.seed) for k in range(20) for r in rows]
-    assert table(many, calibration.date(2026, 11, 22)).unwrap()["name"]["most"] == 0.925
-    whole = [
-        *many,
-        *(row(9000 + i, status="unknown", planted="splice", named="") for i in range(9)),
-    ]
-    assert table(whole, calibration.date(2026, 11, 22)).unwrap()["name"]["most"] > 0.95
+    assert made(many)["most"] == 0.925
+    many += [row(9000 + i, status="unknown", planted="splice", named="") for i in range(9)]
+    assert made(many)["most"] > 0.95
 
 
 @pytest.mark.parametrize(
@@ -164,7 +160,7 @@ def test_a_fit_finds_the_probabilities_that_rows_were_drawn_with():
         row(i, rest=1.0 + 0.05 * r, named="wear" if h else "hysteresis")
         for i, (r, h) in enumerate(zip(rest, hit, strict=True))
     ]
-    made = table(rows, calibration.date(2026, 11, 22)).unwrap()
+    made = table(rows, date(2026, 11, 22)).unwrap()
     said = np.array([certainty_of(r.marks, made).probability for r in rows])
     assert np.abs(said - truth).mean() < 0.03
     assert made["name"]["terms"]["rest"]["slope"] == pytest.approx(-1.2, abs=0.2)

@@ -8,6 +8,7 @@ import json
 import pytest
 
 from benchmarks.cases import Case, case
+from tests.diagnosis.toy import done
 from tirelog.cli import run
 from tirelog.inference.stacks import cut as stacks
 from tirelog.physics.model.file import load_model, save_model
@@ -19,14 +20,15 @@ pytestmark = pytest.mark.xdist_group("hidden logs")  # one worker makes what the
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("logs")
-    for i, scenario in enumerate(
-        case(("water_film",), seed=301, how=Case(plan="short", logs=2, duration=0.6))
-    ):
+    scenarios = case(("water_film",), seed=301, how=Case(plan="short", logs=2, duration=0.6))
+    for i, scenario in enumerate(scenarios):
         write_log(simulate(scenario), path / f"log_{i}.csv")
-    model = path / "beam.toml"
-    assert run(["model", "new", "--setup", str(path / "log_0.toml"), "-o", str(model)]) == 0
+    done("model", "new", "--setup", path / "log_0.toml", "-o", path / "beam.toml")
     # a fit without a form takes a fifth of the time
-    save_model(load_model(model).with_nuisance("form", "off"), path / "plain.toml")
+    plain = load_model(path / "beam.toml").with_nuisance("form", "off")
+    save_model(plain, path / "plain.toml")
+    new = ("model", "new", "--observable", "patch_length", "--setup", path / "log_0.toml")
+    done(*new, "-o", path / "length.toml")
     return path
 
 
@@ -36,14 +38,12 @@ def command(folder, name, *more, model="beam.toml"):
 
 
 def test_compare_as_json_table_and_picture(folder, capfd):
-    assert (
-        command(folder, "compare", "--format", "json", "--plot", str(folder / "compare.png")) == 0
-    )
+    more = ("--format", "json", "--plot", str(folder / "compare.png"))
+    assert command(folder, "compare", *more) == 0
     answer = json.loads(capfd.readouterr().out)
     assert answer["noise_floor"] < answer["rmse_heldout"]
-    assert answer["excess"] == pytest.approx(
-        (answer["rmse"] ** 2 - answer["noise_floor"] ** 2) ** 0.5
-    )
+    square = answer["excess"] ** 2 + answer["noise_floor"] ** 2
+    assert square == pytest.approx(answer["rmse"] ** 2)
     errors = [fitted["se_with_form"] for fitted in answer["parameters"].values()]
     assert errors == [None] * len(errors)  # a form would stand for the effect that is missing
     assert (folder / "compare.png").stat().st_size > 10_000
@@ -61,17 +61,8 @@ def test_diagnose_prints_a_page_with_the_next_command(folder, capfd):
 
 
 def test_ladder_keeps_its_history_beside_the_model(folder, capfd):
-    assert (
-        command(
-            folder,
-            "ladder",
-            "--plot",
-            str(folder / "ladder.png"),
-            "--save",
-            str(folder / "top.toml"),
-        )
-        == 0
-    )
+    files = ("--plot", str(folder / "ladder.png"), "--save", str(folder / "top.toml"))
+    assert command(folder, "ladder", *files) == 0
     rows = list(csv.DictReader(io.StringIO(capfd.readouterr().out)))
     assert rows[0]["effect"] == "base"
     assert float(rows[1]["excess_heldout"]) < 0.5 * float(rows[0]["excess_heldout"])
@@ -80,37 +71,31 @@ def test_ladder_keeps_its_history_beside_the_model(folder, capfd):
     assert [step["effect"] for step in kept[-1]["steps"]] == [row["effect"] for row in rows]
 
 
+def length(folder, name, *more):
+    """The status of a command on the patch lengths of one log."""
+    model = str(folder / "length.toml")
+    return run([name, str(folder / "log_0.csv"), "--model", model, "--quiet", *more])
+
+
 def test_numbers_per_revolution_go_the_same_way(folder, capfd):
-    model, setup = folder / "length.toml", str(folder / "log_0.toml")
-    new = ["model", "new", "--observable", "patch_length", "--setup", setup, "-o", str(model)]
-    assert run([*new, "--quiet"]) == 0
-    log = ["compare", str(folder / "log_0.csv"), "--model", str(model), "--quiet"]
-    assert run([*log, "--format", "json"]) == 0
+    assert length(folder, "compare", "--format", "json") == 0
     answer = json.loads(capfd.readouterr().out)
     assert answer["unit"] == "m"
     assert 0.0 < answer["rmse_heldout"] < 0.02
 
 
 def test_strengths_by_log_of_a_ladder_that_added_nothing_are_an_empty_table(folder, capfd):
-    model, setup = folder / "lengths.toml", str(folder / "log_0.toml")
-    new = ["model", "new", "--observable", "patch_length", "--setup", setup, "-o", str(model)]
-    assert run([*new, "--quiet"]) == 0
-    log = str(folder / "log_0.csv")
-    assert run(["ladder", log, "--model", str(model), "--by-log", "--quiet"]) == 0
+    assert length(folder, "ladder", "--by-log") == 0
     assert capfd.readouterr().out == "log,parameter,unit,value,se,distance_km,load_N\n"
 
 
 def test_of_one_log_none_can_be_left_out(folder, capfd):
-    model, setup = folder / "alone.toml", str(folder / "log_0.toml")
-    new = ["model", "new", "--observable", "patch_length", "--setup", setup, "-o", str(model)]
-    assert run([*new, "--quiet"]) == 0
-    log = ["diagnose", str(folder / "log_0.csv"), "--model", str(model), "--quiet"]
     for by in ("log", "tire"):
-        assert run([*log, "--leave-one-out", by]) == 2
+        assert length(folder, "diagnose", "--leave-one-out", by) == 2
         assert f"one {by} alone: none can be left out" in capfd.readouterr().err
-    assert run([*log, "--leave-one-out", "wheel"]) == 2
+    assert length(folder, "diagnose", "--leave-one-out", "wheel") == 2
     assert "allowed are log, tire" in capfd.readouterr().err
-    assert run([*log, "--bootstrap", "50"]) == 0
+    assert length(folder, "diagnose", "--bootstrap", "50") == 0
     assert "No calibration for this kind: " in capfd.readouterr().out
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import tirelog
+from tests.diagnosis.toy import done
 from tirelog.cli import run
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -97,13 +98,38 @@ def write_log(
     return path
 
 
+def model_of(folder: Path) -> str:
+    """The path of a new model of a beam for the logs of a folder."""
+    model = str(folder / "beam.toml")
+    done("model", "new", "--setup", folder / "l11.toml", "-o", model)
+    done("model", "nuisance", model, "form", "auto", "-o", model)
+    return model
+
+
 def measured(folder: Path, load_per_g: float) -> tuple[list[str], str]:
     """The paths of two logs and of a new model of a beam."""
     logs = [str(write_log(folder / f"l{seed}.csv", seed, load_per_g)) for seed in (11, 12)]
-    model = str(folder / "beam.toml")
-    assert run(["model", "new", "--setup", str(folder / "l11.toml"), "-o", model]) == 0
-    assert run(["model", "nuisance", model, "form", "auto", "-o", model]) == 0
-    return logs, model
+    return logs, model_of(folder)
+
+
+def of_two_loads(folder: Path, film: float = 0.0) -> tuple[list[str], str]:
+    """The same under two loads, which the pressure follows."""
+    logs = [
+        str(write_log(folder / f"l{seed}.csv", seed, 0.0, share * LOAD_N, 2.5, film))
+        for seed, share in ((11, 0.84), (12, 1.16))
+    ]
+    return logs, model_of(folder)
+
+
+def form(folder: Path, logs: list[str], model: str) -> tuple[Any, Any]:
+    """The rows that `form` writes of the contact pressure, and of the stiffness."""
+    done("form", *logs, "--model", model, "-o", folder / "form.csv")
+    rows = np.genfromtxt(
+        folder / "form.csv", delimiter=",", names=True, dtype=None, encoding="utf-8"
+    )
+    assert set(rows["quality"]) == {"ok"}
+    pressed = rows["quantity"] == "contact_pressure"
+    return rows[pressed], rows[~pressed]
 
 
 @pytest.fixture(scope="module")
@@ -112,11 +138,7 @@ def bare(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], str]:
 
 
 def test_the_pressure_is_that_of_the_truth(bare: tuple[list[str], str], tmp_path: Path) -> None:
-    logs, model = bare
-    table = tmp_path / "form.csv"
-    assert run(["form", *logs, "--model", model, "-o", str(table)]) == 0
-    rows = np.genfromtxt(table, delimiter=",", names=True, dtype=None, encoding="utf-8")
-    own = rows[rows["quantity"] == "contact_pressure"]
+    own, waves = form(tmp_path, *bare)
     mean = LOAD_N / (2.0 * HALF_M)
     missed = own["contact_pressure_N_m"] / mean - pressure(own["xi_m"], HALF_M)
     formula = own["contact_pressure_formula_N_m"] / mean - pressure(own["xi_m"], HALF_M)
@@ -124,8 +146,6 @@ def test_the_pressure_is_that_of_the_truth(bare: tuple[list[str], str], tmp_path
     off = np.abs(own["contact_pressure_N_m"] - mean * pressure(own["xi_m"], HALF_M))
     assert (off <= 2.0 * own["contact_pressure_se_N_m"])[np.abs(own["xi_m"]) < HALF_M].mean() > 0.7
     assert own["contact_pressure_N_m"].min() > -0.02 * mean
-    assert set(rows["quality"]) == {"ok"}
-    waves = rows[rows["quantity"] == "stiffness"]
     q = 2.0 * np.pi / waves["wavelength_m"]
     truth = STIFFNESS["EJ"] * q**4 + STIFFNESS["k"]
     assert np.abs(waves["stiffness_N_m2"] / truth - 1.0).max() < 0.1
@@ -136,11 +156,7 @@ def test_a_parabola_stays_in_its_place_and_does_not_pull(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(f"{__name__}.pressure", parabola)
-    logs, model = measured(tmp_path, 0.0)
-    table = tmp_path / "form.csv"
-    assert run(["form", *logs, "--model", model, "-o", str(table)]) == 0
-    rows = np.genfromtxt(table, delimiter=",", names=True, dtype=None, encoding="utf-8")
-    own = rows[rows["quantity"] == "contact_pressure"]
+    own, _ = form(tmp_path, *measured(tmp_path, 0.0))
     xi, read, mean = own["xi_m"], own["contact_pressure_N_m"], LOAD_N / (2.0 * HALF_M)
     off = np.abs(read - mean * parabola(xi, HALF_M))
     assert (off <= 2.0 * own["contact_pressure_se_N_m"])[np.abs(xi) < HALF_M].mean() > 0.9
@@ -173,24 +189,24 @@ def test_a_fit_has_the_form_that_compare_reports(
     formed = before["with_nuisances"]
     assert formed["nuisances"] == ["form"]
     assert formed["rmse_heldout"] < 1.05 * formed["noise_floor"] < 0.5 * before["rmse_heldout"]
-    assert run(["model", "fit", *logs, "--model", model, "-o", fitted]) == 0
+    done("model", "fit", *logs, "--model", model, "-o", fitted)
     text = Path(fitted).read_text(encoding="utf-8")
     assert "[[effects]]" not in text
     assert '[form]\nuse = "auto"\npressure_2 = {value' in text
     after = answer_json(capsys, "compare", *logs, "--model", fitted)
     assert after["with_nuisances"] is None
     assert after["rmse_heldout"] == pytest.approx(formed["rmse_heldout"], rel=0.01)
-    assert run(["model", "nuisance", fitted, "form", "off", "-o", fitted]) == 0
+    done("model", "nuisance", fitted, "form", "off", "-o", fitted)
     assert Path(fitted).read_text(encoding="utf-8").endswith('[form]\nuse = "off"\n')
-    assert run(["model", "fit", *logs, "--model", fitted, "-o", fitted]) == 0
+    done("model", "fit", *logs, "--model", fitted, "-o", fitted)
     assert "pressure_2" not in Path(fitted).read_text(encoding="utf-8")
 
 
 def test_a_form_that_is_on_is_fitted(bare: tuple[list[str], str], tmp_path: Path) -> None:
     logs, model = bare
     asked = str(tmp_path / "on.toml")
-    assert run(["model", "nuisance", model, "form", "on", "-o", asked]) == 0
-    assert run(["model", "fit", *logs, "--model", asked, "-o", asked]) == 0
+    done("model", "nuisance", model, "form", "on", "-o", asked)
+    done("model", "fit", *logs, "--model", asked, "-o", asked)
     shape = tirelog.load_model(asked).parameters["form.pressure_3"]
     assert shape.se is not None
     assert shape.value > 3.0 * shape.se  # fitted, and not by chance
@@ -218,9 +234,7 @@ def test_what_follows_the_drive_is_named_beside_the_form(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     logs, model = measured(tmp_path, LOAD_PER_G)
-    capsys.readouterr()
-    assert run(["diagnose", *logs, "--model", model, "--format", "json"]) == 0
-    answer = json.loads(capsys.readouterr().out)
+    answer = answer_json(capsys, "diagnose", *logs, "--model", model)
     assert (answer["verdict"], answer["selected"]) == ("missing", ["load_transfer"])
     assert answer["nuisances"]["form"]["stayed"]
     (named,) = [e for e in answer["effects"] if e["selected"]]
@@ -231,19 +245,11 @@ def test_what_follows_the_drive_is_named_beside_the_form(
 @pytest.mark.slow
 def test_a_form_may_follow_the_load(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Two logs of two loads: no effect is named, and the pressure at their mean is read."""
-    loads = (0.84 * LOAD_N, 1.16 * LOAD_N)
-    logs = [
-        str(write_log(tmp_path / f"l{seed}.csv", seed, 0.0, load, 2.5))
-        for seed, load in zip((11, 12), loads, strict=True)
-    ]
-    model, table = str(tmp_path / "beam.toml"), tmp_path / "form.csv"
-    assert run(["model", "new", "--setup", str(tmp_path / "l11.toml"), "-o", model]) == 0
+    logs, model = of_two_loads(tmp_path)
     answer = answer_json(capsys, "diagnose", *logs, "--model", model)
     assert (answer["verdict"], answer["selected"]) == ("nothing_missing", [])
     assert answer["nuisances"]["form"]["stayed"]
-    assert run(["form", *logs, "--model", model, "-o", str(table)]) == 0
-    rows = np.genfromtxt(table, delimiter=",", names=True, dtype=None, encoding="utf-8")
-    own = rows[rows["quantity"] == "contact_pressure"]
+    own, _ = form(tmp_path, logs, model)
     off = own["contact_pressure_N_m"] * 2.0 * HALF_M / LOAD_N - pressure(own["xi_m"], HALF_M)
     assert np.sqrt((off**2).mean()) < 0.05
 
@@ -253,13 +259,7 @@ def test_an_effect_that_a_form_has_learnt_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Beside a form that was fitted without it, slopes show another effect in its place."""
-    loads = (0.84 * LOAD_N, 1.16 * LOAD_N)
-    logs = [
-        str(write_log(tmp_path / f"l{seed}.csv", seed, 0.0, load, 2.5, FILM))
-        for seed, load in zip((11, 12), loads, strict=True)
-    ]
-    model = str(tmp_path / "beam.toml")
-    assert run(["model", "new", "--setup", str(tmp_path / "l11.toml"), "-o", model]) == 0
+    logs, model = of_two_loads(tmp_path, FILM)
     answer = answer_json(capsys, "diagnose", *logs, "--model", model)
     assert (answer["verdict"], answer["selected"]) == ("missing", ["water_film"])
     (named,) = [e for e in answer["effects"] if e["selected"]]
@@ -270,5 +270,5 @@ def test_an_effect_that_a_form_has_learnt_is_named(
 
 def test_a_number_per_revolution_has_no_form(bare: tuple[list[str], str], tmp_path: Path) -> None:
     lengths = str(tmp_path / "lengths.toml")
-    assert run(["model", "new", "--observable", "patch_length", "-o", lengths]) == 0
+    done("model", "new", "--observable", "patch_length", "-o", lengths)
     assert run(["form", *bare[0], "--model", lengths]) == 2

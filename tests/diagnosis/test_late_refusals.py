@@ -53,14 +53,9 @@ def test_what_cannot_be_written_is_refused_first(
     words = ["model", "fit"] if command == "fit" else [command]
     (folder / "other.toml").write_text("x = 1\n")
     before = sorted(folder.iterdir())
-    result = tirelog(
-        *words,
-        str(folder / "log.csv"),
-        "--model",
-        str(folder / "m.toml"),
-        option,
-        path if option == "--plot-kind" else str(folder / path),
-    )
+    log, model = str(folder / "log.csv"), str(folder / "m.toml")
+    value = path if option == "--plot-kind" else str(folder / path)
+    result = tirelog(*words, log, "--model", model, option, value)
     assert result.status == 2
     assert said in result.err
     assert path in result.err
@@ -103,13 +98,7 @@ def test_a_picture_without_matplotlib_is_refused_first(
     monkeypatch.setattr(
         util, "find_spec", lambda name, *more: None if name == "matplotlib" else found(name, *more)
     )
-    result = tirelog(
-        command,
-        str(folder / "log.csv"),
-        "--model",
-        str(folder / "m.toml"),
-        "--plot",
-        str(folder / "x.png"),
-    )
+    log, model, plot = (str(folder / name) for name in ("log.csv", "m.toml", "x.png"))
+    result = tirelog(command, log, "--model", model, "--plot", plot)
     assert result.status == 2
     assert "--plot needs matplotlib" in result.err

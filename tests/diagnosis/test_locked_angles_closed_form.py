@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.toy import make_cells, stack, waveform
-from tirelog.data.recording import Channel, Conditions, Stack, TimeAxis
+from tirelog.data.recording import Channel, Conditions, TimeAxis
 from tirelog.inference.cells.pieces import one_waveform
 from tirelog.inference.floor import at_mean_speed
 from tirelog.inference.stacks.align import Samples, refine_passages
@@ -125,14 +125,8 @@ def test_speeds_at_either_side_of_a_bin_leave_the_waveform_of_the_mean_speed():
     made = stack(1, manoeuvres=1, revolutions=len(speed), m=phi.shape[1])
     driven = Conditions.of(len(speed), speed_m_s=speed, acceleration_m_s2=0.0, time_s=0.0)
     values = model.predict(driven, phi)
-    whole: Stack = replace(
-        made,
-        values=np.where(count > 0, values, np.nan),
-        phi_mean=np.where(count > 0, phi, np.nan),
-        count=count,
-        conditions=driven,
-    )
-    cells = make_cells(whole)
+    seen, at = (np.where(count > 0, x, np.nan) for x in (values, phi))
+    cells = make_cells(replace(made, values=seen, phi_mean=at, count=count, conditions=driven))
     prediction = model.predict(cells.conditions, surface=cells.surface, **cells.angles)
     fit = SimpleNamespace(model=model, prediction=prediction)
     left = at_mean_speed(cells, fit).values - prediction  # type: ignore[arg-type]

@@ -24,21 +24,18 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the begin of a log, its copies, half of it and another one; a model of them."""
     folder = tmp_path_factory.mktemp("once")
     setup = (SAMPLES / "hidden_1.toml").read_text()
-    begins = {}
-    for name in ("hidden_1", "hidden_2"):
+    first, second = [], []
+    for lines, name in ((first, "hidden_1"), (second, "hidden_2")):
         with gzip.open(SAMPLES / f"{name}.csv.gz", "rt") as stream:
-            begins[name] = list(islice(stream, _LINES))
-    (folder / "a.csv").write_text("".join(begins["hidden_1"]))
-    (folder / "copy.csv").write_text("".join(begins["hidden_1"]))
-    (folder / "packed.csv.gz").write_bytes(
-        gzip.compress("".join(begins["hidden_1"]).encode(), compresslevel=1)
-    )
-    # from the middle on, below the two lines of preamble and header
-    head, rows = begins["hidden_1"][:3], begins["hidden_1"][3:]
-    (folder / "half.csv").write_text("".join(head + rows[_LINES // 2 :]))
-    (folder / "other.csv").write_text("".join(begins["hidden_2"]))
-    for name in ("a", "copy", "packed", "half", "other"):
+            lines += islice(stream, _LINES)
+    # half from the middle on, below the two lines of preamble and header
+    half = first[:3] + first[3:][_LINES // 2 :]
+    for name, lines in (("a", first), ("copy", first), ("half", half), ("other", second)):
+        (folder / f"{name}.csv").write_text("".join(lines))
         (folder / f"{name}.toml").write_text(setup)
+    packed = gzip.compress((folder / "a.csv").read_bytes(), compresslevel=1)
+    (folder / "packed.csv.gz").write_bytes(packed)
+    (folder / "packed.toml").write_text(setup)
     return folder
 
 

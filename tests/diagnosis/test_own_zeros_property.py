@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.diagnosis.toy import stack_of
-from tirelog.data.recording import Conditions, Stack
+from tests.diagnosis.toy import phase_shifts
+from tirelog.data.recording import Conditions
 from tirelog.diagnosis.candidates.assessment import refuse_stand_in
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.diagnosis.ladder import ladder
@@ -17,46 +17,20 @@ from tirelog.inference.stacks.cut import Stacks
 from tirelog.physics import Model
 from tirelog.physics.effects import BY_ID
 
-NOISE_RAD, MANOEUVRES, REPEATS = 2.5e-4, 10, 20
-
-
-def log(name: str, seed: int, zero_rad: float, pressure_Pa: float, late_s: float = 0.0) -> Stack:
-    """Steady drives at drawn speeds; the zero is that of the first of them."""
-    rng = np.random.default_rng(seed)
-    manoeuvre = np.repeat(np.arange(MANOEUVRES), REPEATS)
-    n = manoeuvre.size
-    drive = Conditions.of(
-        n,
-        speed_m_s=rng.uniform(10.0, 25.0, MANOEUVRES)[manoeuvre],
-        acceleration_m_s2=np.zeros(n),
-        time_s=np.arange(n) * 0.1,
-        load_N=3400.0,
-        inflation_pressure_Pa=pressure_Pa,
-        longitudinal_force_N=rng.normal(100.0, 300.0, MANOEUVRES)[manoeuvre],
-    )
-    values = zero_rad + late_s * drive.speed_m_s[:, None] / 0.305
-    return stack_of(
-        observable="phase_shift",
-        channel="a",
-        surface="inner",
-        radius_m=0.305,
-        values=values + NOISE_RAD * rng.standard_normal((n, 1)),
-        noise=NOISE_RAD,
-        conditions=drive,
-        manoeuvre=manoeuvre,
-        logs=(name,),
-    )
-
-
 MODEL = Model.new("ring", "phase_shift", radius_m=0.305)
 
 
 def two_logs(seed: int, apart_rad: float, late_s: float = 0.0, pressures=(2.0e5, 1.6e5)):
     """Logs at these pressures whose zeros are `apart_rad`."""
     stacks = Stacks()
-    for number, pressure in enumerate(pressures):
-        name = "ab"[number]
-        stacks.add(name, [log(name, seed + number, number * apart_rad, pressure, late_s)])
+    for number, (log, pressure) in enumerate(zip("ab", pressures, strict=False)):
+
+        def shifts(driven, zero_rad=number * apart_rad):
+            return zero_rad + late_s * driven.speed_m_s / 0.305
+
+        drive = {"inflation_pressure_Pa": pressure, "longitudinal_force_N": (-400.0, 600.0)}
+        made = phase_shifts(seed + number, 10, 20, shifts, 2.5e-4, log, load_N=3400.0, **drive)
+        stacks.add(log, [made])
     return stacks
 
 
@@ -93,13 +67,10 @@ def test_what_moves_along_a_log_is_told_beside_them():
 def test_a_stand_in_is_tried_where_it_stands_for_nothing(observables, refused):
     """A trend with the speed also widens the patch, which no measured force tells."""
     n = len(observables)
+    drive = Conditions.of(n, speed_m_s=20.0, longitudinal_force_N=100.0)
+    together = SimpleNamespace(observables=observables)
     cells = SimpleNamespace(
-        together=SimpleNamespace(observables=observables),
-        observables=observables,
-        part=np.arange(n),
-        conditions=Conditions.of(
-            n, speed_m_s=20.0, acceleration_m_s2=0.0, time_s=np.zeros(n), longitudinal_force_N=100.0
-        ),
+        together=together, observables=observables, part=np.arange(n), conditions=drive
     )
     model = Model.new("ring", observables[0], radius_m=0.305)
     model = replace(model, beside=observables[1:])
@@ -111,6 +82,5 @@ def test_a_stand_in_is_tried_where_it_stands_for_nothing(observables, refused):
 def test_a_ladder_climbs_beside_them():
     """They are in every fit, and are no nuisance that a model could name."""
     climbed = ladder(two_logs(5, 3e-4, late_s=2e-5), MODEL)
-    assert [step.effect for step in climbed.steps if step.decision.startswith("added")] == [
-        "telemetry_delay"
-    ]
+    added = [step.effect for step in climbed.steps if step.outcome == "added"]
+    assert added == ["telemetry_delay"]

@@ -25,26 +25,13 @@ def lengths(seed: int) -> list[Stack]:
     half, n, m = TRUE.values()
     for number, (load, pressure) in enumerate(drives):
         true = 2.0 * half * (load / 3600.0) ** n * (pressure / 2.0e5) ** -m
-        count = 20
-        stacks.append(
-            stack_of(
-                observable="patch_length",
-                radius_m=0.31,
-                values=true + rng.normal(0.0, NOISE, (count, 1)),
-                noise=NOISE,
-                conditions=Conditions.of(
-                    count,
-                    speed_m_s=15.0,
-                    acceleration_m_s2=0.0,
-                    time_s=np.arange(count) * 0.1,
-                    load_N=load,
-                    inflation_pressure_Pa=pressure,
-                ),
-                log=np.full(count, number),
-                manoeuvre=np.full(count, number),
-                logs=logs,
-            )
-        )
+        drive = Conditions.of(
+            20, speed_m_s=15.0, acceleration_m_s2=0.0, time_s=np.arange(20) * 0.1, load_N=load,
+            inflation_pressure_Pa=pressure,
+        )  # fmt: skip
+        values, own = true + rng.normal(0.0, NOISE, (20, 1)), np.full(20, number)
+        named = {"observable": "patch_length", "radius_m": 0.31, "log": own, "logs": logs}
+        stacks.append(stack_of(values, drive, own, NOISE, **named))
     return stacks
 
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from tests.diagnosis.planted import MODEL, stack
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.compare import compare as compare_logs
-from tirelog.diagnosis.results import Map, Waveforms
+from tirelog.diagnosis.results import Candidate, Map, Waveforms
 from tirelog.errors import UsageError
 from tirelog.physics.model.model import Model
 from tirelog.plots import answers
@@ -30,15 +30,9 @@ def map_of(size):
 
 def comparison(size, held_out):
     return SimpleNamespace(
-        parts=(),
-        observable="strain",
-        unit="strain",
-        by_speed=map_of(size),
-        half_angle_rad=0.2,
-        noise_floor=1e-6,
-        rmse=held_out,
-        rmse_heldout=held_out,
-    )
+        parts=(), observable="strain", unit="strain", by_speed=map_of(size), half_angle_rad=0.2,
+        noise_floor=1e-6, rmse=held_out, rmse_heldout=held_out,
+    )  # fmt: skip
 
 
 RESULT = SimpleNamespace(
@@ -46,12 +40,8 @@ RESULT = SimpleNamespace(
     after=comparison(1e-6, 1.1e-6),
     sentence="water_film is missing: it removes 99 % of the excess.",
     effects=(
-        SimpleNamespace(
-            effect="water_film", excess_removed=0.99, p_adjusted=2e-4, selected=True, group=()
-        ),
-        SimpleNamespace(
-            effect="wear", excess_removed=0.1, p_adjusted=0.3, selected=False, group=("aero_load",)
-        ),
+        Candidate("water_film", 1, 0.99, 2e-4, True, (), 9.0),
+        Candidate("wear", 2, 0.1, 0.3, False, ("aero_load",), 1.0),
     ),
 )
 
@@ -141,10 +131,8 @@ def test_the_polar_picture_has_the_pressure_that_carries_the_load():
     assert wheel.name == "polar"
     for line, load in zip(patch.lines[:2], (3000.0, 4000.0)):
         assert np.trapezoid(line.get_ydata(), line.get_xdata()) == pytest.approx(load, rel=0.01)
-    assert [text.get_text() for text in wheel.get_legend().texts] == [
-        "10 m/s, a.csv",
-        "20 m/s, b.csv",
-    ]
+    named = [text.get_text() for text in wheel.get_legend().texts]
+    assert named == ["10 m/s, a.csv", "20 m/s, b.csv"]
 
 
 def test_a_number_per_revolution_has_no_edges():
@@ -167,8 +155,6 @@ def test_what_scatter_alone_leaves_is_about_one_standard_error():
     patch = np.abs(told.by_speed.phi_rad) < told.half_angle_rad
     for map_ in (told.by_speed, told.by_time):
         assert 0.5 < np.sqrt(np.nanmean(map_.whitened[:, patch] ** 2)) < 1.5
-    with_more = replace(
-        made, values=made.values + 3e-4 * np.exp(-((made.phi_mean - 0.3) ** 2) / 0.005)
-    )
-    found = compare_logs([with_more], MODEL)
+    more = 3e-4 * np.exp(-((made.phi_mean - 0.3) ** 2) / 0.005)
+    found = compare_logs([replace(made, values=made.values + more)], MODEL)
     assert np.nanmax(np.abs(found.by_speed.whitened)) > 10.0

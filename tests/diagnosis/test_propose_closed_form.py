@@ -10,12 +10,7 @@ import pytest
 from tests.diagnosis.planted import MODEL, since_exit, stack
 from tirelog.diagnosis.candidates.assessment import hats_on
 from tirelog.diagnosis.compare import start
-from tirelog.diagnosis.propose.formulas import (
-    columns_of,
-    polished,
-    scan,
-    strengths,
-)
+from tirelog.diagnosis.propose.formulas import columns_of, polished, scan, strengths
 from tirelog.diagnosis.propose.grammar import LAWS
 from tirelog.diagnosis.propose.ground import Ground, measured_shapes
 from tirelog.vocabulary.arrays import FloatArray

@@ -1,5 +1,5 @@
-"""Closed form: what rounding leaves of a mean of values in steps, however many revolutions it has,
-against made-up means with known truth.
+"""Closed form: how well means are known, of values in steps, and of neighbours that are alike,
+however many revolutions they have; against made-up means with known truth.
 """
 
 from dataclasses import replace
@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.diagnosis.test_together_closed_form import SPEEDS, measured
 from tests.diagnosis.toy import make_cells, stack, waveform
-from tirelog.data.recording import Channel, Stack, TimeAxis
+from tirelog.data.recording import Channel, TimeAxis
 from tirelog.inference.stacks.align import step_of
 
 
@@ -18,20 +19,13 @@ def locked(noise, seed, level=0.5):
     """
     random = np.random.default_rng(seed)
     made = stack(seed, manoeuvres=4, revolutions=75, m=128)
-    phi = np.repeat(
-        made.phi_rad + random.uniform(-0.4, 0.4, (4, 128)) * 2 * np.pi / 128, 75, axis=0
-    )
+    moved = made.phi_rad + random.uniform(-0.4, 0.4, (4, 128)) * 2 * np.pi / 128
+    phi = np.repeat(moved, 75, axis=0)
     truth = 3000.0 * (waveform(phi) + level * np.cos(phi))
     values = np.round(truth + noise * random.standard_normal(truth.shape))
-    whole: Stack = replace(
-        made,
-        values=values,
-        phi_mean=phi,
-        phi_variance=np.zeros_like(phi),
-        count=np.ones(phi.shape, np.int64),
-        step=1.0,
-    )
-    return whole, truth[::75]
+    none, ones = np.zeros_like(phi), np.ones(phi.shape, np.int64)
+    named = {"phi_mean": phi, "phi_variance": none, "count": ones, "step": 1.0}
+    return replace(made, values=values, **named), truth[::75]
 
 
 @pytest.mark.parametrize("noise", [0.05, 0.2, 0.3, 0.6])
@@ -64,17 +58,8 @@ def test_a_single_revolution_is_never_nearer_than_its_steps():
 @pytest.mark.parametrize("step", [1e-3, 1e-4])
 def test_the_step_of_a_grating_is_found(step):
     random = np.random.default_rng(3)
-    wavelength = (
-        np.round(
-            (
-                1550.0
-                + 1.5 * waveform(np.arange(20_000) * 0.013)
-                + 3e-4 * random.standard_normal(20_000)
-            )
-            / step
-        )
-        * step
-    )
+    wavelength = 1550.0 + 1.5 * waveform(np.arange(20_000) * 0.013)
+    wavelength = step * np.round((wavelength + 3e-4 * random.standard_normal(20_000)) / step)
     wavelength[500:600] = np.nan
     strain = 1.27 * (wavelength / 1550.0 - 1.0)
     axis = TimeAxis.uniform(strain.size, 2500.0)
@@ -90,7 +75,25 @@ def test_values_that_are_few_or_lost_have_no_step():
     axis = TimeAxis.uniform(1000, 2500.0)
     for values in (np.full(1000, np.nan), np.zeros(1000), np.arange(1000) % 5.0):
         assert step_of(Channel.of_array("a", "strain", values, axis)) == (0.0, 0.0)
-    assert step_of(Channel.of_array("a", "strain", np.zeros(0), TimeAxis.uniform(0, 2500.0))) == (
-        0.0,
-        0.0,
-    )
+    empty = Channel.of_array("a", "strain", np.zeros(0), TimeAxis.uniform(0, 2500.0))
+    assert step_of(empty) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("alike", [0.0, 0.7])
+def test_means_of_neighbours_that_are_alike(alike):
+    """Half of the manoeuvres are long, of 32 revolutions, the others of four and eight. (With each
+    piece's own scatter, as if neighbours were not alike, chi-square is 1.6 and 3.3.)
+    """
+    rng, squares, scatters = np.random.default_rng(1077), [], []
+    stack = measured("phase_shift", 1, repeats=32)
+    lengths = [32] * 4 + [4, 8, 4, 8, 4, 4] * 4
+    which = np.repeat(np.arange(len(lengths)), lengths)
+    assert which.size == 32 * SPEEDS.size
+    for _ in range(60):
+        white = rng.standard_normal(which.size + 1)
+        values = (white[1:] + alike * white[:-1]) / np.hypot(1.0, alike)
+        cells = make_cells(replace(stack, values=1e-3 * values[:, None], manoeuvre=which))
+        squares.append((cells.values / cells.sd) ** 2)
+        scatters.append(np.sqrt(cells.within))
+    assert np.mean(np.concatenate(squares)) == pytest.approx(1.0, abs=0.12)
+    assert np.mean(np.concatenate(scatters)) == pytest.approx(1e-3, rel=0.05)

@@ -1,4 +1,4 @@
-"""Closed form: the table of verdicts, each rule by hand."""
+"""Closed form: the table of verdicts, each rule by hand, and sentences that go with them."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -6,13 +6,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tirelog.diagnosis.answer import sentence_of
+from tirelog.data.recording import Conditions
+from tirelog.diagnosis.answer import not_varied, sentence_of
 from tirelog.diagnosis.candidates.assessment import at_noise_floor
 from tirelog.diagnosis.candidates.naming import removed_by, worth_it
 from tirelog.diagnosis.candidates.nuisances import alike_sentences
-from tirelog.diagnosis.rules import RULES, THRESHOLDS, Evidence, verdict_of
+from tirelog.diagnosis.rules import RULES, THRESHOLDS, verdict_of
+from tirelog.physics.effects import BY_ID
 
-NAMED = Evidence(few=False, named=1, share=1.0, rest=False, alike=False, repeats=False, quiet=False)
+NAMED = {"named": 1, "share": 1.0} | dict.fromkeys(("few", "rest", "alike", "repeats", "quiet"), 0)
 
 
 @pytest.mark.parametrize(
@@ -30,7 +32,7 @@ NAMED = Evidence(few=False, named=1, share=1.0, rest=False, alike=False, repeats
     ],
 )
 def test_verdict(changes, verdict):
-    assert verdict_of(replace(NAMED, **changes)) == verdict
+    assert verdict_of(NAMED | changes) == verdict
 
 
 def test_every_verdict_has_a_rule_and_every_number_a_reason():
@@ -55,13 +57,33 @@ def test_a_chi_square_of_few_values_is_quiet_as_far_as_chance_goes(chi2, freedom
     assert at_noise_floor(base, 1.0) is said
 
 
+#: as much of a diagnosis as its sentence needs
+FACTS = {
+    "selected": (), "share": 0.0, "beside": (), "suspects": (), "before": 1.0, "after": 1.0,
+    "floor": 1.0, "total": 0.0, "explained": 0.9, "enough": 0.7, "manoeuvres": 20, "chi2": 1.4,
+    "observable": "strain", "unit": "strain", "groups": (), "or_nuisance": (), "shares": {},
+    "scatter": None, "unexplained": {"significant": False}, "unestablished": (),
+}  # fmt: skip
+
+
 def test_a_held_out_error_above_the_floor_is_said():
-    facts = {
-        "verdict": "nothing_missing", "selected": (), "share": 0.0, "beside": (),
-        "before": 1.0, "floor": 1.0, "manoeuvres": 20,
-    }  # fmt: skip
+    facts = {**FACTS, "verdict": "nothing_missing"}
     assert "held out" not in sentence_of(facts)
     assert "1.12 floors" in sentence_of({**facts, "before": 1.2544})
+
+
+@pytest.mark.parametrize(
+    ("name", "share", "said"),
+    [
+        ("wear", 0.99, "wear would explain 99.0 % of the excess, but its strength cannot be told"),
+        ("aero_load", 0.99, "aero_load would explain 99.0 % of the excess, but that is not beyond"),
+        ("wear", 0.3, "no effect of the catalogue explains; the nearest, wear, explains 30.0 %"),
+    ],
+)
+def test_the_nearest_effect_is_said_and_why_it_is_not_named(name, share, said):
+    left = {"nearest_effect": name, "nearest_share": share}
+    facts = {**FACTS, "verdict": "unknown", "before": 5.0, "unexplained": left}
+    assert said in sentence_of({**facts, "unestablished": ("wear",)})
 
 
 @pytest.mark.parametrize(("measured", "parted"), [(np.nan, "measured temperature"), (300.0, "")])
@@ -79,17 +101,13 @@ def test_a_nuisance_and_an_effect_that_do_nearly_the_same_are_told(measured, par
 
 
 def test_what_repeats_is_never_said_not_to():
-    facts = {
-        "verdict": "scatter", "selected": (), "share": 0.0, "beside": (), "suspects": (),
-        "before": 1.02, "floor": 1.0, "manoeuvres": 20, "chi2": 1.4, "observable": "strain",
-        "unit": "strain", "unexplained": {"significant": True},
-        "scatter": {"size": 1e-7, "like_load": True, "follows": "", "grows": True,
-                    "together": ()},
-    }  # fmt: skip
+    scatter = {"size": 1e-7, "like_load": True, "follows": "", "grows": True, "together": ()}
+    facts = {**FACTS, "verdict": "scatter", "before": 1.02, "scatter": scatter}
+    assert "does not repeat" in sentence_of(facts)
+    facts["unexplained"] = {"significant": True}
     said = sentence_of(facts)
     assert "does not repeat" not in said
     assert "repeats, but is too small to matter" in said
-    assert "does not repeat" in sentence_of({**facts, "unexplained": {"significant": False}})
 
 
 class PlainOfOne(SimpleNamespace):
@@ -133,3 +151,39 @@ def test_size_is_what_held_out_errors_tell_and_what_changes_where_they_do_not():
     # a change that the held-out errors rule out is none
     worse = base_of(changed, [18.9, 19.0, 19.1, 19.0], [2.0] * 4)
     assert removed_by(before, worse, sure=True)[0] < -2.0
+
+
+#: what follows the load, the water depth and the speed
+FOLLOWING = [BY_ID["stiffening"], BY_ID["water_film"], BY_ID["viscous_damping"]]
+
+
+def conditions(**values):
+    return Conditions.of(
+        4, **{"inflation_pressure_Pa": 2.2e5, "distance_km": 100.0, "water_depth_mm": 0.5, **values}
+    )
+
+
+def test_the_same_and_the_unknown_are_said_apart():
+    said = not_varied(conditions(load_N=3434.0, water_depth_mm=np.nan), FOLLOWING)
+    assert said.startswith(
+        "The same throughout: load 3434 N; not known: water depth. What follows them "
+        "(stiffening, water_film)"
+    )
+
+
+def test_what_varies_and_what_nothing_follows_is_not_said():
+    varied = conditions(
+        load_N=np.array([3000.0, 3100.0, 3300.0, 3434.0]),
+        water_depth_mm=np.array([0.0, 0.0, 0.0, 1.0]),
+    )
+    assert not_varied(varied, FOLLOWING) == ""
+    hardly = conditions(load_N=np.array([3400.0, 3410.0, 3420.0, 3434.0]))
+    assert "load" in not_varied(hardly, FOLLOWING[:1])
+
+
+def test_an_effect_that_follows_the_inflation_pressure_is_named_by_any_of_its_names():
+    same = conditions(load_N=np.array([3000.0, 3400.0, 3500.0, 3600.0]))
+    for effect in (BY_ID["inflation"], replace(BY_ID["inflation"], follows="inflation pressure")):
+        assert not_varied(same, [effect]).startswith(
+            "The same throughout: inflation pressure 220000 Pa. What follows them (inflation)"
+        )

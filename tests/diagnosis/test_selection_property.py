@@ -21,15 +21,9 @@ def scores_of(random, manoeuvres, candidates, level=0.0):
     in the first.
     """
     shared = random.standard_normal((manoeuvres, 1))
-    result = []
-    for i in range(candidates):
-        own = (
-            0.7 * shared
-            + 0.7 * random.standard_normal((manoeuvres, 1))
-            + (level if i == 0 else 0.0)
-        )
-        result.append(Scores(own, np.array([[1.0]])))
-    return result
+    own = [0.7 * shared + 0.7 * random.standard_normal((manoeuvres, 1)) for _ in range(candidates)]
+    own[0] += level
+    return [Scores(one, np.eye(1)) for one in own]
 
 
 def test_rate_of_false_alarms_over_all_candidates_is_the_level():
@@ -46,11 +40,7 @@ def test_what_repeats_in_every_manoeuvre_is_seen_and_named():
 
 
 def test_more_revolutions_of_one_manoeuvre_prove_nothing():
-    scores = [
-        Scores(
-            np.array([[1e6], [0.0], [0.0], [0.0], [0.0], [0.0], [0.0], [0.0]]), np.array([[1.0]])
-        )
-    ]
+    scores = [Scores(np.array([[1e6]] + [[0.0]] * 7), np.eye(1))]
     assert flip_test(scores, 8)[1][0] == 1.0
 
 

@@ -1,8 +1,9 @@
 """Closed form: what is said without each log, of each alone, and p over many tires."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -11,11 +12,10 @@ from tests.diagnosis.planted import stack
 from tirelog.diagnosis import diagnose as diagnosing
 from tirelog.diagnosis.certainty import (
     GroupVerdict,
-    Inclusion,
-    PerGroup,
-    Stability,
-    StepInclusion,
     benjamini_hochberg,
+    each_alone,
+    inclusion_sentences,
+    stability,
 )
 from tirelog.errors import ModelError, UsageError
 from tirelog.inference.cells.pieces import pieces_of_logs
@@ -29,13 +29,11 @@ def without(group, verdict="missing", selected=("wear",), **more):
 
 def test_p_over_many_tires():
     # the example of Benjamini and Hochberg (1995), section 3.2: four of fifteen at 5 %
-    p = [
-        0.0001, 0.0004, 0.0019, 0.0095, 0.0201, 0.0278, 0.0298, 0.0344, 0.0459, 0.3240, 0.4262,
-        0.5719, 0.6528, 0.7590, 1.0000,
-    ]  # fmt: skip
+    p = [1, 4, 19, 95, 201, 278, 298, 344, 459, 3240, 4262, 5719, 6528, 7590, 10000]
+    p = 1e-4 * np.array(p)
     random = np.random.default_rng(1).permutation(15)
     adjusted = np.empty(15)
-    adjusted[random] = benjamini_hochberg(np.array(p)[random])
+    adjusted[random] = benjamini_hochberg(p[random])
     assert adjusted[0] == pytest.approx(0.0015)
     assert int((adjusted <= 0.05).sum()) == 4
     assert (np.diff(adjusted) >= 0.0).all()
@@ -44,8 +42,8 @@ def test_p_over_many_tires():
 
 
 def test_a_verdict_that_stands_is_said_to():
-    said = Stability("log", WHOLE, (without("a"), without("b"), without("c"))).sentence
-    assert said == "The verdict stands: it is the same without any one of 3 logs."
+    said = stability("log", WHOLE, [without("a"), without("b"), without("c")])
+    assert said["sentence"] == "The verdict stands: it is the same without any one of 3 logs."
 
 
 def test_a_verdict_that_hangs_on_one_log_says_on_which():
@@ -56,20 +54,14 @@ def test_a_verdict_that_hangs_on_one_log_says_on_which():
         without("d", "ambiguous", ("wear",)),
         without("e", "too_few", ()),
     )
-    found = Stability("tire", WHOLE, others)
-    assert found.sentence == (
+    found = stability("tire", WHOLE, others)
+    assert found["sentence"] == (
         "The verdict hangs on single tires, 2 of 3: without a it is nothing missing; without d it "
         "is ambiguous (wear). Not to be told: without c: needs water_depth_mm; without "
         "e: too few manoeuvres are left."
     )
-    assert [row["same"] for row in found.to_json()["without"]] == [
-        False,
-        True,
-        None,
-        False,
-        None,
-    ]
-    assert Stability("log", WHOLE, others[-1:]).sentence.startswith(
+    assert [row["same"] for row in found["without"]] == [False, True, None, False, None]
+    assert stability("log", WHOLE, others[-1:])["sentence"].startswith(
         "Whether the verdict hangs on single logs cannot be told. Not to be told: "
     )
 
@@ -77,18 +69,17 @@ def test_a_verdict_that_hangs_on_one_log_says_on_which():
 def test_each_tire_alone_and_what_chance_does_among_so_many():
     null = [without(f"t{i}", "nothing_missing", (), p=(i + 1) / 21) for i in range(20)]
     worn = [without("w1", p=1e-4), without("w2", p=2e-4), without("x", p=0.02)]
-    found = PerGroup("tire", (*null, *worn, without("few", "too_few", ())))
-    assert [a.group for a in found.lacking] == ["w1", "w2"]
-    assert found.inclusion == {"wear": pytest.approx(2 / 23)}
-    assert found.sentence == (
+    found = each_alone("tire", [*null, *worn, without("few", "too_few", ())])
+    assert [row["group"] for row in found["each"] if row["lacking"]] == ["w1", "w2"]
+    assert found["inclusion"] == {"wear": pytest.approx(2 / 23)}
+    assert found["sentence"] == (
         "Each tire alone: something is missing in 2 of 23, wear in 2 (at most 5 % of them by "
         "chance); 1 more alarms, no more than chance does among 23; the tires do not say the "
         "same: what is pooled is their mean."
     )
-    assert found.to_json()["each"][-1]["p_adjusted"] is None
-    assert PerGroup("log", (without("a", "too_few", ()),)).sentence == (
-        "No log alone has manoeuvres enough for a test."
-    )
+    assert found["each"][-1]["p_adjusted"] is None
+    few = each_alone("log", [without("a", "too_few", ())])
+    assert few["sentence"] == "No log alone has manoeuvres enough for a test."
 
 
 def several():
@@ -113,6 +104,21 @@ def test_pieces_without_a_log_are_those_of_the_others():
         diagnosing.of_logs(pieces, [])
 
 
+@dataclass(frozen=True)
+class Said:
+    """As much of a diagnosis as is asked of one of some logs."""
+
+    verdict: str
+    selected: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    stability: dict | None = None
+    each: dict | None = None
+    ambiguous_groups = ()
+    marks = SimpleNamespace(least_p=0.001)
+    unexplained: ClassVar = {"p": None}
+    certainty = SimpleNamespace(probability=0.9)
+
+
 def test_each_log_is_left_out_once_and_of_one_none_can_be(monkeypatch):
     asked = []
 
@@ -120,44 +126,41 @@ def test_each_log_is_left_out_once_and_of_one_none_can_be(monkeypatch):
         asked.append(pieces.logs)
         if pieces.logs == ("b", "c"):
             raise ModelError("needs water_depth_mm")
-        verdict = "nothing_missing" if "b" not in pieces.logs else "missing"
-        return SimpleNamespace(
-            verdict=verdict,
-            selected=("wear",) if verdict == "missing" else (),
-            ambiguous_groups=(),
-            marks=SimpleNamespace(least_p=0.001),
-            unexplained={"p": None},
-            certainty=SimpleNamespace(probability=0.9),
-        )
+        return Said("missing", ("wear",)) if "b" in pieces.logs else Said("nothing_missing", ())
 
     monkeypatch.setattr(diagnosing, "diagnose", found)
     pieces = several()
     whole, some = found(pieces, None), partial(diagnosing.of_logs, pieces)
-    result = diagnosing.leave_one_out(diagnosing.logs_of(pieces), some, None, whole)
+    result = diagnosing.with_groups(whole, diagnosing.logs_of(pieces), some, None)
     assert asked[1:] == [("b", "c"), ("a", "c"), ("a", "b")]
-    assert [(a.group, a.verdict) for a in result.without] == [
+    assert [(row["group"], row["verdict"]) for row in result.stability["without"]] == [
         ("a", ""),
         ("b", "nothing_missing"),
         ("c", "missing"),
     ]
+    assert result.notes == (result.stability["sentence"],)
     tires = {"old": ("a", "c"), "new": ("b",)}
-    each = diagnosing.each_alone(tires, some, None, by="tire")
-    assert [(a.group, a.verdict, a.p) for a in each.answers] == [
+    result = diagnosing.with_groups(whole, tires, some, None, by="tire", alone=True)
+    assert [(row["group"], row["verdict"], row["p"]) for row in result.each["each"]] == [
         ("old", "nothing_missing", 0.002),
         ("new", "missing", 0.002),
     ]
+    assert result.notes[-1] == result.each["sentence"]
     with pytest.raises(UsageError, match="one log alone: none can be left out"):
-        diagnosing.leave_one_out({"a": ("a",)}, some, None, whole)
+        diagnosing.with_groups(whole, {"a": ("a",)}, some, None)
 
 
-def test_names_that_hang_on_some_manoeuvres_are_said_to():
-    step = StepInclusion(1, "wear", {"wear": 0.6, "hysteresis": 0.1})
-    assert step.none == pytest.approx(0.3)
-    assert Inclusion(500, 16, (step,)).sentences == [
-        "Of 500 draws of the 16 manoeuvres the search names wear in 60 %, hysteresis in 10 %, "
-        "nothing in 30 %: wear hangs on some manoeuvres."
-    ]
-    steady = replace(step, shares={"wear": 1.0})
-    assert Inclusion(500, 16, (steady,)).sentences == [
-        "Of 500 draws of the 16 manoeuvres the search names wear in 100 %."
+@pytest.mark.parametrize(
+    ("shares", "none", "said"),
+    [
+        ({"wear": 0.6, "hysteresis": 0.1}, 0.3, "wear in 60 %, hysteresis in 10 %, nothing in 30 %"
+         ": wear hangs on some manoeuvres"),
+        ({"wear": 1.0}, 0.0, "wear in 100 %"),
+    ],
+)  # fmt: skip
+def test_names_that_hang_on_some_manoeuvres_are_said_to(shares, none, said):
+    step = {"step": 1, "named": "wear", "shares": shares, "none": none}
+    drawn = {"draws": 500, "manoeuvres": 16, "steps": [step]}
+    assert inclusion_sentences(drawn) == [
+        f"Of 500 draws of the 16 manoeuvres the search names {said}."
     ]

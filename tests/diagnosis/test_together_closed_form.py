@@ -5,6 +5,7 @@ several, not whether a tire follows the model.
 """
 
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 import pytest
@@ -153,10 +154,10 @@ def test_observables_of_two_tires_contradict_each_other_and_it_is_said_how():
     assert not by_name["phase_shift"].contradicts
     assert by_name["phase_shift"].freedom == 0
     assert "radial_acceleration contradicts the others" in found.agreement
-    pulls = {pull.parameter: pull for pull in by_name["strain"].pulls}
+    pulls = {pull["parameter"]: pull for pull in by_name["strain"].pulls}
     stiffness = pulls["foundation_stiffness_N_m2"]
-    assert stiffness.sigmas > 3.0
-    assert stiffness.alone > stiffness.others
+    assert stiffness["sigmas"] > 3.0
+    assert stiffness["alone"] > stiffness["others"]
 
 
 def test_each_has_its_own_errors_in_its_own_unit_and_all_are_in_floors(capsys):
@@ -173,13 +174,13 @@ def test_each_has_its_own_errors_in_its_own_unit_and_all_are_in_floors(capsys):
         assert part.rmse == pytest.approx(left * part.noise_floor, rel=0.05)
     told = found.to_json()
     assert set(told["observables"]) == set(ALL)
-    assert {row["observable"] for row in found.tables["regime"]} == set(ALL)
+    assert {row["observable"] for row in chain(*found.by("regime"))} == set(ALL)
     print_answer(found.page())
     page = " ".join(capsys.readouterr().out.split())
     assert found.agreement in page
     assert "fitted together, in noise floors" in page
     assert all(f"{name} in " in page for name in ALL)
-    rows = found.tables["revolution"]
+    rows = list(chain(*found.by("revolution")))
     assert len(rows) == found.revolutions
     assert all(row["rmse"] > 0.0 for row in rows)
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from benchmarks.cases import Case, case, planted
-from tirelog.data.recording import Conditions, Stack
-from tirelog.diagnosis.answer import probability, rounding_sentences, sentence_of
-from tirelog.diagnosis.candidates import search
+from tests.diagnosis.toy import stack_of
+from tirelog.data.recording import Conditions
+from tirelog.diagnosis.answer import probability, rounding_sentences
+from tirelog.diagnosis.candidates import search, separation
 from tirelog.diagnosis.candidates.assessment import candidate_effects, least_p
 from tirelog.diagnosis.candidates.naming import Step
 from tirelog.diagnosis.candidates.search import SearchResult, search_effects
@@ -38,13 +39,8 @@ MODEL = Model.new("beam", radius_m=0.305)
 
 def fitted(scenarios, angles, model=MODEL):
     """The model fitted to the logs of some scenarios."""
-    return start(
-        stacks_from_logs(
-            [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(scenarios)],
-            angles=angles,
-        ),
-        model,
-    )
+    logs = [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(scenarios)]
+    return start(stacks_from_logs(logs, angles=angles), model)
 
 
 def diagnosed(base):
@@ -56,18 +52,15 @@ def diagnosed(base):
 def two_pressures():
     """A patch that shrinks with the pressure, which this model may not put down to a law of it."""
     logs = case((), seed=211, how=Case(plan="short", logs=2, duration=0.6))
-    return fitted(
-        [
-            replace(
-                log,
-                conditions=TrueConditions(inflation_pressure_Pa=pressure),
-                tire=replace(log.tire, patch_half_length_m=half),
-            )
-            for log, pressure, half in zip(logs, (2.2e5, 1.6e5), (0.0564, 0.0620), strict=True)
-        ],
-        angles=96,
-        model=MODEL.with_nuisance("pressure_law", "off"),
-    )
+    pumped = [
+        replace(
+            log,
+            conditions=TrueConditions(inflation_pressure_Pa=pressure),
+            tire=replace(log.tire, patch_half_length_m=half),
+        )
+        for log, pressure, half in zip(logs, (2.2e5, 1.6e5), (0.0564, 0.0620), strict=True)
+    ]
+    return fitted(pumped, angles=96, model=MODEL.with_nuisance("pressure_law", "off"))
 
 
 @pytest.fixture(scope="module")
@@ -106,12 +99,8 @@ def test_and_the_law_of_the_pressure_says_it_if_it_may(two_pressures):
 
 def test_a_load_that_wanders_on_the_road_is_in_the_floor_and_said_with_its_size():
     logs = case((), seed=212, how=Case(plan="short", logs=2, duration=0.7))
-    result = diagnosed(
-        fitted(
-            [replace(log, road=Road(roughness=0.03, correlation_m=48.0)) for log in logs],
-            angles=128,
-        )
-    )
+    rough = [replace(log, road=Road(roughness=0.03, correlation_m=48.0)) for log in logs]
+    result = diagnosed(fitted(rough, angles=128))
     assert result.selected == ()
     assert result.verdict == "nothing_missing"
     assert result.rmse_heldout_before < 1.05 * result.noise_floor
@@ -122,18 +111,16 @@ def test_a_load_that_wanders_on_the_road_is_in_the_floor_and_said_with_its_size(
 
 def test_tension_over_inertia_is_found_and_what_stands_at_a_bound_stays_there(tight, tension_found):
     assert "flexural_stiffness_N_m2" in tight.fit.held
-    assert (
-        tight.square_held > 0.98 * tight.square_fit
-    )  # left out, the data fit no better than when they are in
+    # left out, the data fit no better than when they are in
+    assert tight.square_held > 0.98 * tight.square_fit
     result = conclude(tension_found, ())
     assert result.verdict in ("missing", "partial", "ambiguous")
     assert result.selected == ("belt_tension",)
     shown = {c.effect: c for c in result.effects}
     assert shown["belt_tension"].excess_removed > 0.9
     # EJ, k, y and T share a scale: the one of the values given
-    assert shown["belt_tension"].strengths["tension_mass_kg_m"]["value"] == pytest.approx(
-        9.0, rel=0.05
-    )
+    mass = shown["belt_tension"].strengths["tension_mass_kg_m"]["value"]
+    assert mass == pytest.approx(9.0, rel=0.05)
     assert not set(shown) & set(result.not_tested)
 
 
@@ -164,32 +151,13 @@ def test_a_fit_short_of_a_bound_stands_at_it_and_leaving_data_out_does_not_help_
 
 def numbers(values, speed, noise=1e-6, load_N=3434.0):
     """Dissipation factors of manoeuvres of eight revolutions each."""
-    ones = np.ones((values.size, 1))
-    return Stack(
-        observable="dissipation_factor",
-        channel="line",
-        surface="outer",
-        radius_m=0.305,
-        values=values[:, None],
-        phi_rad=np.zeros(1),
-        phi_mean=0.0 * ones,
-        phi_variance=0.0 * ones,
-        count=np.ones(ones.shape, np.int64),
-        noise=np.full(values.size, noise),
-        conditions=Conditions.of(
-            values.size,
-            speed_m_s=speed,
-            acceleration_m_s2=0.0,
-            time_s=np.arange(values.size) * 0.2,
-            load_N=load_N,
-            inflation_pressure_Pa=2.2e5,
-        ),
-        log=np.zeros(values.size, np.int64),
-        manoeuvre=np.arange(values.size) // 8,
-        revolution=np.arange(values.size),
-        regime=np.full(values.size, "cruise"),
-        logs=("line",),
-    )
+    n = values.size
+    drive = Conditions.of(
+        n, speed_m_s=speed, acceleration_m_s2=0.0, time_s=np.arange(n) * 0.2, load_N=load_N,
+        inflation_pressure_Pa=2.2e5,
+    )  # fmt: skip
+    named = {"observable": "dissipation_factor", "radius_m": 0.305}
+    return stack_of(values[:, None], drive, np.arange(n) // 8, noise, **named)
 
 
 def test_a_factor_that_falls_with_speed_names_no_effect_whose_strength_is_nothing():
@@ -239,59 +207,24 @@ def test_a_model_of_given_numbers_that_is_wrong_in_size_misses_something():
     assert result.unexplained["significant"]
 
 
-def test_what_one_effect_would_explain_is_not_said_to_be_explained_by_none():
-    facts = {
-        "verdict": "unknown",
-        "selected": (),
-        "share": 0.0,
-        "before": 5.0,
-        "floor": 1.0,
-        "enough": 0.7,
-        "unestablished": ("wear",),
-    }
-    for name, share, said in (
-        (
-            "wear",
-            0.99,
-            "wear would explain 99.0 % of the excess, but its strength cannot be told from "
-            "nothing here",
-        ),
-        (
-            "aero_load",
-            0.99,
-            "aero_load would explain 99.0 % of the excess, but that is not beyond doubt",
-        ),
-        (
-            "wear",
-            0.3,
-            "that no effect of the catalogue explains; the nearest, wear, explains 30.0 %",
-        ),
-    ):
-        assert said in sentence_of(
-            facts | {"unexplained": {"nearest_effect": name, "nearest_share": share}}
-        )
+def test_tension_of_inflation_grows_with_the_pressure_of_the_log():
+    def waves(tension_N, pressure_Pa):
+        drive = {"speed_m_s": 15.0, "load_N": 3434.0, "inflation_pressure_Pa": pressure_Pa}
+        tight = MODEL.with_effect("belt_tension", tension_N=tension_N)
+        return tight.predict(Conditions.of(1, **drive), np.linspace(-0.5, 0.5, 64))
 
-
-def test_tension_of_inflation_grows_with_the_pressure_of_the_log(two_pressures):
-    conditions = two_pressures.cells.conditions.take(np.arange(2))
-    tight = MODEL.with_effect("belt_tension", tension_N=1000.0)
-    phi = np.linspace(-0.5, 0.5, 64)
-    soft = replace(conditions, inflation_pressure_Pa=np.full(2, 1.1e5))
-    assert tight.predict(soft, phi) == pytest.approx(
-        MODEL.with_effect("belt_tension", tension_N=500.0).predict(conditions, phi), rel=1e-12
-    )
+    assert waves(1000.0, 1.1e5) == pytest.approx(waves(500.0, 2.2e5), rel=1e-12)
 
 
 def test_what_the_logs_hold_is_not_advised(two_pressures):
     conditions = two_pressures.cells.conditions
     cruising = np.abs(conditions.acceleration_m_s2) < 0.2
     near = {m.name: driven(two_pressures, m) for m in ALLOWED}
-    assert near["cruise at 15 m/s"] == bool(
-        np.any((np.abs(conditions.speed_m_s - 15.0) < 1.5) & cruising)
-    )
+    slow = np.abs(conditions.speed_m_s - 15.0) < 1.5
+    assert near["cruise at 15 m/s"] == bool(np.any(slow & cruising))
+    for other in ("with 40 % more load", "after ten minutes"):
+        assert not near[f"cruise at 15 m/s {other}"]
     assert not near["brake 25 to 9 m/s at 4 m/s^2"]
-    assert not near["cruise at 15 m/s with 40 % more load"]
-    assert not near["cruise at 15 m/s after ten minutes"]
 
 
 def test_what_these_logs_cannot_show_is_advised_by_the_minute(two_pressures, monkeypatch):
@@ -312,9 +245,7 @@ def test_what_these_logs_cannot_show_is_advised_by_the_minute(two_pressures, mon
     assert drive_next(found, "unknown", 0.9) == []
     assert drive_next(found, "scatter", 0.5) == []
     # what the logs hold already is not
-    monkeypatch.setattr(
-        "tirelog.diagnosis.candidates.separation.driven", lambda base, manoeuvre: True
-    )
+    monkeypatch.setattr(separation, "driven", lambda base, manoeuvre: True)
     assert drive_next(found, "nothing_missing", 0.9) == []
 
 
@@ -336,25 +267,20 @@ def test_a_probability_at_its_least_is_at_most_that():
 
 
 def coarse(step_nm, noise_nm):
-    """The remarks of the true model on a log in steps."""
-    log = case(
-        (), seed=3, how=Case(plan="short", logs=1, duration=0.6, noise_nm=noise_nm, roughness=0.0)
-    )[0]
-    channels = {
-        name: replace(sensor, quantisation=step_nm) for name, sensor in log.channels.items()
-    }
-    base = fitted([replace(log, channels=channels)], angles=128)
+    """The true model on a log in steps, and its remarks."""
+    how = Case(plan="short", logs=1, duration=0.6, noise_nm=noise_nm, roughness=0.0)
+    (log,) = case((), seed=3, how=how)
+    steps = {name: replace(sensor, quantisation=step_nm) for name, sensor in log.channels.items()}
+    base = fitted([replace(log, channels=steps)], angles=128)
     return base, remarks_of(base)
 
 
-def test_an_error_below_what_rounding_leaves_is_said():
+def test_an_error_below_what_rounding_leaves_is_said_and_fine_steps_are_not():
     base, said = coarse(step_nm=0.02, noise_nm=1e-6)
     assert 0.0 < base.square_held < 0.9 * base.square_rounding
-    assert any("the steps in which the values come leave" in remark for remark in said)
-    assert any("the steps in which the values come leave" in note for note in diagnosed(base).notes)
-
-
-def test_fine_steps_are_not_said():
+    leaves = "the steps in which the values come leave"
+    assert any(leaves in remark for remark in said)
+    assert any(leaves in note for note in diagnosed(base).notes)
     base, said = coarse(step_nm=1e-4, noise_nm=8e-4)
     assert 0.0 < base.square_rounding < 0.01 * base.floor.square
     assert not any("steps in which" in remark for remark in said)
@@ -362,8 +288,8 @@ def test_fine_steps_are_not_said():
 
 def test_a_floor_that_is_mostly_rounding_is_said():
     said = rounding_sentences("strain", held=1.0e-12, floor=1.0e-12, rounding=0.7e-12)
-    assert len(said) == 1
-    assert said[0].startswith(
+    (told,) = said
+    assert told.startswith(
         "70.0 % of the floor's mean square is rounding: the steps in which the values come leave "
         "0.837 microstrain"
     )

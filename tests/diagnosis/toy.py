@@ -4,10 +4,12 @@ waveform with every kind of scatter.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from tirelog.cli import run
 from tirelog.data.recording import Channel, Conditions, Stack, TimeAxis
 from tirelog.inference.cells.cells import Cells, cells_of
 from tirelog.inference.cells.pieces import pieces_of
@@ -85,6 +87,35 @@ def stack(
     return stack_of(values, conditions, number, noise, **named)
 
 
+def phase_shifts(
+    seed: int,
+    manoeuvres: int,
+    repeats: int,
+    shifts: Callable[[Conditions], FloatArray],
+    noise: float,
+    log: str = "a",
+    **drive: Any,
+) -> Stack:
+    """Phase shifts [rad] of steady drives of one log; `shifts` (n,) are those without noise.
+
+    `drive`: of each condition a number, or the range that one is drawn from for each manoeuvre.
+    """
+    random, manoeuvre = np.random.default_rng(seed), np.repeat(np.arange(manoeuvres), repeats)
+    values = {
+        name: random.uniform(*given, manoeuvres)[manoeuvre] if isinstance(given, tuple) else given
+        for name, given in {"speed_m_s": (10.0, 25.0), "acceleration_m_s2": 0.0, **drive}.items()
+    }
+    driven = Conditions.of(manoeuvre.size, time_s=np.arange(manoeuvre.size) * 0.1, **values)
+    measured = shifts(driven)[:, None] + noise * random.standard_normal((manoeuvre.size, 1))
+    named = {"observable": "phase_shift", "surface": "inner", "radius_m": 0.305, "logs": (log,)}
+    return stack_of(measured, driven, manoeuvre, noise, **named)
+
+
 def make_cells(stack: Stack) -> Cells:
     """The cells of a stack."""
     return cells_of(pieces_of(stack))
+
+
+def done(*words: object) -> None:
+    """A command, which has to end well."""
+    assert run([*map(str, words), "--quiet"]) == 0

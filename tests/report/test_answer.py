@@ -21,7 +21,7 @@ from tests.report.test_page import data, numbers
 from tirelog.diagnosis.history import history_file
 from tirelog.diagnosis.obstacles import TransientComparison
 from tirelog.diagnosis.propose.ground import MeasuredShape
-from tirelog.diagnosis.propose.propose import FoundFormula, HoldoutErrors, Proposal, Term
+from tirelog.diagnosis.propose.propose import FoundFormula, Proposal, Term
 from tirelog.diagnosis.results import Map
 from tirelog.errors import UsageError
 from tirelog.inference.measured import MeasuredLogs
@@ -319,13 +319,19 @@ def proposal(status: str = "formula") -> Proposal:
         shapes=(shape,),
         written=("proposed_1",),
         model=None,
-        locked=HoldoutErrors(6, 10.4e-6, 2.04e-6, 1.94e-6),
+        locked={
+            "manoeuvres": 6,
+            "rmse_before": 10.4e-6,
+            "rmse_after": 2.04e-6,
+            "noise_floor": 1.94e-6,
+            "share_removed": 0.99,
+        },
         observable="strain",
         rmse_heldout_before=13.2e-6,
         rmse_heldout_after=2.27e-6,
         noise_floor=2.28e-6,
         manoeuvres=11,
-        nearest=(("edge_impact", 0.228),),
+        nearest=({"effect": "edge_impact", "excess_removed": 0.228},),
         separating_manoeuvres=(),
         notes=(),
         phi_rad=phi,

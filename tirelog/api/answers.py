@@ -318,22 +318,16 @@ def diagnose(
     if pieces is not None:
         known = diagnosing.logs_of(pieces)
         groups = known if isinstance(leave_one_out, bool) else _of_these(leave_one_out, known)
-        diagnosing.refuse_one(groups, by, "none can be left out")
+        diagnosing.refuse_one(groups, by)
     result = diagnosing.diagnose(asked, model, effects=candidates, progress=progress)
     if bootstrap:
         progress(f"drawing the manoeuvres {bootstrap} times")
         result = diagnosing.with_draws(result, bootstrap, candidates)
     if pieces is not None:
-        stability = diagnosing.leave_one_out(
-            groups,
-            partial(diagnosing.of_logs, pieces),
-            model,
-            result,
-            by=by,
-            effects=candidates,
-            progress=progress,
+        some = partial(diagnosing.of_logs, pieces)
+        result = diagnosing.with_groups(
+            result, groups, some, model, by=by, effects=candidates, progress=progress
         )
-        result = diagnosing.with_stability(result, stability)
     return result
 
 

@@ -162,9 +162,7 @@ def _with_each(
     if len(groups) < 2:
         said = f"There is one {by} alone: nothing is to be held against it."
         return replace(found, notes=(*found.notes, said))
-    each = diagnosing.each_alone(groups, some, model, by=by, effects=effects)
-    stability = diagnosing.leave_one_out(groups, some, model, found, by=by, effects=effects)
-    return diagnosing.with_stability(found, stability, each)
+    return diagnosing.with_groups(found, groups, some, model, by=by, effects=effects, alone=True)
 
 
 def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str, Any]:

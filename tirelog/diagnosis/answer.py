@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from math import isfinite, sqrt
 from pathlib import Path
 from pkgutil import resolve_name
@@ -58,11 +58,12 @@ class AnswerRecord:
     """What every answer has: a headline, tables and sentences below it, and a figure.
 
     `picture` and `panel`: functions of `plots.answers` that take the answer: its figure,
-    and the main panel of that.
+    and the main panel of that. `apart`: fields that stand in no JSON.
     """
 
     picture: ClassVar[str]
     panel: ClassVar[str]
+    apart: ClassVar[tuple[str, ...]] = ("model",)
 
     @property
     def headline(self) -> str:
@@ -72,6 +73,10 @@ class AnswerRecord:
     def below(self) -> tuple[Sequence[AnswerTable], Sequence[str]]:
         """What a notebook shows below the headline: tables, and sentences."""
         return (), ()
+
+    def to_json(self) -> dict[str, Any]:
+        """The answer as plain values by name (`record_fields`)."""
+        return record_fields(self)
 
     def plot(self, path_or_axes: str | Path | Axes | None = None, **how: str) -> Any:
         """The figure.
@@ -115,13 +120,28 @@ def excess_of(rmse: float, floor: float) -> float:
     return float(np.sqrt(max(rmse**2 - floor**2, 0.0)))
 
 
+def record_fields(record: Any) -> dict[str, Any]:
+    """A dataclass as plain values by name: its fields but those `apart`, and those in `also`.
+
+    What is in `also` are properties.
+    """
+    names = (*(own.name for own in fields(record)), *getattr(record, "also", ()))
+    apart = getattr(record, "apart", ())
+    return plain_fields({name: getattr(record, name) for name in names if name not in apart})
+
+
 def plain_fields(values: Mapping[str, Any]) -> dict[str, Any]:
     """Values by name as JSON takes them (`plain_values`)."""
     return {str(name): plain_values(value) for name, value in values.items()}
 
 
 def plain_values(value: Any) -> Any:
-    """The same without numpy types, tuples as lists, not-a-number and infinity as None."""
+    """The same without numpy types, tuples as lists, not-a-number and infinity as None.
+
+    A dataclass becomes what its `to_json` says, or its `record_fields`.
+    """
+    if is_dataclass(value):
+        return value.to_json() if hasattr(value, "to_json") else record_fields(value)
     if isinstance(value, Mapping):
         return plain_fields(value)
     if isinstance(value, list | tuple):
@@ -144,29 +164,25 @@ def plain_values(value: Any) -> Any:
 
 def not_varied(conditions: Conditions, effects: Iterable[Effect]) -> str:
     """The sentence, '' if there is nothing to say."""
-    same, unknown, who = list[str](), list[str](), list[str]()
+    same, unknown, who = list[str](), list[str](), dict[str, None]()
     candidates = list(effects)
     for field in SETUP_KEYS:
-        followers = [
-            effect.id for effect in candidates if field in [name for name, _ in effect.followed]
-        ]
-        values = getattr(conditions, field)
+        followers = [e.id for e in candidates if field in [name for name, _ in e.followed]]
+        values, condition = getattr(conditions, field), CONDITIONS[field]
         known = bool(np.isfinite(values).all())
         # a range below this share of the largest value is none: what follows the square of it then
         # changes by 4 %; doubled, by 8 %
         if not followers or (known and np.ptp(values) > 0.02 * np.abs(values).max()):
             continue
-        condition = CONDITIONS[field]
-        (same if known else unknown).append(
-            f"{condition.name} {np.mean(values):.6g} {condition.unit}" if known else condition.name
-        )
-        who += [name for name in followers if name not in who]
+        if known:
+            same.append(f"{condition.name} {np.mean(values):.6g} {condition.unit}")
+        else:
+            unknown.append(condition.name)
+        who |= dict.fromkeys(followers)
+    parts = {"the same throughout": same, "not known": unknown}
+    said = "; ".join(f"{word}: {', '.join(names)}" for word, names in parts.items() if names)
     if not who:
         return ""
-    parts = ([f"the same throughout: {', '.join(same)}"] if same else []) + (
-        [f"not known: {', '.join(unknown)}"] if unknown else []
-    )
-    said = "; ".join(parts)
     return (
         f"{said[0].upper()}{said[1:]}. What follows them ({', '.join(who)}) shows here by its "
         "shape at most; logs that differ in them would tell more."
@@ -198,103 +214,103 @@ _PARITY = {
 }
 
 
+#: the verdict in one sentence, by what is said of it
+_SENTENCES = {
+    "nothing_missing": "Nothing is missing that this data could show: what the model{beside} leaves"
+    " is the noise floor{above}.",
+    "scatter": "What is left {repeats} from manoeuvre to manoeuvre, and is more than noise: {size} "
+    "({errors}).{like_load}{goes_with} {check}",
+    "small": "What is left repeats, but is too small to matter: {errors}. {check}",
+    "too_few": "Too few manoeuvres for a test ({manoeuvres}): candidates are ranked, none is "
+    "claimed.",
+    "unknown": "{lacks} that no effect of the catalogue explains. {check}",
+    "unknown_and_near": "{lacks} that no effect of the catalogue explains; the "
+    "nearest, {nearest}, explains {near}. {check}",
+    "unknown_and_doubt": "{lacks}; {nearest} would explain {near} of the excess, but "
+    "{doubt}, so none is named. {check}",
+    "ambiguous": "Missing is {sets}: these data cannot tell which; {each}.",
+    "or_nuisance": "{missing}, or {places}: these data cannot tell which; {removes} of the excess.",
+    "partial": "{explains} repeats{where} and has no name yet. {check}",
+    "shapeless": f"{{explains}} has no name: {_SHAPELESS}. {{check}}",
+    "form": "{explains} repeats and is within what a somewhat different form of {names} would "
+    "leave. {check}",
+    "missing": "{missing}: {removes} of the excess.",
+    "missing_and_scatter": "{missing}: {removes} of the excess that repeats; {left} beside it do "
+    "not repeat from manoeuvre to manoeuvre. {check}",
+}
+
+
 def sentence_of(facts: Mapping[str, Any]) -> str:
     """The verdict in one sentence; what is no physics first if conditions may be wrong."""
-    verdict, selected, share = facts["verdict"], facts["selected"], facts["share"]
-    names, one = " and ".join(selected), len(selected) == 1
-    before, floor = facts["before"], facts["floor"]
-    if verdict == "nothing_missing":
-        said = " and ".join(NUISANCES_SAID[name] for name in facts["beside"])
-        beside = f" with {said} beside it" if said else ""
-        floors, above = sqrt(max(before, 0.0) / floor) if floor > 0.0 else 0.0, ""
-        if floors > QUIET_FLOORS:
-            above = (
-                f"; held out it is {floors:.3g} floors, no more than {facts['manoeuvres']} "
-                "manoeuvres leave uncertain in its parameters"
-            )
-        return (
-            f"Nothing is missing that this data could show: what the model{beside} leaves is the "
-            f"noise floor{above}."
+    names, one, share = " and ".join(facts["selected"]), len(facts["selected"]) == 1, facts["share"]
+    before, floor, scatter, left = (facts[n] for n in ("before", "floor", "scatter", "unexplained"))
+    factor, unit = shown(facts["observable"], facts["unit"])
+    squares = max(before, 0.0) / floor if floor > 0.0 else 0.0
+    floors, above = sqrt(squares), ""
+    if floors > QUIET_FLOORS:
+        above = (
+            f"; held out it is {floors:.3g} floors, no more than {facts['manoeuvres']} manoeuvres "
+            "leave uncertain in its parameters"
         )
-    if verdict == "scatter":
-        return f"{_scatter(facts)} {_first_check(facts)}"
-    if verdict == "too_few":
-        return (
-            f"Too few manoeuvres for a test ({facts['manoeuvres']}): candidates are ranked, none "
-            "is claimed."
-        )
-    if verdict == "unknown":
-        excess = max(before - floor, 0.0) / floor if floor > 0 else 0.0
-        return (
-            f"Something repeatable is missing ({excess:.2g} squared floors){_nearest(facts)}. "
-            f"{_first_check(facts)}"
-        )
-    is_missing = f"{names} {'is' if one else 'are'} missing"
-    removes = "it removes" if one else "they remove"
-    if verdict == "ambiguous" and facts["groups"]:
-        sets = "; ".join(" or ".join(group) for group in facts["groups"])
-        each = ", ".join(
+    beside = " and ".join(NUISANCES_SAID[name] for name in facts["beside"])
+    suspected = "; or ".join(facts["suspects"])
+    rest = "partial" if left.get("significant") else "shapeless"
+    nearest, near = left.get("nearest_effect"), left.get("nearest_share") or 0.0
+    unnamed = "unknown_and_near" if near < facts["enough"] else "unknown_and_doubt"
+    kinds = {
+        "unknown": unnamed if nearest else "unknown",
+        "scatter": "small" if left.get("significant") else "scatter",
+        "ambiguous": "ambiguous" if facts["groups"] else "or_nuisance",
+        "partial": "form" if share >= 0.9 else rest,
+        "missing": "missing" if facts["total"] >= facts["explained"] else "missing_and_scatter",
+    }
+    return _SENTENCES[kinds.get(facts["verdict"], facts["verdict"])].format(
+        names=names,
+        missing=f"{names} {'is' if one else 'are'} missing",
+        removes=f"{'it removes' if one else 'they remove'} {percent(share)}",
+        explains=f"{names} {'explains' if one else 'explain'} {percent(share)} of the excess; the "
+        f"other {percent(1 - share)}",
+        manoeuvres=facts["manoeuvres"],
+        lacks=f"Something repeatable is missing ({max(squares - 1.0, 0.0):.2g} squared floors)",
+        nearest=nearest,
+        near=percent(near),
+        doubt="its strength cannot be told from nothing here"
+        if nearest in facts["unestablished"]
+        else "that is not beyond doubt",
+        errors=f"held out {floors:.2f} floors, reduced chi-square {facts['chi2']:.3g}",
+        above=above,
+        beside=f" with {beside} beside it" if beside else "",
+        left=f"{max(facts['after'] - floor, 0.0) ** 0.5 * factor:.3g} {unit}",
+        where=f" {_WHERE[left['where']]}" if left.get("where") else "",
+        sets="; ".join(" or ".join(group) for group in facts["groups"]),
+        each=", ".join(
             f"{name} removes {percent(facts['shares'][name])} of the excess"
             for group in facts["groups"]
             for name in group
             if name in facts["shares"]
-        )
-        return f"Missing is {sets}: these data cannot tell which; {each}."
-    if verdict == "ambiguous":
-        places = " and ".join(
+        ),
+        places=" and ".join(
             f"in place of {effect} {NUISANCES_SAID[nuisance]}"
             for nuisance, effect in facts["or_nuisance"]
-        )
-        return (
-            f"{is_missing}, or {places}: these data cannot tell which; {removes} {percent(share)} "
-            "of the excess."
-        )
-    if verdict == "partial":
-        rest = facts["unexplained"]
-        explains = (
-            f"{names} {'explains' if one else 'explain'} {percent(share)} of the excess; the other "
-            f"{percent(1 - share)}"
-        )
-        if share >= 0.9:
-            return (
-                f"{explains} repeats and is within what a somewhat different form of {names} "
-                f"would leave. {_first_check(facts)}"
-            )
-        if not rest.get("significant"):
-            return f"{explains} has no name: {_SHAPELESS}. {_first_check(facts)}"
-        where = f" {_WHERE[rest['where']]}" if rest.get("where") else ""
-        return f"{explains} repeats{where} and has no name yet. {_first_check(facts)}"
-    if facts["total"] < facts["explained"]:
-        factor, unit = shown(facts["observable"], facts["unit"])
-        left = max(facts["after"] - floor, 0.0) ** 0.5 * factor
-        return (
-            f"{is_missing}: {removes} {percent(share)} of the excess that repeats; {left:.3g} "
-            f"{unit} beside it do not repeat from manoeuvre to manoeuvre. {_first_check(facts)}"
-        )
-    return f"{is_missing}: {removes} {percent(share)} of the excess."
+        ),
+        check=f"Or the conditions are wrong: {suspected}." if suspected else FIRST_CHECK,
+        size=f"{scatter['size'] * factor:.3g} {unit}" if scatter else "",
+        repeats="is not shown to repeat" if scatter and scatter["follows"] else "does not repeat",
+        like_load=" It looks like a load that changes." * bool(scatter and scatter["like_load"]),
+        goes_with=_goes_with(scatter) if scatter else "",
+    )
 
 
-def _first_check(facts: Mapping[str, Any]) -> str:
-    """What to look at before physics: the conditions that would explain much, or all of them."""
-    suspected = facts.get("suspects")
-    return f"Or the conditions are wrong: {'; or '.join(suspected)}." if suspected else FIRST_CHECK
-
-
-def _nearest(facts: Mapping[str, Any]) -> str:
-    """What no effect explains; or what one would explain, and why it is not named all the same."""
-    rest = facts["unexplained"]
-    nearest, share = rest.get("nearest_effect"), rest.get("nearest_share")
-    if not nearest:
-        return " that no effect of the catalogue explains"
-    if share < facts["enough"]:
-        return (
-            f" that no effect of the catalogue explains; the nearest, {nearest}, explains "
-            f"{percent(share)}"
-        )
-    why = "that is not beyond doubt"
-    if nearest in facts["unestablished"]:
-        why = "its strength cannot be told from nothing here"
-    return f"; {nearest} would explain {percent(share)} of the excess, but {why}, so none is named"
+def _goes_with(scatter: Mapping[str, Any]) -> str:
+    """What goes with what does not repeat."""
+    follows, grows = scatter["follows"], scatter["grows"]
+    if not follows:
+        return " Nothing that the logs hold is found to go with it."
+    if follows.startswith("log "):
+        size = "larger" if grows else "smaller"
+        return f" It is {size} in log {int(follows[4:]) + 1} than in the others."
+    way = "grows" if grows else "falls"
+    return f" It {way} with {follows}{_or_those(scatter['together'])}."
 
 
 def percent(share: float) -> str:
@@ -361,38 +377,6 @@ def rounding_sentences(observable: str, held: float, floor: float, rounding: flo
             "what is smaller is not seen; log finer steps"
         ]
     return []
-
-
-def _scatter(facts: Mapping[str, Any]) -> str:
-    """What does not repeat: how much, against what, and what it goes with."""
-    scatter = facts["scatter"]
-    factor, unit = shown(facts["observable"], facts["unit"])
-    floors = (facts["before"] / facts["floor"]) ** 0.5 if facts["floor"] > 0 else 0.0
-    looks = " It looks like a load that changes." if scatter["like_load"] else ""
-    follows = scatter["follows"]
-    if follows.startswith("log "):
-        goes = (
-            f" It is {'larger' if scatter['grows'] else 'smaller'} in log {int(follows[4:]) + 1} "
-            "than in the others."
-        )
-    elif follows:
-        goes = (
-            f" It {'grows' if scatter['grows'] else 'falls'} with "
-            f"{follows}{_or_those(scatter['together'])}."
-        )
-    else:
-        goes = " Nothing that the logs hold is found to go with it."
-    if facts["unexplained"]["significant"]:
-        return (
-            f"What is left repeats, but is too small to matter: held out {floors:.2f} floors, "
-            f"reduced chi-square {facts['chi2']:.3g}."
-        )
-    shown_not = "is not shown to repeat" if follows else "does not repeat"
-    return (
-        f"What is left {shown_not} from manoeuvre to manoeuvre, and is more than noise: "
-        f"{scatter['size'] * factor:.3g} {unit} "
-        f"(held out {floors:.2f} floors, reduced chi-square {facts['chi2']:.3g}).{looks}{goes}"
-    )
 
 
 def unexplained_sentence(facts: Mapping[str, Any], few: bool) -> str:
@@ -486,8 +470,7 @@ def next_command(
             adds.append(f"tirelog model {word} {file} {name}{use} -o {longer}")
             file = longer
         return " && ".join([*adds, f"tirelog model fit {given} --model {file} -o {file}"])
-    if verdict in ("unknown", "scatter"):
-        return f"tirelog compare {given} --model {file} --plot residual.png"
+    compare = f"tirelog compare {given} --model {file}"
     if verdict == "too_few":
         return f"tirelog diagnose {given} MORE_LOGS --model {file}"
-    return f"tirelog compare {given} --model {file}"
+    return f"{compare} --plot residual.png" if verdict in ("unknown", "scatter") else compare

@@ -21,15 +21,14 @@ from __future__ import annotations
 import math
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from importlib import resources
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from tirelog.diagnosis.answer import plain_fields
 from tirelog.diagnosis.candidates.assessment import (
     all_signatures,
     best_variants,
@@ -89,6 +88,21 @@ class Marks:
     gain_sigmas: float = math.nan
     rival_sigmas: float = math.nan
 
+    @property
+    def terms(self) -> dict[str, float]:
+        """Numbers that go with being right, by name; NaN if one is not known."""
+        falls = self.chi2_before > 0.0 and self.chi2_after > 0.0
+        return {
+            # held-out error above the floor, in steps of 0.05 floors: QUIET_FLOORS allows one
+            "rest": max(self.heldout_after - 1.0, 0.0) / 0.05,
+            # decades of the least p of any effect, named or not
+            "evidence": -math.log10(self.least_p) if self.least_p > 0.0 else math.nan,
+            # decades by which chi-square falls
+            "size": math.log10(self.chi2_before / self.chi2_after) if falls else math.nan,
+            # standard errors to the next rival, held out
+            "rival": self.rival_sigmas,
+        }
+
 
 def marks_of(
     found: SearchResult,
@@ -105,14 +119,14 @@ def marks_of(
     # a rival, or a gain, is as far away as matters [standard errors]; doubling changes nothing that
     # simulated cases showed
     far = 10.0
-    gains, rivals = [], []
-    for step in found.steps:
-        if step.named is None:
-            continue
-        best = step.named.base
-        gains.append(gain_sigmas(step.before.held_white, best.held_white))
-        apart = [r for r in step.contenders if r.id != step.named.id and r.id not in step.group]
-        rivals += [gain_sigmas(r.base.held_white, best.held_white) for r in apart] or [far]
+    named = [(step, step.named) for step in found.steps if step.named is not None]
+    gains = [gain_sigmas(step.before.held_white, own.base.held_white) for step, own in named]
+    rivals = [
+        gain_sigmas(rival.base.held_white, own.base.held_white)
+        for step, own in named
+        for rival in step.contenders
+        if rival.id not in (own.id, *step.group)
+    ] + [far] * bool(named)
     in_floors = [math.nan if e is None or not floor > 0.0 else e / floor for e in held]
     return Marks(
         verdict,
@@ -123,45 +137,14 @@ def marks_of(
         chi2[0],
         chi2[1],
         least_p=min((a.p for a in found.steps[0].assessed), default=1.0),
-        gain_sigmas=float(np.clip(min(gains), 0.0, far)) if gains else 0.0,
-        rival_sigmas=float(np.clip(min(rivals), 0.0, far)) if rivals else 0.0,
+        gain_sigmas=float(np.clip(min(gains, default=0.0), 0.0, far)),
+        rival_sigmas=float(np.clip(min(rivals, default=0.0), 0.0, far)),
     )
 
 
-@dataclass(frozen=True)
-class CertaintyTerm:
-    """A number of a diagnosis that goes with being right: `sign` says which way it may go."""
-
-    words: str
-    sign: int
-    of: Callable[[Marks], float]
-
-
-#: by name; what a class of verdicts may use stands in `OF_CLASS`, best first
-TERMS: Mapping[str, CertaintyTerm] = {
-    "rest": CertaintyTerm(
-        "held-out error above the floor, in steps of 0.05 floors",
-        -1,
-        lambda marks: max(marks.heldout_after - 1.0, 0.0) / 0.05,  # QUIET_FLOORS allows one
-    ),
-    "evidence": CertaintyTerm(
-        "decades of the least p of any effect, named or not",
-        -1,
-        lambda marks: -math.log10(marks.least_p) if marks.least_p > 0.0 else math.nan,
-    ),
-    "size": CertaintyTerm(
-        "decades by which chi-square falls",
-        1,
-        lambda marks: (
-            math.log10(marks.chi2_before / marks.chi2_after)
-            if marks.chi2_before > 0.0 and marks.chi2_after > 0.0
-            else math.nan
-        ),
-    ),
-    "rival": CertaintyTerm(
-        "standard errors to the next rival, held out", 1, lambda marks: marks.rival_sigmas
-    ),
-}
+#: which way each of `Marks.terms` may go with being right
+SIGNS: Mapping[str, int] = {"rest": -1, "evidence": -1, "size": 1, "rival": 1}
+#: those that a class of verdicts may use, best first
 OF_CLASS: Mapping[str, tuple[str, ...]] = {
     "none": ("rest", "evidence"),
     "name": ("rest", "size", "rival"),
@@ -184,6 +167,7 @@ class Certainty:
     date: str = ""
     lacking: tuple[str, ...] = ()
     reason: str = ""
+    also: ClassVar = ("sentence",)
 
     @property
     def sentence(self) -> str:
@@ -197,9 +181,6 @@ class Certainty:
             f"{self.date}{but})."
         )
 
-    def to_json(self) -> dict[str, Any]:
-        return asdict(self) | {"sentence": self.sentence}
-
 
 def class_of(verdict: str) -> str | None:
     """The class of verdicts that say alike; None: it claims nothing."""
@@ -208,25 +189,23 @@ def class_of(verdict: str) -> str | None:
 
 def certainty_of(marks: Marks, table: Mapping[str, Any] | None = None) -> Certainty:
     """P(right) of a diagnosis with these marks, by the package's table or another."""
-    table, kind = calibration() if table is None else table, class_of(marks.verdict)
-    if kind is None:
-        return Certainty(None, reason="it claims nothing")
-    known, words = table.get(kind), " or ".join(CLASSES[kind])
-    if known is None:
-        return Certainty(None, reason=f"no simulated case was {words}")
-    if marks.carcass not in known["carcasses"]:
-        had = " or ".join(known["carcasses"])
-        return Certainty(None, reason=f"simulated cases that were {words} had a {had}")
-    low, high = known["manoeuvres"]
-    # so many times the manoeuvres that the cases had, or so few, are still like them
-    if not low / 1.5 <= marks.manoeuvres <= high * 1.5:
-        return Certainty(
-            None, reason=f"simulated cases had {low} to {high} manoeuvres, these logs "
-            f"{marks.manoeuvres}",
-        )  # fmt: skip
+    table, kind = calibration() if table is None else table, class_of(marks.verdict) or ""
+    known, words = table.get(kind, {}), " or ".join(CLASSES.get(kind, ()))
+    (low, high), had = known.get("manoeuvres", (0, 0)), known.get("carcasses", ())
+    reasons = {
+        "it claims nothing": not kind,
+        f"no simulated case was {words}": not known,
+        f"simulated cases that were {words} had a {' or '.join(had)}": marks.carcass not in had,
+        # so many times the manoeuvres that the cases had, or so few, are still like them
+        f"simulated cases had {low} to {high} manoeuvres, these logs {marks.manoeuvres}": not (
+            low / 1.5 <= marks.manoeuvres <= high * 1.5
+        ),
+    }
+    if why := next((why for why, holds in reasons.items() if holds), ""):
+        return Certainty(None, reason=why)
     logit = float(known["intercept"])
     for name, term in known.get("terms", {}).items():
-        value = TERMS[name].of(marks)
+        value = marks.terms[name]
         if math.isfinite(value):  # what is not known is as in the middle of the cases
             inside = min(max(value, term["low"]), term["high"])
             logit += term["slope"] * (inside - term["centre"])
@@ -266,8 +245,7 @@ def unlike_cases(model: Model, selected: Iterable[str], gratings: bool) -> str:
 @cache
 def calibration() -> dict[str, Any]:
     """The table that the package comes with (see `benchmarks.calibration`)."""
-    text = (resources.files("tirelog.diagnosis") / TABLE).read_text("utf-8")
-    return tomllib.loads(text)
+    return tomllib.loads((resources.files("tirelog.diagnosis") / TABLE).read_text("utf-8"))
 
 
 # ---- How often each effect is named when manoeuvres are drawn anew: does a few of them decide?
@@ -291,62 +269,40 @@ MOST_DRAWS = 10000
 _BLOCK = 256
 
 
-@dataclass(frozen=True)
-class StepInclusion:
-    """One step of the search: the share of draws that named each effect; the rest named none."""
-
-    step: int
-    named: str | None
-    shares: dict[str, float]
-
-    @property
-    def none(self) -> float:
-        return max(1.0 - sum(self.shares.values()), 0.0)
-
-
-@dataclass(frozen=True)
-class Inclusion:
-    """The steps of a search under so many draws of its manoeuvres."""
-
-    draws: int
-    manoeuvres: int
-    steps: tuple[StepInclusion, ...]
-
-    @property
-    def sentences(self) -> list[str]:
-        """A sentence for each step; that a name hangs on some manoeuvres is said."""
-        said = []
-        for step in self.steps:
-            shares, none, named = step.shares, step.none, step.named
-            order = sorted(shares.items(), key=lambda item: -item[1])
-            parts = [f"{name} in {100.0 * share:.0f} %" for name, share in order if share > 0.0]
-            parts += [f"nothing in {100.0 * none:.0f} %"] if none > 0.0 else []
-            which = f"step {step.step} of the search" if len(self.steps) > 1 else "the search"
-            text = (
-                f"of {self.draws} draws of the {self.manoeuvres} manoeuvres {which} names "
-                f"{', '.join(parts)}"
-            )
-            if (shares.get(named, 0.0) if named else none) < STEADY:
-                text += f": {named or 'that nothing is named'} hangs on some manoeuvres"
-            said.append(f"{text[0].upper()}{text[1:]}.")
-        return said
-
-    def to_json(self) -> dict[str, Any]:
-        return vars(self) | {"steps": [vars(step) | {"none": step.none} for step in self.steps]}
-
-
 def inclusion(
     found: SearchResult, draws: int, extra: Iterable[Effect] = (), seed: int = 0
-) -> Inclusion:
-    """How often each step of a search names each effect, over draws of its manoeuvres."""
-    extra, count = tuple(extra), found.before.cells.manoeuvres
+) -> dict[str, Any]:
+    """How often each step of a search names each effect, over draws of its manoeuvres.
+
+    `draws`, `manoeuvres`, and of each of the `steps` what it `named`, the `shares` of the draws
+    that named each effect, and of those that named `none`.
+    """
+    extra, count, steps = tuple(extra), found.before.cells.manoeuvres, []
     random = np.random.default_rng(seed)
     times = random.multinomial(count, np.full(count, 1.0 / count), size=draws).astype(float)
-    steps = tuple(
-        StepInclusion(i, step.named.id if step.named else None, _shares(step, i, times, extra))
-        for i, step in enumerate(found.steps, start=1)
-    )
-    return Inclusion(draws, count, steps)
+    for i, step in enumerate(found.steps, start=1):
+        shares, named = _shares(step, i, times, extra), step.named.id if step.named else None
+        none = max(1.0 - sum(shares.values()), 0.0)
+        steps.append({"step": i, "named": named, "shares": shares, "none": none})
+    return {"draws": draws, "manoeuvres": count, "steps": steps}
+
+
+def inclusion_sentences(drawn: Mapping[str, Any]) -> list[str]:
+    """A sentence for each step; that a name hangs on some manoeuvres is said."""
+    said = []
+    for step in drawn["steps"]:
+        shares, none, named = step["shares"], step["none"], step["named"]
+        often = [*sorted(shares.items(), key=lambda item: -item[1]), ("nothing", none)]
+        parts = [f"{name} in {100.0 * share:.0f} %" for name, share in often if share > 0.0]
+        which = f"step {step['step']} of the search" if len(drawn["steps"]) > 1 else "the search"
+        hangs = ""
+        if (shares.get(named, 0.0) if named else none) < STEADY:
+            hangs = f": {named or 'that nothing is named'} hangs on some manoeuvres"
+        said.append(
+            f"Of {drawn['draws']} draws of the {drawn['manoeuvres']} manoeuvres {which} names "
+            f"{', '.join(parts)}{hangs}."
+        )
+    return said
 
 
 def _shares(
@@ -398,10 +354,10 @@ def _alarms(
 
 # ---- Does the verdict stand if one log, or one tire, is left out?  And what does each say alone?
 #
-#     answers without each log, or tire -> Stability: where the verdict is another one
-#     answers of each alone             -> Each: verdicts and names counted, p adjusted over them
+#     verdicts without each log, or tire -> where the verdict is another one
+#     verdicts of each alone             -> verdicts and names counted, p adjusted over them
 #
-# `by_group` asks for them.
+# `diagnose.with_groups` asks for them.
 #
 # What is pooled says one thing of tires that may differ; each alone says whether they do. Over many
 # tires some alarm by chance: the adjusted p (Benjamini and Hochberg 1995) holds the share of false
@@ -439,6 +395,11 @@ class GroupVerdict:
         return self.verdict not in ("", "too_few")
 
     @property
+    def alarms(self) -> bool:
+        """Is something said to be missing?"""
+        return self.verdict in _LACKS
+
+    @property
     def said(self) -> str:
         """The verdict and its names."""
         names = " or ".join(self.selected) if self.verdict == "ambiguous" else ""
@@ -446,44 +407,29 @@ class GroupVerdict:
         return self.verdict.replace("_", " ") + (f" ({names})" if names else "")
 
 
-@dataclass(frozen=True)
-class Stability:
-    """The verdicts without each log, or tire, in turn.
+def stability(by: str, whole: GroupVerdict, without: Sequence[GroupVerdict]) -> dict[str, Any]:
+    """The verdicts without each log, or tire (`by`), beside that of the `whole`, and a sentence.
 
-    `by`: log or tire; `whole`: what is said of all of them.
+    The sentence says whether the verdict stands, where it does not, and where it cannot be told.
     """
-
-    by: str
-    whole: GroupVerdict
-    without: tuple[GroupVerdict, ...]
-
-    @property
-    def changed(self) -> tuple[GroupVerdict, ...]:
-        """Where another thing is said."""
-        return tuple(a for a in self.without if a.tested and not like_cases(a, self.whole))
-
-    @property
-    def sentence(self) -> str:
-        """Whether the verdict stands, where it does not, and where it cannot be told."""
-        changed, untold = self.changed, [a for a in self.without if not a.tested]
-        told = len(self.without) - len(untold)
-        said = f"Whether the verdict hangs on single {self.by}s cannot be told."
-        if changed:
-            each = _some([f"without {a.group} it is {a.said}" for a in changed])
-            said = f"The verdict hangs on single {self.by}s, {len(changed)} of {told}: {each}."
-        elif told:
-            said = f"The verdict stands: it is the same without any one of {told} {self.by}s."
-        if untold:
-            why = [f"{a.group}: {a.problem or 'too few manoeuvres are left'}" for a in untold]
-            said += f" Not to be told: {_some([f'without {one}' for one in why])}."
-        return said
-
-    def to_json(self) -> dict[str, Any]:
-        rows = [
-            asdict(a) | {"same": like_cases(a, self.whole) if a.tested else None}
-            for a in self.without
-        ]
-        return plain_fields({"by": self.by, "sentence": self.sentence, "without": rows})
+    claim = (whole.verdict, {*whole.selected})
+    same = [(a.verdict, {*a.selected}) == claim if a.tested else None for a in without]
+    pairs = list(zip(without, same, strict=True))
+    changed = [f"without {a.group} it is {a.said}" for a, like in pairs if like is False]
+    untold = [
+        f"without {a.group}: {a.problem or 'too few manoeuvres are left'}"
+        for a, like in pairs
+        if like is None
+    ]
+    told = len(without) - len(untold)
+    said = f"Whether the verdict hangs on single {by}s cannot be told."
+    if changed:
+        said = f"The verdict hangs on single {by}s, {len(changed)} of {told}: {_some(changed)}."
+    elif told:
+        said = f"The verdict stands: it is the same without any one of {told} {by}s."
+    said += f" Not to be told: {_some(untold)}." if untold else ""
+    rows = [vars(a) | {"same": like} for a, like in pairs]
+    return {"by": by, "sentence": said, "without": rows}
 
 
 def _some(parts: Sequence[str]) -> str:
@@ -492,76 +438,37 @@ def _some(parts: Sequence[str]) -> str:
     return "; ".join(parts[:_TOLD]) + more
 
 
-def like_cases(one: GroupVerdict, other: GroupVerdict) -> bool:
-    """Do two answers say the same?  Verdict and names; "missing" beside "ambiguous" is another."""
-    return one.verdict == other.verdict and set(one.selected) == set(other.selected)
+def each_alone(by: str, verdicts: Sequence[GroupVerdict]) -> dict[str, Any]:
+    """What each log, or tire (`by`), says alone, before anything is pooled, and a sentence.
 
-
-@dataclass(frozen=True)
-class PerGroup:
-    """What each log, or tire, says alone, before anything is pooled."""
-
-    by: str
-    answers: tuple[GroupVerdict, ...]
-
-    @property
-    def adjusted(self) -> tuple[float | None, ...]:
-        """p of each, adjusted over those of which there is one."""
-        left = iter(benjamini_hochberg([a.p for a in self.answers if a.p is not None]).tolist())
-        return tuple(None if a.p is None else next(left) for a in self.answers)
-
-    @property
-    def lacking(self) -> tuple[GroupVerdict, ...]:
-        """Those of which something is missing, with p adjusted over all of them."""
-        return tuple(
-            a
-            for a, q in zip(self.answers, self.adjusted, strict=True)
-            if a.verdict in _LACKS and q is not None and q <= FALSE_DISCOVERIES
-        )
-
-    @property
-    def asked(self) -> tuple[GroupVerdict, ...]:
-        """Those in which anything was tested."""
-        return tuple(a for a in self.answers if a.tested)
-
-    @property
-    def named(self) -> list[tuple[str, int]]:
-        """How many of those that lack something name each effect, the most first."""
-        return Counter(name for a in self.lacking for name in a.selected).most_common()
-
-    @property
-    def inclusion(self) -> dict[str, float]:
-        """Of each effect that is named somewhere the share of those asked that name it."""
-        return {name: n / len(self.asked) for name, n in self.named}
-
-    @property
-    def sentence(self) -> str:
-        """How many lack something, which effect how often, and whether they say the same."""
-        asked, lacking = self.asked, self.lacking
-        if not asked:
-            return f"No {self.by} alone has manoeuvres enough for a test."
-        chance = [a for a in asked if a.verdict in _LACKS and a not in lacking]
-        names = "".join(f", {name} in {n}" for name, n in self.named)
+    `p_adjusted` over all of them; `lacking` says of which something is missing by it; `inclusion`
+    has of each effect that one of these names the share of those tested that do.
+    """
+    left = iter(benjamini_hochberg([a.p for a in verdicts if a.p is not None]).tolist())
+    adjusted = [None if a.p is None else next(left) for a in verdicts]
+    rows = [
+        vars(a)
+        | {"p_adjusted": q, "lacking": a.alarms and q is not None and q <= FALSE_DISCOVERIES}
+        for a, q in zip(verdicts, adjusted, strict=True)
+    ]
+    lacking, tested = [row for row in rows if row["lacking"]], [a for a in verdicts if a.tested]
+    named = Counter(name for row in lacking for name in row["selected"]).most_common()
+    said = f"No {by} alone has manoeuvres enough for a test"
+    if tested:
+        names = "".join(f", {name} in {n}" for name, n in named)
         said = (
-            f"Each {self.by} alone: something is missing in {len(lacking)} of {len(asked)}{names} "
+            f"Each {by} alone: something is missing in {len(lacking)} of {len(tested)}{names} "
             f"(at most {100.0 * FALSE_DISCOVERIES:.0f} % of them by chance)"
         )
-        if chance:
-            said += (
-                f"; {len(chance)} more {'alarms' if len(chance) == 1 else 'alarm'}, no more than "
-                f"chance does among {len(asked)}"
-            )
-        if len({(a.verdict in _LACKS, frozenset(a.selected)) for a in asked}) > 1:
-            said += f"; the {self.by}s do not say the same: what is pooled is their mean"
-        return f"{said}."
-
-    def to_json(self) -> dict[str, Any]:
-        rows = [
-            asdict(a) | {"p_adjusted": q, "lacking": a in self.lacking}
-            for a, q in zip(self.answers, self.adjusted, strict=True)
-        ]
-        fields = {"by": self.by, "sentence": self.sentence, "inclusion": self.inclusion}
-        return plain_fields(fields | {"each": rows})
+    if (chance := sum(a.alarms for a in verdicts) - len(lacking)) > 0:
+        said += (
+            f"; {chance} more {'alarms' if chance == 1 else 'alarm'}, no more than chance does "
+            f"among {len(tested)}"
+        )
+    if len({(a.alarms, frozenset(a.selected)) for a in tested}) > 1:
+        said += f"; the {by}s do not say the same: what is pooled is their mean"
+    shares = {name: n / len(tested) for name, n in named}
+    return {"by": by, "sentence": f"{said}.", "inclusion": shares, "each": rows}
 
 
 def benjamini_hochberg(p: Sequence[float]) -> FloatArray:

@@ -7,7 +7,7 @@ Stacks, Model -> `base.prepare` -> errors, tables, waveforms with the floor's ba
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import PurePath
@@ -29,7 +29,6 @@ from tirelog.diagnosis.residual_structure import half_angle
 from tirelog.diagnosis.results import (
     ERRORS,
     Comparison,
-    ErrorTables,
     Map,
     Waveforms,
     agreement_sentence,
@@ -102,14 +101,13 @@ def start_from(pieces: Pieces | JointPieces, model: Model, *, several: bool = Tr
     model = without_motion_parameters(model)
     if not isinstance(pieces, JointPieces):
         return prepare(cells_of(pieces), model, several=several)
-    cells, drive = map(cells_of, pieces.parts), [part.manoeuvre for part in pieces.parts]
-    if not pieces.places:
-        return prepare_together(list(cells), drive, model, several=several)
-    members = [
-        replace(own, member=name, place_rad=place)
-        for own, name, place in zip(cells, pieces.members, pieces.places, strict=True)
+    places = pieces.places or (np.nan,) * len(pieces.parts)
+    cells = [
+        replace(cells_of(part), member=name, place_rad=place)
+        for part, name, place in zip(pieces.parts, pieces.members, places, strict=True)
     ]
-    return prepare_together(members, drive, model, several=several)
+    drive = [part.manoeuvre for part in pieces.parts]
+    return prepare_together(cells, drive, model, several=several)
 
 
 def observables_of(pieces: Pieces | JointPieces) -> tuple[str, ...]:
@@ -175,7 +173,7 @@ def comparison_of(base: Base, stacks: Sequence[Stack] | JointStacks = ()) -> Com
         member="",
         model=without_ratios(base.model),
         **_errors(base, values - level[cells.part][:, None]),
-        tables=ErrorTables.joined(parts),
+        tables={},
         remarks=tuple(remarks_of(base)),
         parts=parts,
         contributions=known,
@@ -188,12 +186,18 @@ def _errors(base: Base, about: FloatArray) -> dict[str, Any]:
     spread = base.plain.mean_square((base.plain(np.nan_to_num(about)) ** 2).sum())
     spread += base.floor.within
     left = float(np.sqrt(max(base.square_held, 0.0) / spread)) if spread > 0.0 else 1.0
+    fitted, held = float(np.sqrt(max(base.square_fit, 0.0))), base.rmse_held
+    floor, within = (float(np.sqrt(square)) for square in (base.floor.square, base.floor.within))
     return {
-        "rmse": float(np.sqrt(max(base.square_fit, 0.0))),
-        "rmse_heldout": base.rmse_held,
-        "noise_floor": float(np.sqrt(base.floor.square)),
-        "noise_floor_within": float(np.sqrt(base.floor.within)),
+        "rmse": fitted,
+        "rmse_heldout": held,
+        "noise_floor": floor,
+        "noise_floor_within": within,
         "noise_floor_between": float(np.sqrt(base.floor.between)),
+        "excess": excess_of(fitted, floor),
+        "excess_heldout": None if held is None else excess_of(held, floor),
+        "excess_within": excess_of(fitted, within),
+        "excess_heldout_within": None if held is None else excess_of(held, within),
         "reduced_chi2": base.reduced_chi2,
         "fit_percent": 100.0 * (1.0 - left),
         "revolutions": int(base.cells.revolutions.sum()),
@@ -208,8 +212,7 @@ def _comparison_of_one(base: Base, stacks: Sequence[Stack]) -> Comparison:
     known = OBSERVABLES[base.model.observable]
     # time over all logs, one after the other
     time_s, logs = cells.conditions.time_s, range(int(cells.log.max()) + 1)
-    ends = [time_s[cells.log == log].max(initial=0.0) for log in logs]
-    begins = np.cumsum([0.0, *ends])
+    begins = np.cumsum([0.0, *(time_s[cells.log == log].max(initial=0.0) for log in logs)])
     by_time = _map(base, time_s + begins[cells.log], "time_s")
     return Comparison(
         observable=base.model.observable,
@@ -217,7 +220,8 @@ def _comparison_of_one(base: Base, stacks: Sequence[Stack]) -> Comparison:
         member=cells.member,
         model=without_ratios(base.model),
         **_errors(base, np.asarray(measured - np.nanmean(measured))),
-        tables=error_tables(base, stacks),
+        tables=error_tables(base),
+        by_revolution=partial(_by_revolution, base, stacks),
         waveforms=_waveforms(base),
         by_speed=_map(base, cells.conditions.speed_m_s, "speed_m_s"),
         by_time=replace(by_time, begins=tuple(begins[1:-1].tolist())),
@@ -339,33 +343,27 @@ def _map(base: Base, axis: FloatArray, name: str) -> Map:
 # ---- tables --------------------------------------------------------------------------------------
 
 
-def error_tables(base: Base, stacks: Sequence[Stack]) -> ErrorTables:
-    """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions.
-
-    By revolution there is one row each, made when it is asked for.
-    """
+def error_tables(base: Base) -> dict[str, list[dict[str, Any]]]:
+    """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions."""
     c, conditions = base.cells, base.cells.conditions
-    tables = {"angle": _by_angle(base)}
     band = np.floor(conditions.speed_m_s / 2.0) * 2.0 + 1.0
-    groups: dict[str, tuple[Any, Callable[[Any], dict[str, Any]]]] = {
-        "speed": (band, lambda speed: {"speed_m_s": float(speed)}),
-        "regime": (c.regime, lambda regime: {"regime": str(regime)}),
-        "conditions": (
-            c.log,
-            lambda log: (
-                {"log": c.logs[log]}
-                | {
-                    name: float(np.mean(getattr(conditions, name)[c.log == log]))
-                    for name in SETUP_KEYS
-                }
-            ),
-        ),
+    kept = {
+        log: {name: float(np.mean(getattr(conditions, name)[c.log == log])) for name in SETUP_KEYS}
+        for log in dict.fromkeys(c.log.tolist())
     }
-    for name, (labels, describe) in groups.items():
-        each = dict.fromkeys(labels.tolist())
-        tables[name] = [_row(base, labels == label, describe(label)) for label in each]
-    tables["speed"].sort(key=lambda row: row["speed_m_s"])
-    return ErrorTables(tables, {"revolution": lambda: _by_revolution(base, stacks)})
+    return {
+        "angle": _by_angle(base),
+        "speed": [
+            _row(base, band == speed, {"speed_m_s": speed}) for speed in np.unique(band).tolist()
+        ],
+        "regime": [
+            _row(base, c.regime == regime, {"regime": str(regime)})
+            for regime in dict.fromkeys(c.regime.tolist())
+        ],
+        "conditions": [
+            _row(base, c.log == log, {"log": c.logs[log], **means}) for log, means in kept.items()
+        ],
+    }
 
 
 def _row(base: Base, rows: NDArray[np.bool_], description: dict[str, Any]) -> dict[str, Any]:
@@ -490,14 +488,13 @@ def locked_away(
     return pieces.take(~mask), pieces.take(mask)
 
 
-@or_refusal
-def untouched(after: Base, locked: Pieces | JointPieces) -> tuple[float, float] | ModelError:
-    """(rmse of the model on the locked manoeuvres, the floor there), or why it has none there.
+def _on_locked(after: Base, locked: Pieces | JointPieces) -> tuple[float, float]:
+    """(rmse of the model on the locked manoeuvres, the floor there).
 
     The offsets are as fitted on the others. Of several observables both are in floors.
     """
     if isinstance(locked, JointPieces):
-        return _untouched_several(after, locked)
+        return _on_locked_of_several(after, locked)
     cells = cells_of(locked)
     for _ in range(3):
         cells, _farthest = centred(cells, predicted(after.model, cells))
@@ -523,15 +520,19 @@ def _mean_within(plain: UnweightedMetric, within: FloatArray) -> float:
     return float((share * np.where(share > 0, within, 0.0)).sum() / plain.weight)
 
 
-def _untouched_several(after: Base, locked: JointPieces) -> tuple[float, float]:
+#: the same, or why the model has no error there
+untouched = or_refusal(_on_locked)
+
+
+def _on_locked_of_several(after: Base, locked: JointPieces) -> tuple[float, float]:
     """The root mean square over the observables, weighted by their revolutions."""
-    squares, weights = [], []
-    members = zip(bases_by_observable(after), locked.parts, after.cells.scales, strict=True)
-    for part, own, scale in (member for member in members if len(member[1])):
-        there = untouched(part, own)
-        if isinstance(there, ModelError):
-            raise there
-        squares.append(np.square(there) / scale**2)
-        weights.append(float(own.number.sum()))
+    parts, scales = bases_by_observable(after), after.cells.scales
+    known = [
+        (_on_locked(part, own), scale, own.number.sum())
+        for part, own, scale in zip(parts, locked.parts, scales, strict=True)
+        if len(own)
+    ]
+    squares = [np.square(errors) / scale**2 for errors, scale, _ in known]
+    weights = [float(number) for _, _, number in known]
     rmse, floor = np.sqrt(np.average(squares, axis=0, weights=weights)).tolist()
     return rmse, floor

@@ -20,7 +20,7 @@ The verdicts:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from pkgutil import resolve_name
@@ -40,6 +40,7 @@ from tirelog.diagnosis.answer import (
     percent,
     plain_fields,
     probability,
+    record_fields,
     sentence_of,
     separation_sentence,
     strengths,
@@ -71,13 +72,13 @@ from tirelog.diagnosis.candidates.separation import advise, drive_next, drive_se
 from tirelog.diagnosis.certainty import (
     Certainty,
     GroupVerdict,
-    Inclusion,
     Marks,
-    PerGroup,
-    Stability,
     certainty_of,
+    each_alone,
     inclusion,
+    inclusion_sentences,
     marks_of,
+    stability,
     unlike_cases,
 )
 from tirelog.diagnosis.compare import (
@@ -110,14 +111,12 @@ from tirelog.diagnosis.rules import (
     REST_SHARE,
     SECOND_LEAST,
     TOGETHER,
-    Evidence,
     verdict_of,
 )
 from tirelog.errors import TirelogError, UsageError
 from tirelog.inference.base import JointBase
 from tirelog.inference.cells.joint import JointPieces, JointStacks
 from tirelog.inference.cells.pieces import Pieces
-from tirelog.inference.floor import Floor
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.observables import shown
@@ -132,6 +131,8 @@ class Diagnosis(AnswerRecord):
 
     picture = "diagnose_figure"
     panel = "ranking"
+    apart = ("notes", "found", "stacks", "nuisances")
+    also = ("certainty", "drive_next", "form_may_hold")
 
     verdict: str
     sentence: str
@@ -157,9 +158,9 @@ class Diagnosis(AnswerRecord):
     found: SearchResult
     stacks: Sequence[Stack] | JointStacks
     gratings: GratingsFound | None = None
-    inclusion: Inclusion | None = None
-    stability: Stability | None = None
-    each: PerGroup | None = None
+    inclusion: Mapping[str, Any] | None = None
+    stability: Mapping[str, Any] | None = None
+    each: Mapping[str, Any] | None = None
 
     @property
     def model(self) -> Model:
@@ -203,21 +204,16 @@ class Diagnosis(AnswerRecord):
         )
 
     def to_json(self) -> dict[str, Any]:
-        apart = {"effects", "notes", "found", "stacks", "nuisances", "checks", "suspects"}
-        more = {n: getattr(self, n) for n in ("gratings", "inclusion", "stability", "each")}
-        return plain_fields(
-            {n: getattr(self, n) for n in self.__dataclass_fields__ if n not in apart | more.keys()}
-            | {"effects": [vars(c) for c in self.effects], "note": " ".join(self.notes)}
-            | {"certainty": self.certainty.to_json(), "drive_next": list(self.drive_next)}
-            | {"nuisance_or_effect": [list(pair) for pair in self.found.alike]}
-            | {"rmse_heldout_without_nuisances": (self.found.given or self.found.before).rmse_held}
-            | {"nuisances": {n.nuisance: n.to_json() for n in self.nuisances}}
-            | {"form_may_hold": self.form_may_hold}
-            | {"checks": [asdict(c) | {"never": c.never} for c in self.checks]}
-            | {"suspects": [asdict(s) for s in self.suspects]}
-            | {name: one.to_json() for name, one in more.items() if one is not None}
-            | {"remarks": list(self.before.remarks)}
-        )
+        later, found = ("gratings", "inclusion", "stability", "each"), self.found
+        more = {
+            "note": " ".join(self.notes),
+            "rmse_heldout_without_nuisances": (found.given or found.before).rmse_held,
+            "nuisance_or_effect": found.alike,
+            "nuisances": {n.nuisance: n for n in self.nuisances},
+            "remarks": self.before.remarks,
+        }
+        fields = record_fields(self) | plain_fields(more)
+        return {n: value for n, value in fields.items() if value is not None or n not in later}
 
     def rows(self) -> list[dict[str, Any]]:
         """The ranking, a row per effect."""
@@ -325,14 +321,14 @@ def conclude(
     `asked`: of several gratings what they had said before.
     """
     decision, before = decide(found), found.before
-    verdict, selected, floor = decision.verdict, decision.selected, decision.floor
+    verdict, selected, floor = (decision[name] for name in ("verdict", "selected", "floor"))
     if selected:
         fit = replace(found.after.fit, model=with_form_errors(found.after))
         found = replace(found, after=replace(found.after, fit=fit))
     result = found.after if selected else before
     unnamed, manoeuvres = verdict in ("unknown", "partial"), before.cells.manoeuvres
-    ranking = ranking_of(found, selected, decision.repeats, floor.square, decision.share)
-    scatter = scattered(before, floor.square) if verdict == "scatter" else None
+    ranking = ranking_of(found, selected, decision["repeats"], floor, decision["share"])
+    scatter = scattered(before, floor) if verdict == "scatter" else None
     unexplained = _unexplained(decision, ranking, manoeuvres) | {"scatter": scatter}
     beside, checks = nuisances_found(result), posterior_checks(result)
     suspected = suspects(result) if unnamed or scatter else ()
@@ -354,10 +350,21 @@ def conclude(
         *(f"{said}." for said in out_of_range(result) if said not in left_before),
     ]
     few, ranked = manoeuvres < FEWEST_MANOEUVRES, {c.effect for c in ranking}
-    large = decision.after > SECOND_LEAST * floor.square
+    large = decision["left"].significant and decision["excess_after"] > SECOND_LEAST * floor
     uses = {nuisance.name: nuisance.use for nuisance in before.model.nuisances}
     groups = tuple(s.group for s in found.steps if few and s.group)
-    facts = _facts(decision, found, ranking) | {
+    observable, unit = observed(before)
+    facts = decision | {
+        "observable": observable,
+        "unit": unit,
+        "shares": {c.effect: c.excess_removed for c in ranking},
+        "enough": MOST,
+        "explained": EXPLAINED,
+        "unestablished": [r.id for r in found.steps[0].contenders if not r.established],
+        "chi2": before.reduced_chi2,
+        "manoeuvres": manoeuvres,
+        "before": before.square_held,
+        "after": found.after.square_held,
         "suspects": tuple(s.said for s in suspected[:3]),
         "beside": stayed,
         "scatter": scatter,
@@ -368,7 +375,7 @@ def conclude(
         sentence=sentence_of(facts),
         selected=selected,
         effects=ranking,
-        ambiguous_groups=decision.groups if selected else groups,
+        ambiguous_groups=decision["groups"] if selected else groups,
         separating_manoeuvres=tuple(advice),
         unexplained=unexplained,
         nuisances=beside,
@@ -378,8 +385,8 @@ def conclude(
         | (not_among_candidates(result) if unnamed else {}),
         rmse_heldout_before=before.rmse_held,
         rmse_heldout_after=result.rmse_held,
-        noise_floor=float(np.sqrt(floor.square)),
-        noise_floor_within=float(np.sqrt(floor.within)),
+        noise_floor=float(np.sqrt(floor)),
+        noise_floor_within=float(np.sqrt(decision["floor_within"])),
         reduced_chi2_before=before.reduced_chi2,
         reduced_chi2_after=result.reduced_chi2,
         revolutions=int(before.cells.revolutions.sum()),
@@ -390,7 +397,7 @@ def conclude(
             selected,
             model=before.model,
             logs=before.cells.log_names,
-            large_rest=verdict == "partial" and decision.left.significant and large,
+            large_rest=verdict == "partial" and large,
             beside=[
                 name for name, use in uses.items() if name in groups_of(result) and use != "on"
             ],
@@ -435,30 +442,15 @@ def shares_explained(
     return repeats, min(removed / repeats, 1.0), alone, removed
 
 
-@dataclass(frozen=True)
-class Decision:
-    """A verdict with the effects that are claimed, and what it was decided by.
+def decide(found: SearchResult) -> dict[str, Any]:
+    """The verdict of a search by the table of rules, what it claims, and what it was decided by.
 
-    before, after   held-out error above the floor [unit^2] without them and with them
+    excess_before, excess_after  held-out error above the floor [unit^2] without the effects that
+                                 are claimed and with them
     repeats, share  what the share is of, which they remove (`shares_explained`)
-    left, floor     what repeats of what the claimed model leaves, and its noise floor
+    left, floor     what repeats of what the claimed model leaves, and its noise floor [unit^2]
     groups          effects that cannot be told apart;  or_nuisance  (nuisance, effect) likewise
     """
-
-    verdict: str
-    selected: tuple[str, ...]
-    before: float
-    after: float
-    repeats: float
-    share: float
-    left: Leftover
-    floor: Floor
-    groups: tuple[tuple[str, ...], ...]
-    or_nuisance: list[tuple[str, str]]
-
-
-def decide(found: SearchResult) -> Decision:
-    """The verdict of a search by the table of rules, and what it claims."""
     last, left = found.after if found.named else found.before, describe(found.after)
     floor = last.floor
     before, after = (max(b.square_held - floor.square, 0.0) for b in (found.before, last))
@@ -471,15 +463,15 @@ def decide(found: SearchResult) -> Decision:
     ]
     enough = share >= MOST and (len(found.named) == 1 or alone >= MOST or share >= TOGETHER)
     matters = left.significant and after > LEAST_SHARE_OF_FLOOR * floor.square
-    evidence = Evidence(
-        few=found.before.cells.manoeuvres < FEWEST_MANOEUVRES,
-        named=len(found.named),
-        share=share if enough else 0.0,
-        rest=matters and after > REST_SHARE * before,
-        alike=bool(groups or or_nuisance),
-        repeats=matters,
-        quiet=at_noise_floor(found.before, floor.square),
-    )
+    evidence = {
+        "few": found.before.cells.manoeuvres < FEWEST_MANOEUVRES,
+        "named": len(found.named),
+        "share": share if enough else 0.0,
+        "rest": matters and after > REST_SHARE * before,
+        "alike": bool(groups or or_nuisance),
+        "repeats": matters,
+        "quiet": at_noise_floor(found.before, floor.square),
+    }
     verdict, selected = verdict_of(evidence), found.named
     if selected and verdict not in CLAIMING:
         # what was named is not claimed: all that is said is of the model as it came
@@ -487,62 +479,41 @@ def decide(found: SearchResult) -> Decision:
         before = after = max(found.before.square_held - floor.square, 0.0)
         if max(before, certain) <= LEAST_SHARE_OF_FLOOR * floor.square:
             # what alarmed is gone, once less is taken for scatter, or too small to be missing
-            verdict = verdict_of(replace(evidence, named=0, repeats=False))
-    return Decision(
-        verdict, selected, before, after, repeats, share, left, floor, groups, or_nuisance
-    )
-
-
-def _facts(decision: Decision, found: SearchResult, ranking: Sequence[Candidate]) -> dict[str, Any]:
-    """What the verdict's sentence is made of, beside what stands in the diagnosis."""
-    before, (observable, unit) = found.before, observed(found.before)
+            verdict = verdict_of(evidence | {"named": 0, "repeats": False})
     return {
-        "verdict": decision.verdict,
-        "selected": decision.selected,
-        "share": decision.share,
-        "total": 1.0 - decision.after / decision.before if decision.before > 0 else 0.0,
-        "shares": {c.effect: c.excess_removed for c in ranking},
-        "enough": MOST,
-        "explained": EXPLAINED,
-        "unestablished": tuple(r.id for r in found.steps[0].contenders if not r.established),
-        "observable": observable,
-        "unit": unit,
-        "chi2": before.reduced_chi2,
-        "groups": decision.groups,
-        "or_nuisance": decision.or_nuisance,
-        "manoeuvres": before.cells.manoeuvres,
-        "before": before.square_held,
-        "after": found.after.square_held,
-        "floor": decision.floor.square,
+        "verdict": verdict,
+        "selected": selected,
+        "excess_before": before,
+        "excess_after": after,
+        "total": 1.0 - after / before if before > 0 else 0.0,
+        "repeats": repeats,
+        "share": share,
+        "left": left,
+        "groups": groups,
+        "or_nuisance": or_nuisance,
+        "floor": floor.square,
+        "floor_within": floor.within,
     }
 
 
 def _unexplained(
-    decision: Decision, ranking: Sequence[Candidate], manoeuvres: int
+    decision: Mapping[str, Any], ranking: Sequence[Candidate], manoeuvres: int
 ) -> dict[str, Any]:
     """What remains, in the contract's keys and a sentence."""
-    left, counts = decision.left, decision.before > LEAST_SHARE_OF_FLOOR * decision.floor.square
+    left, excess = decision["left"], decision["excess_before"]
+    counts = excess > LEAST_SHARE_OF_FLOOR * decision["floor"]
     near = [c for c in ranking if c.excess_removed >= REST_SHARE]
-    tells = left.significant and not decision.selected
+    tells = left.significant and not decision["selected"]
     nearest = max(near, key=lambda c: c.excess_removed, default=None) if tells else None
-    facts = {
-        "significant": left.significant,
-        "share_of_excess": min(decision.after / decision.before, 1.0) if counts else 0.0,
-        "p": left.p,
+    apart = {"shape", "phi_rad"}
+    if left.observable is None:  # of one, or of several together
+        apart |= {"observable", "contradicts"}
+    facts = {name: value for name, value in vars(left).items() if name not in apart} | {
         "size": float(np.sqrt(max(left.size, 0.0))),
-        "where": left.where,
-        "parity": left.parity,
-        "follows": left.follows,
-        "together": left.together,
-        "speed_exponent": left.speed_exponent,
-        "frequency_Hz": left.frequency_Hz,
-        "in_pressure": left.in_pressure,
-        "in_time": left.in_time,
+        "share_of_excess": min(decision["excess_after"] / excess, 1.0) if counts else 0.0,
         "nearest_effect": nearest.effect if nearest else None,
         "nearest_share": nearest.excess_removed if nearest else None,
     }
-    if left.observable is not None:  # of several that are fitted together
-        facts |= {"observable": left.observable, "contradicts": left.contradicts}
     return facts | {"sentence": unexplained_sentence(facts, manoeuvres < FEWEST_MANOEUVRES)}
 
 
@@ -565,7 +536,7 @@ def _advice(found: SearchResult, verdict: str) -> tuple[list[dict[str, Any]], li
 # ---- A diagnosis asked again: without each log or tire, of each alone, of manoeuvres drawn anew.
 #
 #     pieces of all logs, groups of logs -> the pieces without each group, or of it alone
-#         -> a diagnosis each -> `stability.Stability`, `stability.Each`
+#         -> a diagnosis each -> `certainty.stability`, `certainty.each_alone`
 #
 # It takes as many diagnoses as there are logs, or tires.
 
@@ -577,15 +548,85 @@ Some = Callable[[Sequence[str]], Pieces | JointPieces]
 def with_draws(found: Diagnosis, draws: int, effects: Iterable[Effect] = ()) -> Diagnosis:
     """The diagnosis, with how often its effects are named over draws of its manoeuvres."""
     drawn = inclusion(found.found, draws, effects)
-    return replace(found, inclusion=drawn, notes=(*found.notes, *drawn.sentences))
+    return replace(found, inclusion=drawn, notes=(*found.notes, *inclusion_sentences(drawn)))
 
 
-def with_stability(
-    found: Diagnosis, stability: Stability, each: PerGroup | None = None
+def with_groups(
+    found: Diagnosis,
+    groups: Mapping[str, Sequence[str]],
+    some: Some,
+    model: Model,
+    *,
+    by: str = "log",
+    effects: Iterable[Effect] = (),
+    alone: bool = False,
+    progress: Progress = lambda text: None,
 ) -> Diagnosis:
-    """The diagnosis, with whether it stands without single logs or tires, and what each says."""
-    said = [one.sentence for one in (stability, each) if one is not None]
-    return replace(found, stability=stability, each=each, notes=(*found.notes, *said))
+    """The diagnosis, with whether it stands without each group of logs in turn.
+
+    groups  name -> its logs: those of one tire, or one log each;  some  gives the pieces of logs
+    alone   also what each group says alone, with p adjusted over them
+    UsageError: there is but one group.
+    """
+    refuse_one(groups, by)
+    every = [log for logs in groups.values() for log in logs]
+    rest = {name: [log for log in every if log not in logs] for name, logs in groups.items()}
+    extra, more = tuple(effects), dict[str, Any]()
+    whole = verdict_of_group("", every, found)
+    if alone:
+        own = _verdicts(groups, some, model, extra, progress, "{group} alone")
+        more["each"] = each_alone(by, list(own))
+    without = _verdicts(rest, some, model, extra, progress, "once more without {group}")
+    more = {"stability": stability(by, whole, list(without)), **more}
+    notes = (*found.notes, *(answer["sentence"] for answer in more.values()))
+    return replace(found, **more, notes=notes)
+
+
+def refuse_one(groups: Mapping[str, Sequence[str]], by: str) -> None:
+    """UsageError: there is but one group."""
+    if len(groups) < 2:
+        raise UsageError(
+            f"one {by} alone: none can be left out",
+            allowed=f"two {by}s at least",
+            do="give more logs",
+        )
+
+
+def _verdicts(
+    asked: Mapping[str, Sequence[str]],
+    some: Some,
+    model: Model,
+    effects: tuple[Effect, ...],
+    progress: Progress,
+    words: str,
+) -> Iterator[GroupVerdict]:
+    """What is said of some logs, by the name of each group; what cannot be asked says why.
+
+    `words` for `progress`, with {group}.
+    """
+    for group, logs in asked.items():
+        progress(words.format(group=group))
+        try:
+            yield verdict_of_group(group, logs, diagnose(some(logs), model, effects=effects))
+        except TirelogError as problem:
+            yield GroupVerdict(group, tuple(logs), "", problem=problem.message)
+
+
+def verdict_of_group(group: str, logs: Sequence[str], found: Diagnosis) -> GroupVerdict:
+    """A diagnosis in few words."""
+    p, left = found.marks.least_p, found.unexplained["p"]
+    if found.verdict == "unknown" and left is not None:
+        p = min(p, left)
+    return GroupVerdict(
+        group,
+        tuple(logs),
+        found.verdict,
+        found.selected,
+        found.ambiguous_groups,
+        # two questions are asked: of candidates, and of any shape
+        None if found.verdict == "too_few" else min(2.0 * p, 1.0),
+        found.certainty.probability,
+    )
 
 
 def logs_of(pieces: Pieces | JointPieces) -> dict[str, tuple[str, ...]]:
@@ -619,87 +660,3 @@ def _of_logs(pieces: Pieces, names: set[str]) -> Pieces | None:
     number, log = np.unique(some.log, return_inverse=True)
     manoeuvre = np.unique(some.manoeuvre, return_inverse=True)[1]
     return replace(some, log=log, manoeuvre=manoeuvre, logs=tuple(pieces.logs[i] for i in number))
-
-
-def answer_of(group: str, logs: Sequence[str], found: Diagnosis) -> GroupVerdict:
-    """A diagnosis in few words."""
-    p, left = found.marks.least_p, found.unexplained["p"]
-    if found.verdict == "unknown" and left is not None:
-        p = min(p, left)
-    return GroupVerdict(
-        group,
-        tuple(logs),
-        found.verdict,
-        found.selected,
-        found.ambiguous_groups,
-        # two questions are asked: of candidates, and of any shape
-        None if found.verdict == "too_few" else min(2.0 * p, 1.0),
-        found.certainty.probability,
-    )
-
-
-def _answers(
-    asked: Mapping[str, Sequence[str]],
-    some: Some,
-    model: Model,
-    effects: Iterable[Effect],
-    progress: Progress,
-    words: str,
-) -> Iterator[GroupVerdict]:
-    """The diagnosis of some logs, by the name of each group; what cannot be asked says why.
-
-    `words` for `progress`, with {group}.
-    """
-    extra = tuple(effects)
-    for group, logs in asked.items():
-        progress(words.format(group=group))
-        try:
-            yield answer_of(group, logs, diagnose(some(logs), model, effects=extra))
-        except TirelogError as problem:
-            yield GroupVerdict(group, tuple(logs), "", problem=problem.message)
-
-
-def leave_one_out(
-    groups: Mapping[str, Sequence[str]],
-    some: Some,
-    model: Model,
-    whole: Diagnosis,
-    *,
-    by: str = "log",
-    effects: Iterable[Effect] = (),
-    progress: Progress = lambda text: None,
-) -> Stability:
-    """The verdict without each group of logs in turn.
-
-    groups  name -> its logs: those of one tire, or one log each;  some  gives the pieces of logs
-    whole   what is said of all
-    UsageError: there is but one group.
-    """
-    refuse_one(groups, by, "none can be left out")
-    every = [log for logs in groups.values() for log in logs]
-    rest = {name: [log for log in every if log not in logs] for name, logs in groups.items()}
-    without = _answers(rest, some, model, effects, progress, "once more without {group}")
-    return Stability(by, answer_of("", every, whole), tuple(without))
-
-
-def each_alone(
-    groups: Mapping[str, Sequence[str]],
-    some: Some,
-    model: Model,
-    *,
-    by: str = "log",
-    effects: Iterable[Effect] = (),
-    progress: Progress = lambda text: None,
-) -> PerGroup:
-    """What each group of logs says alone, with p adjusted over them; as `leave_one_out`."""
-    refuse_one(groups, by, "it is the whole")
-    alone = _answers(groups, some, model, effects, progress, "{group} alone")
-    return PerGroup(by, tuple(alone))
-
-
-def refuse_one(groups: Mapping[str, Sequence[str]], by: str, but_one: str) -> None:
-    """UsageError: there is but one group."""
-    if len(groups) < 2:
-        raise UsageError(
-            f"one {by} alone: {but_one}", allowed=f"two {by}s at least", do="give more logs"
-        )

@@ -117,8 +117,7 @@ class FitOfLogs(AnswerRecord):
             for name, p in self.model.parameters.items()
             if p.free
         ]
-        names = ["parameter", "value", "error", "unit"]
-        fitted = AnswerTable("Parameters as fitted", names, rows)
+        fitted = AnswerTable("Parameters as fitted", ["parameter", "value", "error", "unit"], rows)
         return [fitted], [*bounds, *self.doubts, *self.remarks]
 
 
@@ -321,11 +320,6 @@ class TireForm(AnswerRecord):
                 for row in zip(*columns, words, strict=True)
             ]
         return rows
-
-    def to_json(self) -> dict[str, Any]:
-        """All numbers by name; the model is left out."""
-        profiles = {n: vars(getattr(self, n)) for n in ("pressure", "stiffness")}
-        return plain_fields({n: v for n, v in vars(self).items() if n != "model"} | profiles)
 
 
 def tire_form(measured: Measured, model: Model) -> TireForm:

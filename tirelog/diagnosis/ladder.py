@@ -224,8 +224,7 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
     """
     own = next(e for e in base.model.effects if e.id == effect)
     names = [f"{effect}.{name}" for name in own.effect.strength]
-    problem = Problem(base.cells, base.white)
-    _, slopes = problem.linearised(base.model, names, {})
+    _, slopes = Problem(base.cells, base.white).linearised(base.model, names, {})
     columns = np.concatenate([slopes, np.ones_like(base.cells.phi)[..., None]], axis=-1)
     residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside)
     normal = Normal.of(base.white(columns), base.white(residual), base.cells.log)

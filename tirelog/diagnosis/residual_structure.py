@@ -20,7 +20,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,6 @@ from tirelog.diagnosis.candidates.assessment import (
     hats_on,
     mean_drop,
     surely_gains,
-    with_candidate,
 )
 from tirelog.diagnosis.results import contributions
 from tirelog.diagnosis.rules import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
@@ -46,10 +45,8 @@ from tirelog.inference.cells.joint import model_of
 from tirelog.inference.floor import held_out_losses, held_out_losses_with, load_derivative
 from tirelog.inference.metric import RANK, Offsets, side_by_side
 from tirelog.inference.nuisances import condition_slopes
-from tirelog.physics.effects import Drive, Effect, Site
-from tirelog.physics.effects.base import Values
-from tirelog.physics.pressure import bell
-from tirelog.physics.spectral import ComplexArray, Parameter
+from tirelog.physics.model.model import ModelEffect
+from tirelog.physics.model.user_effects import effect_by_shape
 from tirelog.process_pool import made_apart
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS
@@ -124,7 +121,7 @@ def gone_along(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:
 #
 # What a cause in the patch looks like through the carcass.
 #
-#     bells on the patch, one after the other -> the model's own response to each -> columns (C,
+#     hats on the patch, one after the other -> the model's own response to each -> columns (C,
 #     m, k)
 #
 # A carcass answers a pressure the more the faster it rolls (the beam near its critical speed
@@ -133,40 +130,21 @@ def gone_along(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:
 # these few columns explain as much as free shapes of the strain do, they tell the exponent.
 
 
-def _probe(centre: float, probe: float) -> Effect:
-    """A bell of pressure at `centre` (over L)."""
-
-    def pressure(v: Values, drive: Drive, site: Site) -> ComplexArray:
-        height = v["height"] * site.mean_pressure
-        # half of it leaves gaps between the centres, twice as much tells neighbours apart half as
-        # well
-        return bell(height, centre * site.half_length_m, 0.15 * site.half_length_m, site.radius_m)
-
-    return Effect(
-        id="probe",
-        mechanism="a bell of pressure",
-        follows=(),
-        acts_on=("contact_pressure",),
-        parameters=(
-            Parameter("height", "1", "height over the mean pressure", 0.0, -1.0, 1.0, probe=probe),
-        ),
-        strength=("height",),
-        source="",
-        valid="",
-        signature="",
-        pressure=pressure,
-    )
-
-
 def pressure_columns(base: Base) -> FloatArray | None:
-    """Changes of the prediction by a bell of pressure at each place of the patch, (C, m, 19).
+    """Changes of the prediction by a hat of pressure at each place of the patch, (C, m, 19).
 
     None if the model cannot be computed with one of them.
     """
     # over the mean pressure; twice as much doubles the share of the response that is not linear
-    height = 0.02
-    probes = [_probe(centre, height) for centre in np.linspace(-1.8, 1.8, 19).tolist()]  # over L
-    pressed = [with_candidate(base.model, probe, {"height": height}) for probe in probes]
+    height, nodes = 0.02, np.linspace(-2.0, 2.0, 21)  # over L
+    pressed = [
+        base.model.with_effect(
+            ModelEffect.of(
+                effect_by_shape("probe", "contact_pressure", "patch", "1", nodes, height * own)
+            )
+        )
+        for own in np.eye(nodes.size)[1:-1]
+    ]
     changes = [change_to(base, model) for model in pressed]
     known = [change / height for change in changes if not isinstance(change, ModelError)]
     return np.stack(known, axis=-1) if len(known) == len(changes) else None
@@ -317,7 +295,12 @@ def describe(base: Base) -> Leftover:
         return replace(left, significant=False)
     free = _late_shapes(base) if in_time else _shapes(base)
     exponent, in_pressure = None, False
-    if name.startswith(SPEED) and not _crosses_zero(base):
+    # a number per revolution that is now above, now below zero follows the speed but for a level
+    # that a parameter takes, and grows with no power of it; a remainder is of one sign if its sum
+    # is this share of its sizes'; twice as much would leave none
+    rest = base.plain(np.nan_to_num(cells.values - base.fit.prediction))
+    one_sign = cells.phi.shape[1] > 1 or abs(rest.sum()) >= 0.8 * np.abs(rest).sum()
+    if name.startswith(SPEED) and one_sign:
         exponent, in_pressure = _exponent(base, taken, residual, free, pressed=not in_time)
     follows = "nothing" if exponent == 0.0 else name.split("^")[0]
     together = gone_along(factors, name)
@@ -358,19 +341,7 @@ def _exponent(
     del bells
     by_shape = explained(free)
     in_pressure = max(by_pressure, default=-1.0) >= max(by_shape)
-    best = by_pressure if in_pressure else by_shape
-    return FINE_EXPONENTS[int(np.argmax(best))], in_pressure
-
-
-def _crosses_zero(base: Base) -> bool:
-    """Is what is left of a number per revolution now above, now below zero?
-
-    What follows the speed but for a level that a parameter takes grows with no power of it.
-    """
-    left = base.plain(np.nan_to_num(base.cells.values - base.fit.prediction))
-    # a remainder is of one sign if its sum is this share of its sizes'; twice as much would leave
-    # none
-    return base.cells.phi.shape[1] == 1 and bool(abs(left.sum()) < 0.8 * np.abs(left).sum())
+    return FINE_EXPONENTS[int(np.argmax(by_pressure if in_pressure else by_shape))], in_pressure
 
 
 def _one_side(
@@ -504,7 +475,7 @@ def scattered(base: Base, floor_square: float) -> dict[str, Any]:
     # with this probability on either side (a dozen factors are looked at); doubling either says
     # nothing
     like_load = cells.phi.shape[1] > 1 and bool(along.sum() > 0.5 * square.sum())
-    factors, best, name = factors_of(base), 0.0, ""
+    factors = factors_of(base)
     number = np.bincount(cells.manoeuvre)  # cells of a manoeuvre go together: it is what counts
     sizes = [np.log(np.maximum(square / cells.revolutions, 1e-300))]
     if cells.phi.shape[1] == 1:  # what crosses zero is largest at both ends
@@ -514,13 +485,18 @@ def scattered(base: Base, floor_square: float) -> dict[str, Any]:
     if freedom > 0:  # what manoeuvres that follow nothing reach
         t = float(stdtrit(freedom, 1.0 - 0.00135))
         least = max(0.5, t / float(np.sqrt(freedom + t**2)))
-    for factor, values in factors.items():
-        mean = np.bincount(cells.manoeuvre, np.abs(values) if factor in SIGNED else values) / number
-        if np.ptp(mean) > 0.0:
-            for of_size in ranked:
-                rank = float(np.corrcoef(of_size, _ranks(mean))[0, 1])
-                if abs(rank) > max(abs(best), least):
-                    best, name = rank, factor
+    means = {
+        factor: np.bincount(cells.manoeuvre, np.abs(x) if factor in SIGNED else x) / number
+        for factor, x in factors.items()
+    }
+    ranks = [
+        (float(np.corrcoef(of_size, _ranks(mean))[0, 1]), factor)
+        for factor, mean in means.items()
+        for of_size in ranked
+        if np.ptp(mean) > 0.0
+    ]
+    sure = [pair for pair in ranks if abs(pair[0]) > least]
+    best, name = max(sure, key=lambda pair: abs(pair[0]), default=(0.0, ""))
     return {
         "size": float(np.sqrt(beyond)) / unit,
         "like_load": like_load,
@@ -550,6 +526,7 @@ class Check:
     measured: float
     low: float
     high: float
+    also: ClassVar = ("never",)
 
     @property
     def never(self) -> bool:

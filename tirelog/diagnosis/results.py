@@ -10,11 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from math import isfinite
 from pathlib import Path, PurePath
 from pkgutil import resolve_name
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.special import chdtrc
@@ -25,9 +24,9 @@ from tirelog.diagnosis.answer import (
     PICTURES,
     AnswerRecord,
     AnswerTable,
-    excess_of,
     in_unit,
     plain_fields,
+    record_fields,
     strengths,
 )
 from tirelog.diagnosis.obstacles import TransientComparison
@@ -85,52 +84,6 @@ class Map:
     begins: tuple[float, ...] = ()
 
 
-class ErrorTables(Mapping[str, Rows]):
-    """Rows by the name of their table.
-
-    A large table is made when it is asked for, by `parts` without being in memory as a whole.
-    """
-
-    def __init__(
-        self,
-        small: Mapping[str, list[dict[str, Any]]],
-        large: Mapping[str, Callable[[], Iterator[list[dict[str, Any]]]]],
-    ) -> None:
-        self._parts: dict[str, Callable[[], Iterator[Rows]]] = {
-            **{name: partial(iter, [rows]) for name, rows in small.items()},
-            **large,
-        }
-
-    @classmethod
-    def joined(cls, parts: Sequence[Comparison]) -> ErrorTables:
-        """The tables of each observable under each other, each row with its name and unit."""
-
-        def rows(name: str) -> Iterator[Rows]:
-            for part in parts:
-                whose = {"observable": part.observable, "grating": part.member, "unit": part.unit}
-                known = {key: value for key, value in whose.items() if value}
-                yield from ([known | row for row in some] for some in part.tables.parts(name))
-
-        small = ("angle", "speed", "regime", "conditions")
-        return cls(
-            {name: [row for some in rows(name) for row in some] for name in small},
-            {"revolution": partial(rows, "revolution")},
-        )
-
-    def __getitem__(self, name: str) -> Rows:
-        return [row for part in self.parts(name) for row in part]
-
-    def parts(self, name: str) -> Iterator[Rows]:
-        """The rows of a table, some at a time."""
-        return self._parts[name]()
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._parts)
-
-    def __len__(self) -> int:
-        return len(self._parts)
-
-
 @dataclass(frozen=True, repr=False)
 class Comparison(AnswerRecord):
     """A fitted model against logs.
@@ -148,12 +101,19 @@ class Comparison(AnswerRecord):
     `with_nuisances`: these errors beside the `nuisances` that earn a place and that the model does
     not have; None if none does.
 
-    `tables`: rows by revolution, angle, speed, regime, conditions. `half_angle_rad` is the patch's
-    half length as an angle.
+    excess        the error above the floor, what a better model could still remove on the data of
+                  the fit; `excess_heldout` on manoeuvres held out
+    excess_within the error above what repeats within manoeuvres, which no model has a say in;
+                  by `excess_heldout_within` models of one log can be ranked
+
+    `tables`: rows by angle, speed, regime, conditions; `by_revolution` gives those of a revolution
+    each, some at a time, since all are many. `half_angle_rad` is the patch's half length as an
+    angle.
 
     Of several observables or gratings (`member`) fitted together errors are in their noise floors,
-    `parts` has the comparison of each in its own unit, `contributions` what each knows, and
-    `agreement` says whether they contradict each other; waveforms and maps are those of the first.
+    `parts` has the comparison of each in its own unit, and the tables; `contributions` says what
+    each knows, `agreement` whether they contradict each other; waveforms and maps are those of the
+    first.
 
     `obstacles`: errors hit by hit, None without a [road] or with a model that does not move;
     `aside`: remarks on what was not compared.
@@ -161,6 +121,10 @@ class Comparison(AnswerRecord):
 
     picture = "compare_figure"
     panel = "waveforms"
+    apart = (
+        *("model", "tables", "by_revolution", "waveforms", "by_speed", "by_time", "member"),
+        *("half_angle_rad", "parts", "contributions", "agreement", "obstacles", "aside"),
+    )
 
     observable: str
     unit: str
@@ -170,12 +134,17 @@ class Comparison(AnswerRecord):
     noise_floor: float
     noise_floor_within: float
     noise_floor_between: float
+    excess: float
+    excess_heldout: float | None
+    excess_within: float
+    excess_heldout_within: float | None
     reduced_chi2: float
     fit_percent: float
     revolutions: int
     manoeuvres: int
     parameters: Mapping[str, Mapping[str, Any]]
-    tables: ErrorTables
+    tables: Mapping[str, Rows]
+    by_revolution: Callable[[], Iterator[Rows]]
     waveforms: Waveforms
     by_speed: Map
     by_time: Map
@@ -194,40 +163,14 @@ class Comparison(AnswerRecord):
         """What it is called beside others: the grating, else the observable."""
         return self.member or self.observable
 
-    @property
-    def excess(self) -> float:
-        """What a better model could still remove on the data of the fit."""
-        return excess_of(self.rmse, self.noise_floor)
-
-    @property
-    def excess_heldout(self) -> float | None:
-        return None if self.rmse_heldout is None else excess_of(self.rmse_heldout, self.noise_floor)
-
-    @property
-    def excess_within(self) -> float:
-        """The error above what repeats within manoeuvres, which no model has a say in."""
-        return excess_of(self.rmse, self.noise_floor_within)
-
-    @property
-    def excess_heldout_within(self) -> float | None:
-        """The same on manoeuvres held out: by it models of one log can be ranked."""
-        held = self.rmse_heldout
-        return None if held is None else excess_of(held, self.noise_floor_within)
-
     def to_json(self) -> dict[str, Any]:
         """The numbers, in the observable's unit; with obstacles their part under `transients`."""
-        apart = (
-            *("model", "tables", "waveforms", "by_speed", "by_time", "half_angle_rad", "remarks"),
-            *("member", "parts", "contributions", "agreement", "obstacles", "aside"),
-        )
-        names = [name for name in self.__dataclass_fields__ if name not in apart]
-        names += ["excess", "excess_heldout", "excess_within", "excess_heldout_within", "remarks"]
-        fields = plain_fields({name: getattr(self, name) for name in names})
+        fields = record_fields(self)
         if self.parts:
             key = "gratings" if all(part.member for part in self.parts) else "observables"
             fields[key] = {part.label: part.to_json() for part in self.parts}
             for known in self.contributions:
-                fields[key][known.observable]["contribution"] = plain_fields(known.to_json())
+                fields[key][known.observable]["contribution"] = record_fields(known)
             fields["agreement"] = self.agreement
         return fields | ({"transients": self.obstacles.to_json()} if self.obstacles else {})
 
@@ -236,9 +179,8 @@ class Comparison(AnswerRecord):
         """Errors, floor, and how much was measured."""
         factor, unit = shown(self.observable, self.unit)
         return (
-            f"{self.observable} in {unit}: {self.revolutions} revolutions, "
-            f"{self.manoeuvres} manoeuvres, held-out error {in_unit(self.rmse_heldout, factor)}, "
-            f"noise floor {in_unit(self.noise_floor, factor)}"
+            f"{self.observable} in {unit}: {self._measured}, held-out error "
+            f"{in_unit(self.rmse_heldout, factor)}, noise floor {in_unit(self.noise_floor, factor)}"
         )
 
     def below(self) -> tuple[list[AnswerTable], list[str]]:
@@ -247,44 +189,45 @@ class Comparison(AnswerRecord):
         said = [text for text in (self.nuisances_sentence(), self.agreement) if text]
         return [errors, self.parameters_table()], [*said, *self.notes]
 
-    def page(self) -> Iterator[str | AnswerTable]:
+    def page(self) -> list[str | AnswerTable]:
         """What a terminal shows: errors, where they are, parameters; of several what each brings.
 
         Of logs that met an obstacle also what the model says of each hit.
         """
-        if self.parts:
-            yield (
-                f"{self.observable}, fitted together, in {self.unit}: {self.revolutions} "
-                f"revolutions, {self.manoeuvres} manoeuvres"
-            )
-            yield self.together_table()
-            yield self.agreement
+        gratings, said = all(part.member for part in self.parts), self.nuisances_sentence()
+        each, hits = list[str | AnswerTable](), list[str | AnswerTable]()
+        if not self.parts:
+            first = self._errors_page()
         else:
-            yield from self._errors_page()
-        yield self.parameters_table()
-        if self.parts and not all(part.member for part in self.parts):
-            yield "without an observable: the error that the others alone would leave"
-            for part in self.parts:
-                yield from ("", *part._errors_page())
-        if said := self.nuisances_sentence():
-            yield said
+            head = f"{self.observable}, fitted together, in {self.unit}: {self._measured}"
+            first = [head, self.together_table(), self.agreement]
+        if not gratings:
+            each = ["without an observable: the error that the others alone would leave"]
+            each += [line for part in self.parts for line in ("", *part._errors_page())]
         if (hit := self.obstacles) is not None:
-            total, hits = hit.to_json(), hit.hits_table()
-            yield (
+            total, table = hit.to_json(), hit.hits_table()
+            text = (
                 f"obstacles: {len(hit.hits)} hits; the model covers {100.0 * total['covered']:.0f} "
                 f"% of what they added ({total['nuisance_parameters']} nuisance numbers: when, "
                 "phase, level and alignment of each)"
             )
-            yield hits.columns(*hits.names[:-2])
+            hits = [text, table.columns(*table.names[:-2])]
+        return [*first, self.parameters_table(), *each, *([said] if said else []), *hits]
 
-    def _errors_page(self) -> Iterator[str | AnswerTable]:
+    @property
+    def _measured(self) -> str:
+        return f"{self.revolutions} revolutions, {self.manoeuvres} manoeuvres"
+
+    def _errors_page(self) -> list[str | AnswerTable]:
         """The errors of one observable, and where they are."""
         named = f"{self.observable} of {self.member}" if self.member else self.observable
-        unit, errors = shown(self.observable, self.unit)[1], self.errors_table()
-        yield f"{named} in {unit}: {self.revolutions} revolutions, {self.manoeuvres} manoeuvres"
-        yield errors.columns(*errors.names[:-1])
-        yield from self.floor_sentences()
-        yield f"reduced chi-square {self.reduced_chi2:.3g}, fit {self.fit_percent:.2f} %"
+        errors, unit = self.errors_table(), shown(self.observable, self.unit)[1]
+        return [
+            f"{named} in {unit}: {self._measured}",
+            errors.columns(*errors.names[:-1]),
+            *self.floor_sentences(),
+            f"reduced chi-square {self.reduced_chi2:.3g}, fit {self.fit_percent:.2f} %",
+        ]
 
     def by(self, name: str) -> Iterator[list[dict[str, Any]]]:
         """Rows of the errors by revolution, angle, speed, ... (`ERRORS_BY`), part by part.
@@ -293,7 +236,7 @@ class Comparison(AnswerRecord):
         """
         refuse_unknown(name, ERRORS_BY, f"no table of errors by {name!r}", do="choose one")
         if name not in BY_OBSTACLE:
-            return self.tables.parts(name)
+            return self._rows(name)
         if self.obstacles is None:
             steady = [word for word in ERRORS_BY if word not in BY_OBSTACLE]
             raise UsageError(
@@ -302,6 +245,15 @@ class Comparison(AnswerRecord):
                 do="choose one, or add the [road]",
             )
         return iter([self.obstacles.tables[name]])
+
+    def _rows(self, name: str) -> Iterator[Rows]:
+        """A table, of several observables under each other, each row with its name and unit."""
+        for part in self.parts:
+            whose = {"observable": part.observable, "grating": part.member, "unit": part.unit}
+            known = {key: value for key, value in whose.items() if value}
+            yield from ([known | row for row in some] for some in part._rows(name))
+        if not self.parts:
+            yield from self.by_revolution() if name == "revolution" else [self.tables[name]]
 
     def rows(self) -> list[dict[str, Any]]:
         """One row: the numbers of `to_json` that are neither lists nor tables."""
@@ -386,10 +338,10 @@ class Comparison(AnswerRecord):
             for name, p in self.parameters.items()
             if p["free"] or fixed
         ]
-        without = [f"without {one.observable}" for one in known]
         caption = "Parameters as fitted"
         if known:
             caption += "; without an observable: the error that the others alone would leave"
+        without = (f"without {one.observable}" for one in known)
         names = ["parameter", "value", "error", "with form", "unit", *without]
         return AnswerTable(caption, names, rows)
 
@@ -505,10 +457,6 @@ class Ladder(AnswerRecord):
                 row[f"{name}_shift_sigma"] = p["shift_sigma"]
             result.append(plain_fields(row))
         return result
-
-    def to_json(self) -> dict[str, Any]:
-        fields = {name: value for name, value in vars(self).items() if name != "model"}
-        return plain_fields(fields | {"steps": [vars(step) for step in self.steps]})
 
     @property
     def headline(self) -> str:
@@ -634,29 +582,18 @@ _BOTH_KNOW = 1e-3
 
 
 @dataclass(frozen=True)
-class Tension:
-    """A parameter as an observable wants it alone, and as the others want it without it."""
-
-    parameter: str
-    alone: float
-    alone_se: float
-    others: float
-    others_se: float
-
-    @property
-    def sigmas(self) -> float:
-        return float(abs(self.alone - self.others) / np.hypot(self.alone_se, self.others_se))
-
-
-@dataclass(frozen=True)
 class Contribution:
     """What one observable brings to a fit of several.
 
     error_without  standard error of each free parameter if it were left out; inf: not determined
     chi2, freedom, p  of what it wants of the parameters against what the others want
     size           squared floors by which it would be nearer to its floor alone
-    pulls          the parameters that differ most, if it contradicts the others
+    pulls          the parameters that differ most, if it contradicts the others: each as it wants
+                   it `alone`, and as the `others` want it, with errors
     """
+
+    apart: ClassVar = ("observable",)
+    also: ClassVar = ("contradicts",)
 
     observable: str
     error_without: Mapping[str, float]
@@ -664,17 +601,12 @@ class Contribution:
     freedom: int
     p: float
     size: float
-    pulls: tuple[Tension, ...] = ()
+    pulls: tuple[Mapping[str, Any], ...] = ()
 
     @property
     def contradicts(self) -> bool:
         """More than chance does, and enough to matter."""
         return self.p <= ALARM_P and self.size > LEAST_SHARE_OF_FLOOR
-
-    def to_json(self) -> dict[str, Any]:
-        pulls = [vars(pull) | {"sigmas": pull.sigmas} for pull in self.pulls]
-        own = {name: value for name, value in vars(self).items() if name != "observable"}
-        return own | {"contradicts": self.contradicts, "pulls": pulls}
 
 
 def contributions(base: JointBase) -> tuple[Contribution, ...]:
@@ -714,16 +646,19 @@ def contributions(base: JointBase) -> tuple[Contribution, ...]:
         if one.contradicts:
             back = root @ (turn[:, both] @ (-along / (1.0 - s))) / size
             alone = errors_of(flat[i] * norm, scale).se
-            pulls = [
-                Tension(name, value + step[k], alone[k], value + back[k], without[k])
-                for k, name in enumerate(fit.names)
-                if np.isfinite([alone[k], without[k]]).all()
-                for value in (base.model.values[name],)
-            ]
+            values = np.array([base.model.values[name] for name in fit.names])
+            sigmas = np.abs(step - back) / np.hypot(alone, without)
             # standard errors by which a parameter differs that is named, and how many are at most;
             # with twice as many, contradictions are told without the parameter that makes them
-            named = sorted((x for x in pulls if x.sigmas >= 3.0), key=lambda x: -x.sigmas)[:3]
-            one = replace(one, pulls=tuple(named))
+            named = [k for k in np.argsort(-sigmas, kind="stable") if sigmas[k] >= 3.0][:3]
+            pulls = tuple(
+                {
+                    "parameter": fit.names[k], "alone": values[k] + step[k], "alone_se": alone[k],
+                    "others": values[k] + back[k], "others_se": without[k], "sigmas": sigmas[k],
+                }
+                for k in named
+            )  # fmt: skip
+            one = replace(one, pulls=pulls)
         found.append(one)
     return tuple(found)
 
@@ -760,9 +695,9 @@ def agreement_sentence(
         said = [f"{many} of {len(found)} gratings differ from the others"]
     for one in wrong:
         pulls = "; ".join(
-            f"{pull.parameter} {pull.alone:.4g} ± {pull.alone_se:.2g} alone, {pull.others:.4g} ± "
-            f"{pull.others_se:.2g} by the others"
-            + (f" [{unit}]" if (unit := units.get(pull.parameter, "1")) != "1" else "")
+            "{parameter} {alone:.4g} ± {alone_se:.2g} alone, {others:.4g} ± {others_se:.2g} by the "
+            "others".format(**pull)
+            + (f" [{unit}]" if (unit := units.get(pull["parameter"], "1")) != "1" else "")
             for pull in one.pulls
         )
         said.append(

@@ -6,7 +6,7 @@ order in which they are tried. docs/verdicts.md is made of both.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 
@@ -146,25 +146,15 @@ def __getattr__(name: str) -> float:
     return _VALUES[name]
 
 
-@dataclass(frozen=True)
-class Evidence:
-    """What a verdict is made of.
-
-    few       fewer manoeuvres than FEWEST_MANOEUVRES
-    named     how many effects alarmed, gained, were large enough and established
-    share     of the excess that repeats, which they remove
-    rest      something of size repeats beside them
-    alike     another effect, or a nuisance, does the same
-    repeats   something repeats that no effect is named for;  quiet  what is left is the floor
-    """
-
-    few: bool
-    named: int
-    share: float
-    rest: bool
-    alike: bool
-    repeats: bool
-    quiet: bool
+#: what a verdict is made of, by name:
+#:
+#: few       fewer manoeuvres than FEWEST_MANOEUVRES
+#: named     how many effects alarmed, gained, were large enough and established
+#: share     of the excess that repeats, which they remove
+#: rest      something of size repeats beside them
+#: alike     another effect, or a nuisance, does the same
+#: repeats   something repeats that no effect is named for;  quiet  what is left is the floor
+Evidence = Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -172,7 +162,7 @@ class Rule:
     """A verdict, when it is given, and that in words."""
 
     verdict: str
-    given: Callable[[Evidence], bool]
+    given: Callable[[Evidence], object]
     words: str
 
 
@@ -182,33 +172,33 @@ _FEWEST, _MOST, _EXPLAINED, _FLOORS, _CHI2 = (
 )
 #: tried from the top; the first that holds is the verdict
 RULES = (
-    Rule("too_few", lambda e: e.few, f"fewer than {_FEWEST} manoeuvres: a ranking"),
+    Rule("too_few", lambda e: e["few"], f"fewer than {_FEWEST} manoeuvres: a ranking"),
     Rule(
         "scatter",
-        lambda e: not e.named and not e.repeats and not e.quiet,
+        lambda e: not e["named"] and not e["repeats"] and not e["quiet"],
         "nothing is named, nothing repeats, and what is left is more than the floor",
     ),
     Rule(
         "nothing_missing",
-        lambda e: not e.named and not e.repeats,
+        lambda e: not e["named"] and not e["repeats"],
         f"nothing is named, nothing repeats, and what is left is the floor: held out at most "
         f"{_FLOORS:g} floors and what chance adds to it, reduced chi-square at most "
         f"{_CHI2:g}",
     ),
     Rule(
         "unknown",
-        lambda e: not e.named or e.share < _MOST,
+        lambda e: not e["named"] or e["share"] < _MOST,
         f"something repeats, and no effect removes {100 * _MOST:.0f} % of it",
     ),
     Rule(
         "partial",
-        lambda e: e.share < _EXPLAINED or e.rest,
+        lambda e: e["share"] < _EXPLAINED or e["rest"],
         f"the named effects remove {100 * _MOST:.0f} to {100 * _EXPLAINED:.0f} % of what repeats, "
         "or something of size repeats beside them",
     ),
     Rule(
         "ambiguous",
-        lambda e: e.alike,
+        lambda e: e["alike"],
         "they remove it, and another effect or a nuisance would, too",
     ),
     Rule("missing", lambda e: True, "the named effects remove what repeats"),

@@ -12,7 +12,8 @@ the family-wise maximum).
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -42,11 +43,13 @@ from tirelog.vocabulary.observables import OWN_ZERO
 
 
 @dataclass(frozen=True)
-class Signature:
-    """What each strength of an effect would do to the observable.
+class Variant:
+    """A candidate at values of its shape parameters, and the evidence for it once that is known.
 
-    `columns` (C, m, k) in the observable's unit per unit of each of `strengths`; `shape` the
-    shape parameters it holds at.
+    columns    (C, m, k), what each of its `strengths` does to the observable, per unit of it
+    shape      the shape parameters it holds at; one_sided  only a positive strength is physical
+    statistic, p  by flips of manoeuvres, p family-wise;  step  (k,) the strengths of the linear fit
+    gain, gain_error  held out;  removed  mean square [unit^2]
     """
 
     effect: Effect
@@ -54,6 +57,34 @@ class Signature:
     shape: Mapping[str, float]
     columns: FloatArray
     one_sided: bool
+    statistic: float = 0.0
+    p: float = 1.0
+    step: FloatArray = field(default_factory=partial(np.zeros, 0))
+    gain: float = 0.0
+    gain_error: float = np.inf
+    removed: float = 0.0
+
+    @property
+    def id(self) -> str:
+        return self.effect.id
+
+    @property
+    def without_columns(self) -> Variant:
+        """The same once its columns have served."""
+        return replace(self, columns=np.zeros((0, 0, 0)))
+
+    def alarms(self, base: Base) -> bool:
+        """All three rules: significance, held-out gain, size beside what the base leaves.
+
+        The size of what is beyond doubt is judged once it is refitted: if manoeuvres scatter,
+        held-out errors do not tell it.
+        """
+        large = self.removed > LEAST_SHARE_OF_FLOOR * base.floor.square
+        return (
+            self.p <= ALARM_P
+            and surely_gains(self.gain, self.gain_error, self.p, base.share(self.removed))
+            and (large or self.p <= BEYOND_DOUBT_P)
+        )
 
 
 def candidate_effects(
@@ -115,7 +146,7 @@ def with_candidate(model: Model, effect: Effect, values: Mapping[str, float]) ->
 
 
 @or_refusal
-def signatures_of(base: Base, effect: Effect) -> list[Signature] | ModelError:
+def signatures_of(base: Base, effect: Effect) -> list[Variant] | ModelError:
     """All variants of one candidate, or why it cannot be tested on these cells."""
     cells, model = base.cells, base.model
     if missing := lacking(effect, model, cells):
@@ -124,7 +155,7 @@ def signatures_of(base: Base, effect: Effect) -> list[Signature] | ModelError:
     own, result = {p.name: p for p in effect.parameters}, []
     size = float(np.nanmax(np.abs(base.fit.prediction)))
     for shape in variants(effect):
-        columns, names = [], []
+        columns = {}
         for name in effect.strength:
             added = with_candidate(model, effect, {**shape, name: own[name].probe})
             change = change_to(base, added.resolved(cells.conditions))
@@ -133,17 +164,17 @@ def signatures_of(base: Base, effect: Effect) -> list[Signature] | ModelError:
             # a change below this share of the waveform is rounding; doubling it decides nothing,
             # since what acts at its probe strength does far more
             if np.nanmax(np.abs(change)) > 1e-9 * size:
-                columns.append(change / own[name].probe)
-                names.append(name)
+                columns[name] = change / own[name].probe
         if not columns:
             continue
-        if np.unique(cells.log).size > 1 and all(_moves_zeros_alone(cells, x) for x in columns):
+        changes, names = list(columns.values()), tuple(columns)
+        if np.unique(cells.log).size > 1 and all(_moves_zeros_alone(cells, x) for x in changes):
             raise ModelError(
                 "differs from log to log alone, and each log counts the "
                 f"{' and '.join(OWN_ZERO)} from a zero of its own"
             )
         single = len(names) == 1 and own[names[0]].min >= 0.0 and own[names[0]].probe > 0
-        result.append(Signature(effect, tuple(names), shape, np.stack(columns, axis=-1), single))
+        result.append(Variant(effect, names, shape, np.stack(changes, axis=-1), single))
     if not result:
         raise ModelError(
             "does nothing under these conditions (a quantity it follows is zero or does not vary)"
@@ -179,7 +210,7 @@ def _moves_zeros_alone(cells: Cells, change: FloatArray) -> bool:
     return bool(np.nanmax(np.abs(moved)) < 0.05 * np.nanmax(np.abs(change)))
 
 
-def all_signatures(base: Base, effects: Iterable[Effect]) -> tuple[list[Signature], dict[str, str]]:
+def all_signatures(base: Base, effects: Iterable[Effect]) -> tuple[list[Variant], dict[str, str]]:
     """Signatures of all candidates, and the reasons of those that are not tested."""
     tried = {effect.id: signatures_of(base, effect) for effect in effects}
     found = [s for own in tried.values() if not isinstance(own, ModelError) for s in own]
@@ -414,45 +445,6 @@ def gain_sigmas(before: FloatArray, after: FloatArray) -> float:
     return gain / error if error > 0.0 else 0.0
 
 
-@dataclass(frozen=True)
-class Assessed:
-    """A candidate's best variant, with its evidence.
-
-    Statistic, family-wise p, strengths (k,) of the linear fit, held-out gain with its standard
-    error, removed mean square [unit^2].
-    """
-
-    signature: Signature
-    statistic: float
-    p: float
-    strengths: FloatArray
-    gain: float
-    gain_error: float
-    removed: float
-
-    @property
-    def id(self) -> str:
-        return self.signature.effect.id
-
-    @property
-    def without_columns(self) -> Assessed:
-        """The same once its columns have served."""
-        return replace(self, signature=replace(self.signature, columns=np.zeros((0, 0, 0))))
-
-    def alarms(self, base: Base) -> bool:
-        """All three rules: significance, held-out gain, size beside what the base leaves.
-
-        The size of what is beyond doubt is judged once it is refitted: if manoeuvres scatter,
-        held-out errors do not tell it.
-        """
-        large = self.removed > LEAST_SHARE_OF_FLOOR * base.floor.square
-        return (
-            self.p <= ALARM_P
-            and surely_gains(self.gain, self.gain_error, self.p, base.share(self.removed))
-            and (large or self.p <= BEYOND_DOUBT_P)
-        )
-
-
 def beside_base(base: Base, more: FloatArray | None = None) -> tuple[Offsets, FloatArray]:
     """(what the base takes out, the whitened residual (C, m) that it leaves).
 
@@ -466,8 +458,8 @@ def beside_base(base: Base, more: FloatArray | None = None) -> tuple[Offsets, Fl
 
 
 def assess(
-    base: Base, signatures: Sequence[Signature], more: FloatArray | None = None
-) -> tuple[list[Assessed], dict[str, str]]:
+    base: Base, signatures: Sequence[Variant], more: FloatArray | None = None
+) -> tuple[list[Variant], dict[str, str]]:
     """Every candidate's best variant, by falling statistic; and why some show nothing.
 
     `more`: columns to project out besides.
@@ -477,33 +469,42 @@ def assess(
     best, found = best_variants(base, kept, statistic), []
     for i, white, plain in best.values():
         gain, error = gain_and_error(base.held_white, white)
-        evidence = float(statistic[i]), float(p[i]), scores[i].step(), gain, error
-        found.append(Assessed(kept[i], *evidence, mean_drop(base, plain)))
+        found.append(
+            replace(
+                kept[i],
+                statistic=float(statistic[i]),
+                p=float(p[i]),
+                step=scores[i].step(),
+                gain=gain,
+                gain_error=error,
+                removed=mean_drop(base, plain),
+            )
+        )
     untested = {name: why for name, why in reasons.items() if name not in best}
     return sorted(found, key=lambda a: -a.statistic), untested
 
 
-def least_left(base: Base, assessed: Sequence[Assessed]) -> float:
+def least_left(base: Base, assessed: Sequence[Variant]) -> float:
     """Held-out mean square [unit^2] above the floor, with one or all of the candidates.
 
     Linear fits, whichever leaves less: of all at once, columns may be too many for the manoeuvres.
     """
     if not assessed:
         return base.excess
-    columns = [[a.signature.columns for a in assessed]]
+    columns = [[a.columns for a in assessed]]
     ((_, held),) = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
     return base.excess - max(mean_drop(base, held), *(a.removed for a in assessed))
 
 
 def best_variants(
-    base: Base, kept: Sequence[Signature], statistic: FloatArray
+    base: Base, kept: Sequence[Variant], statistic: FloatArray
 ) -> dict[str, tuple[int, FloatArray, FloatArray]]:
     """Of each effect, by name, the variant with the largest statistic, and its held-out losses.
 
     Its number among those `kept`; losses (M,) in the metrics of significance and of size.
     """
     best: dict[str, int] = {}
-    for i, name in enumerate(signature.effect.id for signature in kept):
+    for i, name in enumerate(signature.id for signature in kept):
         best[name] = max(best.get(name, i), i, key=lambda at: statistic[at])
     columns = [[kept[i].columns] for i in best.values()]
     losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
@@ -511,8 +512,8 @@ def best_variants(
 
 
 def scores_of(
-    base: Base, signatures: Sequence[Signature], more: FloatArray | None = None
-) -> tuple[list[Signature], list[Scores], dict[str, str]]:
+    base: Base, signatures: Sequence[Variant], more: FloatArray | None = None
+) -> tuple[list[Variant], list[Scores], dict[str, str]]:
     """The signatures that show something of their own, their scores, and why others do not."""
     taken, residual = beside_base(base, more)
     kept, scores, reasons = [], [], dict[str, str]()
@@ -524,7 +525,7 @@ def scores_of(
         # the effect would have to be a thousand times as large as what is seen of it; twice as much
         # refuses effects that are seen to a five hundredth
         if not np.any(visible > 1e-3):
-            reasons[signature.effect.id] = "does here only what the model's own parameters do"
+            reasons[signature.id] = "does here only what the model's own parameters do"
             continue
         left[..., visible <= 1e-3] = 0.0  # of a strength that shows nothing rounding is left
         kept.append(signature)

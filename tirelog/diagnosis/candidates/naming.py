@@ -2,7 +2,7 @@
 
 Refits of the best candidates, sets that cannot be told apart, second effects.
 
-    Assessed, by falling statistic -> contenders
+    Variant, by falling statistic -> contenders
         -> refitted with the base parameters from two strengths -> least held-out loss names
 
 Likeness of two effects on these data is the nonlinear cosine sqrt(what B explains / what A
@@ -16,14 +16,14 @@ somewhat wrong leaves repeats perfectly.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from tirelog.diagnosis.candidates.assessment import (
-    Assessed,
+    Variant,
     all_signatures,
     assess,
     at_noise_floor,
@@ -68,7 +68,7 @@ from tirelog.vocabulary.arrays import FloatArray
 
 # ---- Candidates refitted: from several starts, tried on a few cells, the best one on all.
 #
-#     Assessed --linear strength, probe--> starts --a few cells, a few steps--> trials
+#     Variant --linear strength, probe--> starts --a few cells, a few steps--> trials
 #         --the best of them, all cells--> Base with the candidate
 #
 # Trials know nothing of each other, and neither do the refits: where processes share work they run
@@ -81,18 +81,18 @@ Trial = tuple[Model, float]
 _Again = tuple[Fit, tuple[FloatArray, FloatArray]]
 
 
-def _starts(base: Base, candidate: Assessed) -> list[tuple[Model, dict[str, float]]]:
+def _starts(base: Base, candidate: Variant) -> list[tuple[Model, dict[str, float]]]:
     """Models to begin from, each with the candidate's own values there.
 
     Its linear strength, and its probe.
     """
-    linear = dict(zip(candidate.signature.strengths, candidate.strengths, strict=True))
+    linear = dict(zip(candidate.strengths, candidate.step, strict=True))
     probes = {
         p.name: p.probe * (np.sign(linear.get(p.name, 1.0)) or 1.0)
-        for p in candidate.signature.effect.parameters
+        for p in candidate.effect.parameters
         if p.name in linear
     }
-    shape = dict(candidate.signature.shape)
+    shape = dict(candidate.shape)
     models = [base.model]
     given = {} if base.given is None else base.given.values
     within = {name: given[name] for name in base.fit.names if name in given}
@@ -111,10 +111,10 @@ def _starts(base: Base, candidate: Assessed) -> list[tuple[Model, dict[str, floa
 
 @or_refusal
 def _trial(
-    base: Base, few: Base, candidate: Assessed, model: Model, values: dict[str, float]
+    base: Base, few: Base, candidate: Variant, model: Model, values: dict[str, float]
 ) -> Trial:
     """Where a start leads on `few` cells."""
-    start = with_candidate(model, candidate.signature.effect, values)
+    start = with_candidate(model, candidate.effect, values)
     start = start.resolved(base.cells.conditions)
     names, problem = free_names(start, few.cells), Problem(few.cells, few.white)
     # starts of a candidate are tried on so many cells, so many steps, before the best is finished
@@ -122,7 +122,7 @@ def _trial(
     return descend_together([problem], start, names, steps=12)[:2]
 
 
-def refit_candidate(base: Base, candidate: Assessed, trials: Sequence[Trial]) -> Base:
+def refit_candidate(base: Base, candidate: Variant, trials: Sequence[Trial]) -> Base:
     """The best refit with the candidate on all cells, from the best of its `trials`.
 
     ModelError if none leads below the base: a worse refit is a failed refit.
@@ -145,7 +145,7 @@ def refit_candidate(base: Base, candidate: Assessed, trials: Sequence[Trial]) ->
 
 
 @or_refusal
-def _again(base: Base, candidate: Assessed, trials: Sequence[Trial]) -> _Again:
+def _again(base: Base, candidate: Variant, trials: Sequence[Trial]) -> _Again:
     """The same without what the base has already: it goes from process to process."""
     found = refit_candidate(base, candidate, trials)
     return found.fit, (found.held_white, found.held_plain)
@@ -161,7 +161,7 @@ def _moved(base: Base, model: Model) -> float:
     return float(sum(abs(a - b) / max(abs(a), abs(b), 1e-300) for a, b in pairs))
 
 
-def refits(base: Base, candidates: Sequence[Assessed]) -> list[Base | ModelError]:
+def refits(base: Base, candidates: Sequence[Variant]) -> list[Base | ModelError]:
     """Of each candidate the base with it, refitted, or why that failed."""
     few = with_fewer_cells(base, 24)
     begun = [(one, *start) for one in candidates for start in _starts(base, one)]
@@ -188,7 +188,7 @@ class Refitted:
     strengths differ from nothing.
     """
 
-    assessed: Assessed
+    assessed: Variant
     base: Base
     likeness: float = 1.0
     likeness_of_size: float = 1.0
@@ -216,7 +216,7 @@ class Step:
     """
 
     before: Base
-    assessed: tuple[Assessed, ...]
+    assessed: tuple[Variant, ...]
     reasons: dict[str, str]
     contenders: tuple[Refitted, ...]
     named: Refitted | None
@@ -226,7 +226,7 @@ class Step:
     def of(
         cls,
         before: Base,
-        assessed: Sequence[Assessed],
+        assessed: Sequence[Variant],
         reasons: dict[str, str],
         contenders: Sequence[Refitted] = (),
         *,
@@ -234,15 +234,17 @@ class Step:
     ) -> Step:
         """A step in which the best of the contenders is `named`, or nothing.
 
-        What is not established is never named.
+        What is not established is never named, nor what is clearly worse than one that is not.
         """
-        named = named and nameable(contenders)
+        doubtful = [r.base for r in contenders if not r.established]
+        named = named and contenders[0].established
+        named = named and not any(clearly_worse(contenders[0].base, rest) for rest in doubtful)
         light = tuple(replace(r, assessed=r.assessed.without_columns) for r in contenders)
         best, group = (light[0], group_of(contenders)) if named else (None, ())
         return cls(before, tuple(a.without_columns for a in assessed), reasons, light, best, group)
 
 
-def assess_all(base: Base, extra: Iterable[Effect]) -> tuple[list[Assessed], dict[str, str]]:
+def assess_all(base: Base, extra: Iterable[Effect]) -> tuple[list[Variant], dict[str, str]]:
     """Signatures of every candidate at the fitted point, assessed."""
     extra = tuple(extra)
     found, reasons = all_signatures(base, candidate_effects(base.model, extra))
@@ -264,13 +266,13 @@ def not_among_candidates(base: Base) -> dict[str, str]:
     }
 
 
-def leading(assessed: Sequence[Assessed]) -> list[Assessed]:
+def leading(assessed: Sequence[Variant]) -> list[Variant]:
     """Those of the candidates, which come by falling statistic, that are refitted."""
     least = CONTENDER * max((a.statistic for a in assessed), default=0.0)
     return [a for a in assessed if a.statistic >= least][: int(MOST_CONTENDERS)]
 
 
-def contend(base: Base, chosen: Sequence[Assessed], reasons: dict[str, str]) -> list[Refitted]:
+def contend(base: Base, chosen: Sequence[Variant], reasons: dict[str, str]) -> list[Refitted]:
     """The chosen candidates refitted, by rising held-out loss; failed ones go to `reasons`."""
     tried = []
     for one, found in zip(chosen, refits(base, chosen), strict=True):
@@ -282,11 +284,19 @@ def contend(base: Base, chosen: Sequence[Assessed], reasons: dict[str, str]) -> 
 
 
 def ranked(base: Base, tried: Iterable[Refitted]) -> list[Refitted]:
-    """Contenders by rising held-out loss, established ones first; each with its likeness."""
+    """Contenders by rising held-out loss, established ones first; each with its likeness.
+
+    That is the nonlinear cosine with the best, whitened and in size: the root of what the rival
+    explains over what the best does.
+    """
     order = sorted(tried, key=lambda r: (not r.established, float(r.base.held_white.sum())))
+    left = np.array([(one.fit.chi2, one.square_held) for one in (base, *(r.base for r in order))])
+    explains = left[0] - left[1:]
+    most = np.maximum(explains[:1], 1e-300)
+    alike = np.sqrt(np.clip(explains, 0.0, most) / most).tolist()
     return [
-        Refitted(r.assessed, r.base, *likenesses(base, order[0].base, r.base), r.sigmas)
-        for r in order
+        replace(r, likeness=white, likeness_of_size=size)
+        for r, (white, size) in zip(order, alike, strict=True)
     ]
 
 
@@ -317,17 +327,8 @@ def strength_sigmas(base: Base, effect_id: str) -> float:
     if base.cells.phi.shape[1] == 1 and np.abs(direction[mine][:, ~good]).max(initial=0.0) > 0.1:
         return 0.0
     root = direction[mine][:, good] / np.sqrt(size[good])
-    spread, axes = np.linalg.eigh(root @ root.T)
-    known = spread > NULL * spread[-1]
-    evidence = (axes[:, known].T @ values) ** 2 / spread[known]
-    return float(np.sqrt(evidence.sum() / (max(1.0, fit.reduced_chi2) * mine.size)))
-
-
-def nameable(contenders: Sequence[Refitted]) -> bool:
-    """Is the best established, and none that is not clearly better?"""
-    sure = bool(contenders) and contenders[0].established
-    rest = [r.base for r in contenders if not r.established]
-    return sure and not any(clearly_worse(contenders[0].base, other) for other in rest)
+    evidence = values @ np.linalg.pinv(root @ root.T, rcond=NULL, hermitian=True) @ values
+    return float(np.sqrt(evidence / (max(1.0, fit.reduced_chi2) * mine.size)))
 
 
 def clearly_worse(one: Base, other: Base) -> bool:
@@ -340,16 +341,6 @@ def clearly_worse(one: Base, other: Base) -> bool:
         gain > WORSE_SIGMAS * error
         and one.square_held - other.square_held > LEAST_SHARE_OF_FLOOR * other.floor.square
     )
-
-
-def likenesses(base: Base, best: Base, rival: Base) -> tuple[float, float]:
-    """Nonlinear cosines of two refits, whitened and in size.
-
-    The root of what the rival explains over what the best does.
-    """
-    white = (base.fit.chi2 - rival.fit.chi2) / max(base.fit.chi2 - best.fit.chi2, 1e-300)
-    size = (base.square_held - rival.square_held) / max(base.square_held - best.square_held, 1e-300)
-    return float(np.sqrt(np.clip(white, 0.0, 1.0))), float(np.sqrt(np.clip(size, 0.0, 1.0)))
 
 
 def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:
@@ -397,8 +388,7 @@ def worth_it(before: Base, after: Base, p: float = 1.0, *, held_out_only: bool =
     goes of the held-out error, and nothing else, however small p is.
     """
     gain, error = gain_and_error(before.held_white, after.held_white)
-    removed = before.square_held - after.square_held
-    if not surely_gains(gain, error, p, before.share(removed)):
+    if not surely_gains(gain, error, p, before.share(before.square_held - after.square_held)):
         return False
     least = LEAST_SHARE_OF_FLOOR * before.floor.square
     size, by_size = removed_by(before, after, sure=p <= BEYOND_DOUBT_P and not held_out_only)
@@ -432,10 +422,10 @@ def explains_noise(before: Base, after: Base) -> bool:
 
 
 #: the candidates by falling statistic, and why others are not among them
-Known = tuple[list[Assessed], dict[str, str]]
+Known = tuple[list[Variant], dict[str, str]]
 
 
-def step_beside_form(base: Base, without: Sequence[Assessed], step: Step) -> Step:
+def step_beside_form(base: Base, without: Sequence[Variant], step: Step) -> Step:
     """A first effect beside a form that has learnt some of it, so that slopes show it badly now.
 
     The contenders are those `without` the form that the `step` by slopes has not refitted. One is
@@ -487,17 +477,20 @@ def next_step(
     return Step.of(base, assessed, reasons, contenders, named=is_named)
 
 
-def without_needless(after: Base, named: Sequence[str]) -> tuple[Base, tuple[str, ...]]:
+def without_needless(
+    after: Base, named: Sequence[str], worth: Callable[[Base, Base], bool] = worth_it
+) -> tuple[Base, tuple[str, ...]]:
     """(the base without needless effects, their names).
 
     Needless are named effects that the others have made so: a first name may have stood in for two.
+    `worth` tells of a base without one and with it whether it is needed.
     """
     dropped: list[str] = []
     for name in named:
         if len(named) - len(dropped) == 1:
             break
         less = refit_without(after, name)
-        if not isinstance(less, ModelError) and not worth_it(less, after):
+        if not isinstance(less, ModelError) and not worth(less, after):
             after, dropped = less, [*dropped, name]
     return after, tuple(dropped)
 
@@ -530,10 +523,10 @@ def regrouped(
 def survives(base: Base, named: Sequence[str], candidate: Refitted) -> bool:
     """Does the candidate remove enough beside free shapes of the effects named before?"""
     free = np.concatenate([freedom_of_shape(base, effect) for effect in named], axis=-1)
-    again, _ = assess(base, [candidate.assessed.signature], free)
+    again, _ = assess(base, [candidate.assessed], free)
     if not again or again[0].p > 0.01:
         return False
-    added = ([free], [free, candidate.assessed.signature.columns])
+    added = ([free], [free, candidate.assessed.columns])
     losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, added)
     removed = mean_drop(base, losses[1][1]) - mean_drop(base, losses[0][1])
     return removed > SECOND_LEAST * base.floor.square

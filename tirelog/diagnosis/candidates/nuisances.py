@@ -92,8 +92,8 @@ def alarming_nuisances(base: Base, allowed: Iterable[str]) -> list[tuple[SharedE
     By falling held-out gain, which stands beside each. Their size is judged once they are fitted:
     what scatters takes it for its own before.
     """
-    missing = [name for name in allowed if name not in groups_of(base)]
-    found = [shared_effects(base.cells, base.fit, name) for name in missing]
+    held = groups_of(base)
+    found = [shared_effects(base.cells, base.fit, name) for name in allowed if name not in held]
     effects = [x for x in found if x is not None]
     if not effects:
         return []
@@ -586,49 +586,40 @@ def _sentence(found: NuisanceFound, base: Base, doubts: Sequence[str]) -> str:
         for part in found.parts
         if abs(part.value) >= 3.0 * part.se > 0.0 and part.sizes > 0.2 * most
     ] or [found.largest]
-    sizes, tells = _reading(found, told, base)
+    said = ", ".join(_said(part, base) for part in told)
+    # a force variation [of the load] and a run-out [strain] beyond which a wheel wants work: twice
+    # what is ordinary at one harmonic, and 100 microstrain
+    much = any(
+        part.value > (0.02 if "force" in part.name else 1e-4)
+        for part in told
+        if part.unit in ("1", "strain", "m/m")
+    )
+    tells = {
+        "wheel": "balance the wheel or mount the tire anew" if much else "within what wheels do",
+        "drift": "as of a tire that warms or loses pressure",
+        "rolling": "give the setup's [tire] the radius that a measured way shows",
+        "patch_law": "or what went along with the load, such as the pressure",
+        "pressure_law": "or what went along with the pressure, such as the load",
+        FORM: "see `tirelog form`",
+    }[found.nuisance]
+    if found.nuisance == "drift" and any(_plain(p.name).startswith("baseline") for p in told):
+        tells += (
+            ". A baseline that moves is what thermal_drift does, too: "
+            f"{_parted_by('drift', base)} parts them"
+        )
+    if found.nuisance in ("patch_law", "pressure_law"):
+        (part,) = found.parts
+        said = f"the load acts as to another power, {part.value:+.2g} ± {part.se:.1g}"
+        for parameter in frees(base.model, found.nuisance):
+            exponent = base.model.values[parameter]
+            said = f"{parameter} is {exponent:.3g} ± {part.se:.1g}, not {exponent - part.value:.3g}"
     # beyond three ordinary sizes a nuisance may be misfit: one in 370 is larger by chance; twice as
     # many leave a wheel of 6 % to be balanced for a wrong carcass
     if most > 3.0:
         doubts = [*doubts, f"it is {most:.2g} times its ordinary size"]
     if doubts:
         tells = f"no finding, since {' and '.join(doubts)}: misfit of the model may be in it"
-    return f"The fit includes {NUISANCES_SAID[found.nuisance]}: {sizes}; {tells}."
-
-
-def _reading(found: NuisanceFound, told: Sequence[NuisancePart], base: Base) -> tuple[str, str]:
-    """The sizes of a nuisance in words, and what they tell if the model is right."""
-    said = ", ".join(_said(part, base) for part in told)
-    if found.nuisance == "wheel":
-        # a force variation [of the load] and a run-out [strain] beyond which a wheel wants work:
-        # twice what is ordinary at one harmonic, and 100 microstrain
-        much = any(
-            part.value > (0.02 if "force" in part.name else 1e-4)
-            for part in told
-            if part.unit in ("1", "strain", "m/m")
-        )
-        return said, "balance the wheel or mount the tire anew" if much else "within what wheels do"
-    if found.nuisance == "drift":
-        tells = "as of a tire that warms or loses pressure"
-        if any(_plain(part.name).startswith("baseline") for part in told):
-            tells += (
-                ". A baseline that moves is what thermal_drift does, too: "
-                f"{_parted_by('drift', base)} parts them"
-            )
-        return said, tells
-    advice = {
-        "rolling": "give the setup's [tire] the radius that a measured way shows",
-        FORM: "see `tirelog form`",
-    }
-    if found.nuisance in advice:
-        return said, advice[found.nuisance]
-    (part,) = found.parts
-    said = f"the load acts as to another power, {part.value:+.2g} ± {part.se:.1g}"
-    for parameter in frees(base.model, found.nuisance):
-        exponent = base.model.values[parameter]
-        said = f"{parameter} is {exponent:.3g} ± {part.se:.1g}, not {exponent - part.value:.3g}"
-    law, other = ("pressure", "load") if found.nuisance == "pressure_law" else ("load", "pressure")
-    return said, f"or what went along with the {law}, such as the {other}"
+    return f"The fit includes {NUISANCES_SAID[found.nuisance]}: {said}; {tells}."
 
 
 def _said(part: NuisancePart, base: Base) -> str:

@@ -7,13 +7,13 @@ Base -> the best nuisance or the best effect, whichever leaves less held out -> 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from tirelog.diagnosis.candidates.assessment import (
-    Assessed,
+    Variant,
     gain_and_error,
     least_left,
     quiet_waveforms,
@@ -69,6 +69,10 @@ class SearchResult:
     needless. `alike`: pairs of a nuisance and an effect that removed as much, of which one was
     taken. `given`: the base that the search began with, if it was kept. `untested`: sentences on
     what the search could not ask, and why.
+
+    While it is under way: `ground`, the base that the steps stand on, None if a nuisance came in
+    after them; `passed_over`, the base with the nuisance that the first effect came before; and
+    `rivals`, the first base with each of the nuisances, if they were asked for.
     """
 
     before: Base
@@ -78,6 +82,9 @@ class SearchResult:
     alike: tuple[tuple[str, str], ...] = ()
     untested: tuple[str, ...] = ()
     given: Base | None = None
+    ground: Base | None = None
+    passed_over: Base | None = None
+    rivals: tuple[Rival, ...] | None = None
 
     @property
     def came_in(self) -> tuple[str, ...]:
@@ -130,7 +137,7 @@ def search_effects(
         formed = _formed(base, extra, progress, allowed, plain.after, len(plain.named) - 1)
     if formed is None:
         return plain
-    beyond = [s.named.assessed.signature.effect for s in plain.steps if s.named is not None]
+    beyond = [s.named.assessed.effect for s in plain.steps if s.named is not None]
     beyond = [e for e in beyond if e.id in plain.named and e.id not in formed.named]
     one_does = len(beyond) == 1 and not beyond[0].followed
     fewer = len(formed.named) < len(plain.named) and not one_does
@@ -142,7 +149,7 @@ def _one_may_do(formed: Base, extra: tuple[Effect, ...]) -> bool:
     without = with_nuisances(formed, [name for name in groups_of(formed) if name != FORM])
     if isinstance(without, ModelError):
         return False
-    same = [a for a in assess_all(without, extra)[0] if not a.signature.effect.followed]
+    same = [a for a in assess_all(without, extra)[0] if not a.effect.followed]
     return max((a.removed for a in same), default=0.0) > MOST * without.excess
 
 
@@ -172,7 +179,7 @@ def _or_form(plain: SearchResult) -> SearchResult:
     """A search that one effect ended at the floor, with the form if that does as much."""
     named = plain.steps[0].named
     before = plain.steps[0].before
-    if named is None or not named.assessed.signature.effect.followed:
+    if named is None or not named.assessed.effect.followed:
         return plain  # one number that does the same throughout is the cause
     gained = float((before.held_white - named.base.held_white).sum())
     forms = [x for x, gain in alarming_nuisances(before, [FORM]) if gain > TWINS**2 * gained]
@@ -186,13 +193,12 @@ def _search(
     extra: tuple[Effect, ...],
     progress: Progress,
     allowed: tuple[str, ...],
-    climb: _Climb | None = None,
+    climb: SearchResult,
 ) -> SearchResult:
     """Steps from a base, beside those of the nuisances that are allowed.
 
-    `climb`: the first steps, if they are known.
+    `climb`: the first steps.
     """
-    climb = climb or _climb(base, extra, progress, allowed)
     rivals = climb.rivals
     if climb.passed_over is not None and not quiet_waveforms(climb.after):
         # an effect that came before a nuisance may have taken its place
@@ -202,7 +208,7 @@ def _search(
             climb = other
     if not quiet_waveforms(climb.after):
         climb = _with_one_to_begin(base, rivals, extra, progress, climb, allowed)
-    alike = tuple(climb.alike)
+    alike = climb.alike
     untested: tuple[str, ...] = ()
     while True:
         beside = groups_of(climb.after)
@@ -221,18 +227,21 @@ def _search(
         allowed = tuple(name for name in allowed if name not in beside)
         climb = _climb(base, extra, progress, allowed)
         alike += tuple(pair for pair in climb.alike if pair not in alike)
-    steps, after = climb.steps, climb.after
-    named = [s.named.id for s in steps if s.named is not None]
-    if len(named) < 2:
-        return SearchResult(base, tuple(steps), after, alike=alike, untested=untested)
+    found = replace(
+        climb, before=base, alike=alike, untested=untested, passed_over=None, rivals=None
+    )
+    if len(found.named) < 2:
+        return found
     progress("looking for what could stand in place of each")
-    after, dropped = without_needless(after, named)
+    after, dropped = without_needless(found.after, found.named)
     after = after.with_scatter_estimated if dropped else after
-    groups, why_not = regrouped(after, [name for name in named if name not in dropped], extra)
-    steps = [
-        replace(s, group=groups.get(s.named.id, ())) if s.named is not None else s for s in steps
-    ]
-    return SearchResult(base, tuple(steps), after, dropped, alike, (*untested, *why_not))
+    found = replace(found, after=after, dropped=dropped)
+    groups, why_not = regrouped(after, found.named, extra)
+    steps = tuple(
+        replace(s, group=groups.get(s.named.id, ())) if s.named is not None else s
+        for s in found.steps
+    )
+    return replace(found, steps=steps, untested=(*untested, *why_not))
 
 
 def _with_one_to_begin(
@@ -240,9 +249,9 @@ def _with_one_to_begin(
     rivals: tuple[Rival, ...] | None,
     extra: tuple[Effect, ...],
     progress: Progress,
-    climb: _Climb,
+    climb: SearchResult,
     allowed: Sequence[str],
-) -> _Climb:
+) -> SearchResult:
     """The search from a nuisance that alone removes too little, if what follows makes up for it.
 
     `rivals`: the base with each of the nuisances, if they are known.
@@ -256,32 +265,10 @@ def _with_one_to_begin(
         return climb
     progress(f"once more with {newest(first, base)} to begin with")
     other = _climb(first.with_scatter_estimated, extra, progress, allowed)
-    came_in = len(groups_of(other.after)) - len(groups_of(base)) + other.named
+    came_in = len(groups_of(other.after)) - len(groups_of(base)) + len(other.named)
     left = (other.after.reduced_chi2 - 1.0) / (base.reduced_chi2 - 1.0)
     enough = left <= (1.0 - NUISANCE_SHARE) ** came_in
     return other if enough and other.after.reduced_chi2 < climb.after.reduced_chi2 else climb
-
-
-@dataclass
-class _Climb:
-    """Steps from a base upwards, the base at their top, and the one they stand on.
-
-    `alike`: pairs of a nuisance and an effect that these data cannot tell apart; `passed_over`: the
-    base with the nuisance that the first effect came before, if there was one; `rivals`: the base
-    that it began with, with each of the nuisances, if they were asked for.
-    """
-
-    after: Base
-    ground: Base | None
-    steps: list[Step] = field(default_factory=list)
-    alike: list[tuple[str, str]] = field(default_factory=list)
-    passed_over: Base | None = None
-    rivals: tuple[Rival, ...] | None = None
-
-    @property
-    def named(self) -> int:
-        """How many effects it named."""
-        return sum(step.named is not None for step in self.steps)
 
 
 def _climb(
@@ -291,7 +278,7 @@ def _climb(
     nuisances: Sequence[str],
     left: float = np.inf,
     most_effects: float = MOST_EFFECTS,
-) -> _Climb:
+) -> SearchResult:
     """The search from a base upwards, to `most_effects` names.
 
     It ends without a step where the tire's form came in and all candidates at once leave too much
@@ -301,14 +288,14 @@ def _climb(
     than the best effect: what both explain is then the nuisance's. The steps stand on the base with
     all nuisances; on none if one came in after an effect.
     """
-    climb, excess, without = _Climb(base, base), base.excess, list[Assessed]()
+    climb = SearchResult(base, (), base, ground=base)
+    excess, without = base.excess, list[Variant]()
     while True:
-        after = climb.after
-        named = [s.named.id for s in climb.steps if s.named is not None]
+        after, named = climb.after, climb.named
         rivals = None if quiet_waveforms(after) else rival_nuisances(after, nuisances)
         rival = None if rivals is None else best_of(after, rivals)
         if after is base:
-            climb.rivals = rivals
+            climb = replace(climb, rivals=rivals)
         step, known = None, assess_all(after, extra)
         if after is base and FORM not in groups_of(base):
             without = known[0] if any(a.alarms(base) for a in known[0]) else []
@@ -316,35 +303,33 @@ def _climb(
         # learnt up to 0.45
         half = 0.5 * max(left, after.excess)
         if FORM in groups_of(after) and least_left(after, known[0]) > half:
-            return _Climb(after, None)
+            return SearchResult(base, (), after)
         if rival is None or named or _may_do_as_well(after, rival, known[0]):
             step = next_step(after, extra, known, named=named, excess=excess)
         if step is not None and not named and FORM in groups_of(after):
             step = step_beside_form(after, without, step)
         named_now = None if step is None else step.named
         if rival is not None and named_now and _as_much(after, rival, named_now):
-            climb.alike.append((newest(rival, after), named_now.id))
+            pair = newest(rival, after), named_now.id
+            climb = replace(climb, alike=(*climb.alike, pair))
         if rival is not None and (step is None or _leaves_less(rival, step)):
             progress(f"beside the model: {newest(rival, after)}")
-            climb.after = rival.with_scatter_estimated
-            if climb.steps:
-                climb.ground = None
-            else:
-                climb.ground, excess = climb.after, climb.after.excess
+            after = rival.with_scatter_estimated
+            climb = replace(climb, after=after, ground=None if climb.steps else after)
+            excess = excess if climb.steps else after.excess
             continue
         assert step is not None
-        if not climb.steps and step.named is not None:
-            climb.passed_over = rival
-        climb.steps.append(step)
+        passed_over = climb.passed_over if climb.steps or step.named is None else rival
+        climb = replace(climb, steps=(*climb.steps, step), passed_over=passed_over)
         if step.named is None:
             return climb
         progress(f"named {step.named.id}; looking for another")
-        climb.after = step.named.base.with_scatter_estimated
+        climb = replace(climb, after=step.named.base.with_scatter_estimated)
         if len(climb.steps) == most_effects:
             return climb
 
 
-def _may_do_as_well(base: Base, rival: Base, assessed: Sequence[Assessed]) -> bool:
+def _may_do_as_well(base: Base, rival: Base, assessed: Sequence[Variant]) -> bool:
     """Could an effect, once refitted, leave as little as a nuisance does?
 
     Not if the nuisance leaves the floor, and none comes near to it by its linear strength: refits
@@ -377,7 +362,7 @@ def _as_much(base: Base, rival: Base, named: Refitted) -> bool:
     does the same under all conditions: one number that does it is the cause.
     """
     form = newest(rival, base) == FORM
-    if form and not named.assessed.signature.effect.followed:
+    if form and not named.assessed.effect.followed:
         return False
     better, worse = sorted((rival, named.base), key=lambda refitted: refitted.noise_chi2)
     removed = [base.noise_chi2 - refitted.noise_chi2 for refitted in (worse, better)]
@@ -405,13 +390,13 @@ def ranking_of(
     """
     first = found.steps[0]
     refitted = {r.id: r for r in first.contenders}
-    own: dict[str, tuple[Assessed, float]] = {}
+    own: dict[str, tuple[Variant, float]] = {}
     for a in first.assessed:
         if a.id in first.reasons and a.id not in selected:
             continue  # a failed refit is no number
         again = refitted.get(a.id)
         removed = first.before.square_held - again.base.square_held if again else a.removed
-        unphysical = a.signature.one_sided and a.strengths[0] < 0.0 and not again
+        unphysical = a.one_sided and a.step[0] < 0.0 and not again
         shared = excess > LEAST_SHARE_OF_FLOOR * floor and not unphysical
         share = share_of_all if tuple(selected) == (a.id,) else removed / excess if shared else 0.0
         own[a.id] = a, float(np.clip(share, 0.0, 1.0))
@@ -434,7 +419,7 @@ def ranking_of(
 
 
 def _strengths(
-    found: SearchResult, a: Assessed, refitted: Mapping[str, Any]
+    found: SearchResult, a: Variant, refitted: Mapping[str, Any]
 ) -> dict[str, dict[str, Any]]:
     """The effect's parameters with errors and units.
 
@@ -448,10 +433,10 @@ def _strengths(
                 for name, q in own.items()
                 if q.free
             }
-    units = {q.name: q.unit for q in a.signature.effect.parameters}
+    units = {q.name: q.unit for q in a.effect.parameters}
     return {
         n: {"value": float(v), "se": None, "unit": units[n]}
-        for n, v in zip(a.signature.strengths, a.strengths, strict=True)
+        for n, v in zip(a.strengths, a.step, strict=True)
     }
 
 

@@ -426,17 +426,19 @@ def _beside(found: SearchResult, p: float) -> list[Rival]:
 
 def _hidden(found: SearchResult, p: float) -> list[Rival]:
     """Effects that these logs cannot show: as likely as before anything was measured."""
-    model, rivals = found.before.model, []
+    model, reasons = found.before.model, found.steps[0].reasons
     effects = candidate_effects(model)
     # the probability that any effect of the catalogue is missing, before anything is measured: as
     # in the priors of the calibration
     mass = 0.45 / max(len(effects), 1)
-    for effect in effects:
-        if effect.id in found.steps[0].reasons:
-            probes = {q.name: q.probe for q in effect.parameters if q.name in effect.strength}
-            shown = with_candidate(model, effect, probes)
-            rivals.append(Rival("nothing", effect.id, shown, model, mass, p))
-    return rivals
+    shown = {
+        effect.id: with_candidate(
+            model, effect, {q.name: q.probe for q in effect.parameters if q.name in effect.strength}
+        )
+        for effect in effects
+        if effect.id in reasons
+    }
+    return [Rival("nothing", name, first, model, mass, p) for name, first in shown.items()]
 
 
 def by_the_minute(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

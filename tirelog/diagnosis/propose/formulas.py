@@ -119,8 +119,7 @@ def unit_columns(
         spread = {name: value.reshape(-1, 1, 1) for name, value in given.items()}
         computed = ground.in_bins if in_bins else ground.expression
         each = [np.broadcast_to(computed(text, spread), (count, *shape)) for text in texts]
-        stacked = np.stack(each, axis=1).reshape(-1, *shape)
-        return np.ascontiguousarray(np.moveaxis(stacked, 0, -1))
+        return np.ascontiguousarray(np.moveaxis(np.stack(each, axis=1).reshape(-1, *shape), 0, -1))
     columns = []
     for i in range(count):
         own = {name: float(value[min(i, value.size - 1)]) for name, value in given.items()}
@@ -253,8 +252,7 @@ def polish(ground: Ground, atom: Atom) -> Atom:
         if isinstance(unit, ModelError):
             return residual
         columns = ground.without(unit * ground.law(now.law.text, now.law.numbers)[:, None, None])
-        found = np.linalg.lstsq(columns, residual, rcond=1e-9)[0]
-        return np.asarray(residual - columns @ found)
+        return np.asarray(residual - columns @ np.linalg.lstsq(columns, residual, rcond=1e-9)[0])
 
     low, high = bounds.T
     start = np.clip([known[n] for n in names], low * (1 + 1e-9) + 1e-12, high * (1 - 1e-9) - 1e-12)

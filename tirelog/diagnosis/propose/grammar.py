@@ -37,15 +37,6 @@ class FormFrame:
     rates: FloatArray = field(default_factory=lambda: np.zeros(0))
     offset: str = "({u} - at)"
 
-    def bounds(self, role: str) -> tuple[float, float]:
-        """Where a polished or fitted number of this role may go."""
-        if role != "place":
-            of, low, high = (self.widths, 0.2, 4.0) if role == "width" else (self.rates, 0.3, 3.0)
-            return low * float(of[0]), high * float(of[-1])
-        reach = float(np.ptp(self.places))
-        low = 0.0 if self.side in ("one", "gated") else float(self.places[0]) - 0.5 * reach
-        return low, float(self.places[-1]) + 0.5 * reach
-
 
 FRAMES: tuple[FormFrame, ...] = (
     FormFrame("wheel_angle", "at a place of the wheel", "phi", "rad", "round",
@@ -249,7 +240,15 @@ class Form:
             yield dict(zip(self.profile.numbers, columns, strict=True))
 
     def bounds(self, name: str) -> tuple[float, float]:
-        return self.frame.bounds(self.profile.numbers[name])
+        """Where a polished or fitted number may go, by its role."""
+        role, frame = self.profile.numbers[name], self.frame
+        if role == "width":
+            return 0.2 * float(frame.widths[0]), 4.0 * float(frame.widths[-1])
+        if role == "rate":
+            return 0.3 * float(frame.rates[0]), 3.0 * float(frame.rates[-1])
+        first, last = float(frame.places[0]), float(frame.places[-1])
+        reach = 0.5 * float(np.ptp(frame.places))
+        return 0.0 if frame.side in ("one", "gated") else first - reach, last + reach
 
     def unit(self, name: str) -> str:
         """The unit of one of its numbers."""

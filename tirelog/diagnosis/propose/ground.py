@@ -77,14 +77,12 @@ class Ground:
         #: root mean square of what base and nuisances leave, in the observable's unit
         self.missing = float(np.sqrt(np.nanmean(beside**2)))
         self.manoeuvres = cells.manoeuvres
-        self.values: dict[str, Any] = {
-            name: getattr(cells.conditions, column)[:, None] for name, column in CONDITIONS.items()
-        }
         radius, phi = model.values["radius_m"], np.nan_to_num(cells.phi)
         spread = np.sqrt(np.nan_to_num(np.maximum(cells.phi_variance, 0.0)))
         self._bins = [{"phi": at, "xi": at * radius} for at in (phi - spread, phi + spread)]
         load = cells.conditions.load_N[:, None]
-        self.values |= {
+        self.values: dict[str, Any] = {
+            **{name: getattr(cells.conditions, of)[:, None] for name, of in CONDITIONS.items()},
             "phi": phi,
             "xi": phi * radius,
             "L": model.half_length_m(cells.conditions)[:, None],
@@ -117,8 +115,7 @@ class Ground:
         ModelError if the model cannot be computed with it.
         """
         model = self.base.model.with_effect(ModelEffect.of(effect))
-        change = predicted(model, self.base.cells) - self.base.fit.prediction
-        return np.nan_to_num(change) / probe
+        return np.nan_to_num(predicted(model, self.base.cells) - self.base.fit.prediction) / probe
 
     def expression(self, text: str, numbers: Mapping[str, Any]) -> FloatArray:
         """An expression's values on the cells; numbers of shape (S, 1, 1) give (S, C, m)."""
@@ -158,8 +155,7 @@ class Ground:
         basis, found, _ = np.linalg.svd(columns[:, norm > 0] / norm[norm > 0], full_matrices=False)
         # eigenvalues of a coupling below this are directions that it leaves alone
         basis = basis[:, found > 1e-10 * found[0]] if found.size else basis
-        image = self.coupled(basis.reshape(*shape, -1)).reshape(size, -1)
-        return basis, basis.T @ image
+        return basis, basis.T @ self.coupled(basis.reshape(*shape, -1)).reshape(size, -1)
 
     @cached_property
     def _products(self) -> FloatArray:

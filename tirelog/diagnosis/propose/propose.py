@@ -1,6 +1,6 @@
 """`propose`: the unknown effect written down, and its error on manoeuvres that nothing touched.
 
-Proposal, Term, FoundFormula, HoldoutErrors: what it gives, with its sentences and JSON
+Proposal, Term, FoundFormula: what it gives, with its sentences and JSON
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tirelog.diagnosis.answer import (
     probability,
 )
 from tirelog.diagnosis.candidates.assessment import at_noise_floor, surely_gains
-from tirelog.diagnosis.candidates.naming import worth_it
+from tirelog.diagnosis.candidates.naming import without_needless, worth_it
 from tirelog.diagnosis.candidates.nuisances import (
     allowed_nuisances,
     best_nuisance,
@@ -61,12 +61,7 @@ from tirelog.diagnosis.rules import (
     SECOND_LEAST,
 )
 from tirelog.errors import ModelError, UsageError, or_refusal
-from tirelog.inference.base import (
-    Base,
-    change_to,
-    refit,
-    refit_without,
-)
+from tirelog.inference.base import Base, refit
 from tirelog.inference.cells.joint import JointPieces
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.physics.effects import Effect
@@ -127,33 +122,8 @@ class Term:
 
     def to_json(self) -> dict[str, Any]:
         own = {"name": self.name, "stages": self.stages, "parameters": self.numbers}
-        good = {"p": self.p, "tried": self.tried, "as_good": [vars(one) for one in self.as_good]}
-        return own | vars(self.formula) | good
-
-
-@dataclass(frozen=True)
-class HoldoutErrors:
-    """Errors on manoeuvres that nothing had touched: before, after, and the floor there [unit]."""
-
-    manoeuvres: int
-    before: float
-    after: float
-    floor: float
-
-    @property
-    def share(self) -> float | None:
-        """The share of the excess that is removed there; None if there was none."""
-        before, after = (x**2 - self.floor**2 for x in (self.before, self.after))
-        return 1.0 - max(after, 0.0) / before if before > 0.0 else None
-
-    def to_json(self) -> dict[str, Any]:
-        return {
-            "manoeuvres": self.manoeuvres,
-            "rmse_before": self.before,
-            "rmse_after": self.after,
-            "noise_floor": self.floor,
-            "share_removed": self.share,
-        }
+        good = {"p": self.p, "tried": self.tried, "as_good": self.as_good}
+        return plain_fields(own | vars(self.formula) | good)
 
 
 @dataclass(frozen=True, repr=False)
@@ -166,6 +136,8 @@ class Proposal(AnswerRecord):
     shapes      measured shapes, the best first: what one form in that frame can remove at most
     written     names of the effects that `model` has more than the model that was asked about
     model       with them, fitted on the manoeuvres that were seen; None without a proposal
+    locked      errors without and with it on the manoeuvres that nothing had touched, the floor
+                there, and the share of the excess that is removed
     rmse_heldout_before, rmse_heldout_after, noise_floor  on the manoeuvres that were seen
     nearest     effects of the catalogue and the share of the excess that each removes
     separating_manoeuvres  what to drive, so that formulas that are as good part
@@ -175,6 +147,8 @@ class Proposal(AnswerRecord):
 
     picture = "propose_figure"
     panel = "shape"
+    apart = ("model", "diagnosis", "phi_rad", "leading_before", "leading_after", "asked")
+    also = ("sentence", "unit", "verdict")
 
     status: str
     reason: str
@@ -185,11 +159,11 @@ class Proposal(AnswerRecord):
     shapes: tuple[MeasuredShape, ...] = ()
     written: tuple[str, ...] = ()
     model: Model | None = None
-    locked: HoldoutErrors | None = None
+    locked: Mapping[str, Any] | None = None
     rmse_heldout_before: float | None = None
     rmse_heldout_after: float | None = None
     noise_floor: float | None = None
-    nearest: tuple[tuple[str, float], ...] = ()
+    nearest: tuple[Mapping[str, Any], ...] = ()
     separating_manoeuvres: tuple[Mapping[str, Any], ...] = ()
     notes: tuple[str, ...] = ()
     phi_rad: FloatArray = field(default_factory=partial(np.zeros, 0))
@@ -202,6 +176,10 @@ class Proposal(AnswerRecord):
         return OBSERVABLES[self.observable].unit
 
     @property
+    def verdict(self) -> str:
+        return self.diagnosis.verdict if self.diagnosis else "too_few"
+
+    @property
     def sentence(self) -> str:
         """The answer in one sentence."""
         if self.status == "nothing":
@@ -212,12 +190,13 @@ class Proposal(AnswerRecord):
             law = "" if self.shapes[0].law == "1" else f", times {self.shapes[0].law}"
             why = "" if self.asked else ", since no formula does as well"
             what = f"a measured shape {self.shapes[0].words}{law}{why}"
-        if locked is None or locked.share is None:
+        if locked is None:
             return f"Proposed: {what}."
         return (
-            f"Proposed: {what}. On {locked.manoeuvres} manoeuvres that nothing had touched it "
-            f"removes {percent(locked.share)} of the excess: {locked.before * factor:.3g} -> "
-            f"{locked.after * factor:.3g} {unit} at a floor of {locked.floor * factor:.3g}."
+            f"Proposed: {what}. On {locked['manoeuvres']} manoeuvres that nothing had touched it "
+            f"removes {percent(locked['share_removed'])} of the excess: "
+            f"{locked['rmse_before'] * factor:.3g} -> {locked['rmse_after'] * factor:.3g} {unit} "
+            f"at a floor of {locked['noise_floor'] * factor:.3g}."
         )
 
     def sentences(self) -> list[str]:
@@ -235,33 +214,13 @@ class Proposal(AnswerRecord):
                 "form in that frame removes more."
             )
         if self.nearest:
-            near = ", ".join(f"{name} {percent(share)}" for name, share in self.nearest)
+            near = ", ".join(f"{n['effect']} {percent(n['excess_removed'])}" for n in self.nearest)
             said.append(f"Nearest effects of the catalogue: {near} of the excess.")
         said += [
             f"{row['manoeuvre']} x{row['repeats']} would part {' from '.join(row['separates'])}."
             for row in self.separating_manoeuvres
         ]
         return [*said, *self.notes]
-
-    def to_json(self) -> dict[str, Any]:
-        """Everything but the arrays of the picture and the whole diagnosis."""
-        names = (
-            *("status", "sentence", "reason", "observable", "unit", "written", "notes"),
-            *("rmse_heldout_before", "rmse_heldout_after", "noise_floor", "manoeuvres"),
-            "separating_manoeuvres",
-        )
-        return plain_fields(
-            {name: getattr(self, name) for name in names}
-            | {
-                "verdict": self.diagnosis.verdict if self.diagnosis else "too_few",
-                "terms": [term.to_json() for term in self.terms],
-                "shapes": [vars(shape) for shape in self.shapes],
-                "locked": self.locked and self.locked.to_json(),
-                "nearest": [
-                    {"effect": name, "excess_removed": share} for name, share in self.nearest
-                ],
-            }
-        )
 
     @property
     def headline(self) -> str:
@@ -346,8 +305,7 @@ def propose(
         return _nothing(reason, base, diagnosis)
     # what no free shape alone shows to repeat must be beyond doubt over the whole grammar
     alarm = BEYOND_DOUBT_P if diagnosis.verdict == "scatter" else ALARM_P
-    climb = _climb(ground, alarm, progress)
-    return _proposal(climb, diagnosis, locked, shape, progress)
+    return _proposal(_climb(ground, alarm, progress), diagnosis, locked, shape, progress)
 
 
 def _nothing(
@@ -464,42 +422,25 @@ def _free_name(base: Base, stem: str, number: int = 1) -> str:
 
 
 def _without_needless(climb: _Climb) -> _Climb:
-    """The climb without terms that those after them have made needless, numbered anew.
+    """The climb without terms that those after them have made needless.
 
     What was as good as a term was so beside those that go: it is not said then.
     """
-    after, kept = climb.after, list(climb.choices)
-    names = [choice.chosen.entry.id for choice in kept]
-    for choice, name in list(zip(kept, names, strict=True))[:-1]:
-        lost = change_to(after, after.model.without_effect(name))
-        if isinstance(lost, ModelError):
-            continue
-        added = float((after.plain(np.nan_to_num(lost)) ** 2).sum()) / after.plain.weight
-        # squared floors from which on what a term adds is plainly needed, and no refit without it
-        # asked for; half of it would ask of each, at a second each
-        less = after if added > after.floor.square else refit_without(after, name)
-        if less is after or isinstance(less, ModelError):
-            continue
-        if less.square_held - after.square_held < LEAST_SHARE_OF_FLOOR * after.floor.square:
-            after, kept = less, [other for other in kept if other is not choice]
-    if len(kept) == len(names):
-        return climb
-    entries = {entry.id: entry for entry in after.model.effects}
-    own = [entries[choice.chosen.entry.id] for choice in kept]
-    renamed = [replace(o, effect=replace(o.effect, id=new)) for new, o in zip(names, own)]
-    model = after.model.without_effect(*(entry.id for entry in own))
-    for entry in renamed:
-        model = model.with_entry(entry)
-    again = refit(after, model)
-    if isinstance(again, ModelError):
-        return climb
-    climb.bases = [climb.bases[0], again.with_scatter_estimated]
-    chosen = [
-        replace(choice.chosen, entry=entry, base=climb.after)
-        for entry, choice in zip(renamed, kept, strict=True)
-    ]
-    climb.choices = [replace(k, chosen=c, as_good=(c,)) for k, c in zip(kept, chosen, strict=True)]
+    names = [choice.chosen.entry.id for choice in climb.choices]
+    after, dropped = without_needless(climb.after, names, _matters)
+    if dropped:
+        climb.bases = [climb.bases[0], after.with_scatter_estimated]
+        kept = [choice for choice in climb.choices if choice.chosen.entry.id not in dropped]
+        chosen = [replace(choice.chosen, base=climb.after) for choice in kept]
+        climb.choices = [
+            replace(k, chosen=c, as_good=(c,)) for k, c in zip(kept, chosen, strict=True)
+        ]
     return climb
+
+
+def _matters(without: Base, base: Base) -> bool:
+    """Is what a base removes of the held-out error large enough to matter?"""
+    return without.square_held - base.square_held >= LEAST_SHARE_OF_FLOOR * base.floor.square
 
 
 def _proposal(
@@ -547,7 +488,11 @@ def _proposal(
         rmse_heldout_after=after.rmse_held,
         noise_floor=float(np.sqrt(after.floor.square)),
         manoeuvres=base.cells.manoeuvres,
-        nearest=tuple((c.effect, c.excess_removed) for c in near if c.excess_removed > REST_SHARE),
+        nearest=tuple(
+            {"effect": c.effect, "excess_removed": c.excess_removed}
+            for c in near
+            if c.excess_removed > REST_SHARE
+        ),
         separating_manoeuvres=tuple(rows),
         notes=tuple(notes),
         phi_rad=np.nanmean(base.cells.phi, axis=0),
@@ -557,7 +502,7 @@ def _proposal(
     )
 
 
-def _on_locked(base: Base, after: Base, locked: Pieces) -> HoldoutErrors | str:
+def _on_locked(base: Base, after: Base, locked: Pieces) -> dict[str, Any] | str:
     """The errors on the locked manoeuvres, or why what was found is not claimed."""
     there, before = untouched(after, locked), untouched(base, locked)
     unknown = "of the manoeuvres that were locked away nothing is known"
@@ -565,13 +510,18 @@ def _on_locked(base: Base, after: Base, locked: Pieces) -> HoldoutErrors | str:
         return f"{unknown}: {there.what}."
     if isinstance(before, ModelError):
         return f"{unknown}: {before.what}."
-    result = HoldoutErrors(int(np.unique(locked.manoeuvre).size), before[0], *there)
+    square = there[1] ** 2
+    excess, left = before[0] ** 2 - square, max(there[0] ** 2 - square, 0.0)
+    share, number = 1.0 - left / excess if excess > 0.0 else None, np.unique(locked.manoeuvre).size
     # what is chance removes nothing; with twice the share only what is right to the floor is said
-    if result.share is not None and result.share >= 0.5:
-        return result
+    if share is not None and share >= 0.5:
+        return {
+            "manoeuvres": number, "rmse_before": before[0], "rmse_after": there[0],
+            "noise_floor": there[1], "share_removed": share,
+        }  # fmt: skip
     return (
-        f"what was found removes {percent(max(result.share or 0.0, 0.0))} of the excess on the "
-        f"{result.manoeuvres} manoeuvres that were locked away, too little to be claimed."
+        f"what was found removes {percent(max(share or 0.0, 0.0))} of the excess on the "
+        f"{number} manoeuvres that were locked away, too little to be claimed."
     )
 
 

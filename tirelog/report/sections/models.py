@@ -777,8 +777,8 @@ def _errors(result: Proposal, factor: float, unit: str) -> list[AnswerTable]:
     if before is not None and floor is not None:
         known.append(("seen, held out in turn", result.manoeuvres, (before, after, floor)))
     if (locked := result.locked) is not None:
-        errors = (locked.before, locked.after, locked.floor)
-        known.append(("locked away from the search", locked.manoeuvres, errors))
+        errors = (locked["rmse_before"], locked["rmse_after"], locked["noise_floor"])
+        known.append(("locked away from the search", locked["manoeuvres"], errors))
     rows = [
         [which, str(count), *("" if error is None else f"{error * factor:.3g}" for error in errors)]
         for which, count, errors in known
