@@ -96,7 +96,7 @@ def test_a_file_cut_off_keeps_what_is_there_and_says_so(tmp_path: Path) -> None:
     [
         ("matlab", "variable 1 cannot be read"),
         ("matlab packed", "variable 1 cannot be read"),
-        ("parquet", "no readable Parquet"),
+        ("parquet", "is a Parquet file that cannot be read"),
         ("zip", "zip archive is cut off"),
     ],
 )

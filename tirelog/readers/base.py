@@ -96,7 +96,8 @@ class ReadReport:
     """What the reader met.
 
     `losses` make status 3; `remarks` are said once; `counts` (bad rows, ...) go into the
-    provenance. `damage` is the loss by which any row may hold what was never written.
+    provenance. `damage` is the loss by which any row may hold what was never written;
+    `passed_over` names what a converted log has beside numbers.
     """
 
     format: str = ""
@@ -105,6 +106,7 @@ class ReadReport:
     remarks: list[str] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)
     damage: str = ""
+    passed_over: list[str] = field(default_factory=list)
 
 
 def of_damaged(damage: str, problem: TirelogError, log: str) -> ReadError:
@@ -130,32 +132,6 @@ class LogReader(Protocol):
     def blocks(self) -> Iterator[RawBlock]:
         """All blocks, once."""
         ...
-
-
-# ---- What became of a log that was made another format.
-
-
-#: sentences of a kind that are kept
-_MOST_SAID = 5
-
-
-@dataclass
-class Converted:
-    """What is said of a conversion, gathered on its way.
-
-    `losses` make status 3; `start` is the log's start in ISO 8601 if it tells that.
-    """
-
-    losses: list[str] = field(default_factory=list)
-    passed_over: list[str] = field(default_factory=list)
-    remarks: list[str] = field(default_factory=list)
-    start: str | None = None
-
-    @property
-    def said(self) -> list[str]:
-        """The remarks, and one on what was passed over, if anything was."""
-        some = "; ".join(self.passed_over[:3]) + ("; ..." if len(self.passed_over) > 3 else "")
-        return [*self.remarks[:_MOST_SAID], *([f"not read: {some}"] if some else [])]
 
 
 # ---- What instruments call their sampling rate, wherever a file keeps it.

@@ -60,7 +60,7 @@ from tirelog.readers.hdf5.source import (
     unstored,
     walk,
 )
-from tirelog.readers.other.formats import HEAD_BYTES, is_hdf5
+from tirelog.readers.other.formats import HEAD_BYTES, name_of
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import WAVELENGTH_KINDS
@@ -388,7 +388,7 @@ class _Clock:
 def refuse_damaged(path: Path, log_name: str) -> None:
     """ReadError: an HDF5 file that is cut off, or does not even say what it holds."""
     with path.open("rb") as raw:
-        if not is_hdf5(raw.read(HEAD_BYTES)):
+        if name_of(raw.read(HEAD_BYTES)) != "HDF5":
             return
     file, end, declared = opened(path, log_name)
     with file:

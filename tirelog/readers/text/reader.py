@@ -82,6 +82,7 @@ def open_text(source: Path | str | BinaryIO, setup: Setup, log_name: str) -> Tex
         return TextReader(opened, setup, log_name)
     except (ReadError, SetupError) as problem:
         damage = opened.damage()
+        opened.close()
         if not damage or damage in problem.message:
             raise
         raise of_damaged(damage, problem, log_name) from None
