@@ -31,6 +31,8 @@ from tirelog.vocabulary.quality import Quality
 Samples = FloatArray | NDArray[np.int32]
 #: the count that says that a sample is lost
 LOST_COUNT = -(1 << 31)
+#: more decimals than this are no counts of int32
+_MOST_PLACES = 9
 
 
 def counted_floats(samples: Samples, decimals: int | None) -> FloatArray:
@@ -43,6 +45,24 @@ def counted_floats(samples: Samples, decimals: int | None) -> FloatArray:
     values = samples / 10.0 ** (decimals or 0)
     values[samples == LOST_COUNT] = np.nan
     return values
+
+
+def whole_counts(values: FloatArray, decimals: int | None) -> Samples:
+    """Floats as int32 counts of 10^-decimals if these are the very same numbers, else as they are.
+
+    None is for floats that are no decimals.
+    """
+    if decimals is None or decimals > _MOST_PLACES:
+        return values
+    lost = np.isnan(values)
+    with np.errstate(over="ignore"):
+        counts = np.rint(np.where(lost, 0.0, values) * 10.0**decimals)
+    if counts.size and (counts.max() >= -LOST_COUNT or counts.min() <= LOST_COUNT):
+        return values
+    whole = counts.astype(np.int32)
+    whole[lost] = LOST_COUNT
+    counts /= 10.0**decimals
+    return whole if ((counts == values) | lost).all() else values
 
 
 def lost_samples(samples: Samples) -> int:
