@@ -72,6 +72,12 @@ def lost_samples(samples: Samples) -> int:
     )
 
 
+def runs(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """(first, behind) of each run of marked samples."""
+    edges = np.flatnonzero(np.diff(marked.astype(np.int8), prepend=0, append=0)).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
 @dataclass(frozen=True)
 class Group:
     """Channels sampled together.

@@ -34,6 +34,7 @@ from tirelog.readers.base import (
     ReadReport,
     Series,
     SeriesList,
+    runs,
     unit_by_size,
     with_stated_units,
 )
@@ -611,16 +612,15 @@ class Hdf5Log:
         gone = np.zeros(stop - start, bool)
         slabs = Slabs([column for _, column, _ in clock.channels], start, stop)
         for name, source, scale in clock.channels:
-            stored, missing = self._read(source, start, stop, slabs)
+            stored, lost = self._read(source, start, stop, slabs)
             numbers = scale.apply(stored)
             channel = self.setup.channels[name]
             if channel.kind in WAVELENGTH_KINDS:  # 0 is a lost peak; a share may be below it
                 factor, offset = channel.scaling
                 numbers[(numbers == 0.0) | ~(factor * numbers + offset > 0.0)] = np.nan
-            for first, last in missing:
-                numbers[first - start : last - start] = np.nan
-                gone[first - start : last - start] = True
-                flags.append((name, first - start, last - start, Quality.GAP))
+            numbers[lost] = np.nan
+            gone |= lost
+            flags += [(name, first, last, Quality.GAP) for first, last in runs(lost)]
             values[name] = numbers
         stamps, stamps_gone = self._stamps(clock, start, stop, slabs) if clock.time else (None, 0)
         return (
@@ -631,34 +631,29 @@ class Hdf5Log:
 
     def _read(
         self, column: SourceColumn, start: int, stop: int, slabs: Slabs
-    ) -> tuple[NDArray[Any], list[tuple[int, int]]]:
-        """Stored values [start, stop), and the ranges of them that are lost.
-
-        The values in these mean nothing.
-        """
-        missing = unstored(column, start, stop, self.end)
-        if not missing:
+    ) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+        """(stored values [start, stop), which of them are lost, and mean nothing)."""
+        lost = unstored(column, start, stop, self.end)
+        if not lost.any():
             try:
-                return slabs.read(column), []
+                return slabs.read(column), lost
             except LIBRARY_ERRORS:
                 pass  # a damaged chunk: find out which
         stored = np.zeros(stop - start, column.dtype)
         for first in range(start - start % column.chunk, stop, column.chunk):
             low, high = max(first, start), min(first + column.chunk, stop)
-            if any(a < high and low < b for a, b in missing):
-                if column.dataset.chunks:
-                    continue
-                high = max(min(high, missing[0][0]), low)
-            try:
-                stored[low - start : high - start] = column.read(low, high)
-            except LIBRARY_ERRORS:
-                missing.append((low, high))
-        return stored, missing
+            part = slice(low - start, high - start)
+            if not lost[part].all():
+                try:
+                    stored[part] = column.read(low, high)
+                except LIBRARY_ERRORS:
+                    lost[part] = True
+        return stored, lost
 
     def _stamps(self, clock: _Clock, start: int, stop: int, slabs: Slabs) -> tuple[FloatArray, int]:
         """Seconds from the first stamp of the log, NaN for lost stamps, and how many are lost."""
         assert clock.time is not None
-        stored, missing = self._read(clock.time.column, start, stop, slabs)
+        stored, lost = self._read(clock.time.column, start, stop, slabs)
         if stored.dtype.kind in "iu":
             counted = (stored.astype(np.int64) - int(clock.first)).astype(
                 np.float64
@@ -666,9 +661,8 @@ class Hdf5Log:
         else:
             counted = stored.astype(np.float64) - float(clock.first)
         stamps = counted * clock.time.step_s + clock.origin_s
-        for first, last in missing:
-            stamps[first - start : last - start] = np.nan
-        return stamps, sum(last - first for first, last in missing)
+        stamps[lost] = np.nan
+        return stamps, int(lost.sum())
 
 
 def _rows(clock: _Clock) -> int:

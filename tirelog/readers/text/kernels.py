@@ -2,7 +2,7 @@
 
     rows       a block of rows to columns: counts, floats, ticks, spans of bytes; stops at a row
                that is not like the others
-    collapsed, unquoted     a block without runs of blanks, without quotes
+    unquoted   a block without quotes
 
 `parse_rows` takes a cell to be written as the one above it, so that the next cell's place is known
 before this one's digits are; one that is not is measured a word at a time, and only one that is
@@ -268,28 +268,6 @@ HARD = np.dtype([("row", "i8"), ("column", "i8"), ("first", "i8"), ("stop", "i8"
 BETWEEN = 31
 #: bytes at the end of a block that are not loaded as words
 _TAIL = 48
-
-
-@compiled
-def collapsed(data: Bytes, out: Bytes) -> int:
-    """Copies `data` to `out` with one blank for each run of blanks; the bytes written.
-
-    Runs of blanks and tabs; none is left at the ends of lines.
-    """
-    size, gap, begun = 0, False, False
-    for i in range(data.size):
-        byte = data[i]
-        if byte == 32 or byte == 9:
-            gap = True
-            continue
-        end = byte == 10 or (byte == 13 and (i + 1 == data.size or data[i + 1] == 10))
-        if gap and begun and not end:
-            out[size] = 32
-            size += 1
-        out[size] = byte
-        size += 1
-        gap, begun = False, byte != 10
-    return size
 
 
 @compiled

@@ -39,7 +39,6 @@ from tirelog.readers.text.kernels import (
     TICK_PLACES,
     Block,
     bytes_of,
-    collapsed,
     parse_rows,
     unquoted,
 )
@@ -221,10 +220,23 @@ def normalized(layout: Layout, block: Block) -> Block:
     if not block.endswith(b"\n"):
         block += b"\n"
     if layout.separator == " ":
-        data = bytes_of(block)
-        out = np.empty(data.size, np.uint8)
-        block = out[: collapsed(data, out)].tobytes()
+        block = single_blanks(block)
     return block
+
+
+def single_blanks(block: Block) -> bytes:
+    """A block, which a newline ends, with one blank for each run of blanks and tabs.
+
+    At the ends of lines there is none.
+    """
+    data = bytes_of(block)
+    blank = (data == 32) | (data == 9)
+    edges = np.flatnonzero(np.diff(blank.view(np.int8), prepend=0, append=0))
+    firsts, behind = edges[::2], edges[1::2]
+    at_end = (data[behind] == 10) | ((data[behind] == 13) & (data[(behind + 1) % data.size] == 10))
+    kept = ~blank
+    kept[firsts[(firsts > 0) & (data[firsts - 1] != 10) & ~at_end]] = True
+    return bytes(np.where(blank, np.uint8(32), data)[kept])
 
 
 def between(layout: Layout) -> int:
