@@ -99,7 +99,7 @@ _HALF = r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?"
 _CLOCK = rf"(?P<h>\d{{1,2}})(?P<s>[:\-.])(?P<m>\d{{1,2}})(?:(?P=s){_SECOND})?{_HALF}"
 _OFFSET = r"\s*(?P<off>Z|[+-]\d{2}:?\d{2})?"
 _REST = rf"(?:[T _]+{_CLOCK}{_OFFSET})?"
-_FORMS = {
+FORMS = {
     "iso": re.compile(rf"(?P<Y>\d{{4}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<D>\d{{1,2}}){_REST}"),
     "dmy": re.compile(rf"(?P<D>\d{{1,2}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<Y>\d{{4}}){_REST}"),
     "hms": re.compile(rf"(?P<h>\d{{1,2}})(?P<s>[:\-])(?P<m>\d{{1,2}})(?P=s){_SECOND}{_HALF}:?"),
@@ -107,29 +107,34 @@ _FORMS = {
 }
 
 
+def _matched(cell: str) -> tuple[str, re.Match[str]] | None:
+    """(form, match) of one cell, None if it is no time."""
+    text = cell.strip().strip('"')
+    found = ((name, pattern.fullmatch(text)) for name, pattern in FORMS.items())
+    return next(((name, match) for name, match in found if match), None)
+
+
 def form_of(cell: str) -> str | None:
     """The form's name of one cell, None if it is no time."""
-    cell = cell.strip().strip('"')
-    return next((name for name, pattern in _FORMS.items() if pattern.fullmatch(cell)), None)
+    found = _matched(cell)
+    return found and found[0]
 
 
 def has_clock(cell: str) -> bool:
     """False for a date alone."""
-    form = form_of(cell)
-    match = form and _FORMS[form].fullmatch(cell.strip().strip('"'))
-    return bool(match and match.groupdict().get("h"))
+    found = _matched(cell)
+    return bool(found and found[1].groupdict().get("h"))
 
 
 def fraction_digits(cell: str) -> int:
     """Decimals of a time's seconds."""
-    form = form_of(cell)
-    match = form and _FORMS[form].fullmatch(cell.strip().strip('"'))
-    return len(match["frac"] or "") if match else 0
+    found = _matched(cell)
+    return len(found[1]["frac"] or "") if found else 0
 
 
 def month_first(cells: list[str]) -> bool:
     """True if dates like 04/14/2022 prove that the month stands first."""
-    pairs = [m for cell in cells if (m := _FORMS["dmy"].fullmatch(cell.strip().strip('"')))]
+    pairs = [m for cell in cells if (m := FORMS["dmy"].fullmatch(cell.strip().strip('"')))]
     return any(int(m["M"]) > 12 for m in pairs) and not any(int(m["D"]) > 12 for m in pairs)
 
 
@@ -173,7 +178,7 @@ def column_ns(
         if not left.size:
             return out
         cell = data[starts[left[0]] : stops[left[0]]]
-        match = _FORMS[form].fullmatch(cell.tobytes().decode("latin-1"))
+        match = FORMS[form].fullmatch(cell.tobytes().decode("latin-1"))
         done = np.zeros(left.size, bool)
         done[0] = True
         if match:
@@ -185,7 +190,7 @@ def column_ns(
             done[same[alike]] = True
         left = left[~done]
     for i in left.tolist():
-        if _FORMS[form].fullmatch(data[starts[i] : stops[i]].tobytes().decode("latin-1")):
+        if FORMS[form].fullmatch(data[starts[i] : stops[i]].tobytes().decode("latin-1")):
             out[i] = column_ns(data, starts[i : i + 1], stops[i : i + 1], form, us)[0]
     return out
 
