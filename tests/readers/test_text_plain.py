@@ -197,17 +197,15 @@ def test_counts_are_handed_on_as_they_are_written() -> None:
     assert block.values["b"].tolist() == [*(-125 * i for i in range(1, 30)), 7000, 0]
 
 
-def test_a_number_that_no_count_holds_makes_floats_of_its_column() -> None:
-    for odd in ("0.12345678901", "123456789012345678901", "1e300", "2147483.6475"):
-        log = (
-            "time_s,A,B\n"
-            + "".join(f"{i / 10},1550.1234,0.5\n" for i in range(300))
-            + f"30.0,1550.0,{odd}\n"
-        )
-        (block,) = open_text(io.BytesIO(log.encode()), SETUP, "log").blocks()
-        assert block.values["a"].dtype == np.int32
-        assert block.values["b"].dtype == np.float64
-        assert block.values["b"].tolist() == [0.5] * 300 + [float(odd)]
+@pytest.mark.parametrize("odd", ["0.12345678901", "123456789012345678901", "1e300", "2147483647.5"])
+def test_a_number_that_no_count_holds_makes_floats_of_its_column(odd: str) -> None:
+    """It stands between the rows by which the decimals are told."""
+    usual = "".join(f"{i / 10},1550.1234,0.5\n" for i in range(300))
+    log = f"time_s,A,B\n{usual}30.0,1550.0,{odd}\n{usual}"
+    (block,) = open_text(io.BytesIO(log.encode()), SETUP, "log").blocks()
+    assert block.values["a"].dtype == np.int32
+    assert block.values["b"].dtype == np.float64
+    assert block.values["b"].tolist() == [0.5] * 300 + [float(odd)] + [0.5] * 300
 
 
 def test_many_cells_of_many_digits() -> None:

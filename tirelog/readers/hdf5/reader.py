@@ -385,6 +385,16 @@ class _Clock:
     first: Any = 0
     origin_s: float = 0.0
 
+    @property
+    def start_s(self) -> float:
+        """The first stamp [s], 0 without one."""
+        return float(self.first) * self.time.step_s if self.time else 0.0
+
+    @property
+    def is_dated(self) -> bool:
+        """True if the stamps count from 1970."""
+        return self.time is not None and (self.time.absolute or self.start_s > EARLIEST_DATE_S)
+
 
 def refuse_damaged(path: Path, log_name: str) -> None:
     """ReadError: an HDF5 file that is cut off, or does not even say what it holds."""
@@ -559,26 +569,21 @@ class Hdf5Log:
 
         Clocks of dates and clocks of seconds each have their own.
         """
-        starts = [float(c.first) * c.time.step_s if c.time else 0.0 for c in clocks]
-        dated = [
-            bool(c.time and (c.time.absolute or start > EARLIEST_DATE_S))
-            for c, start in zip(clocks, starts, strict=True)
-        ]
-        stamped = [d for c, d in zip(clocks, dated, strict=True) if c.time]
-        if len(set(stamped)) > 1:
+        stamped: dict[bool, list[float]] = {}  # first stamps of clocks of dates, and of seconds
+        for clock in clocks:
+            if clock.time:
+                stamped.setdefault(clock.is_dated, []).append(clock.start_s)
+        if len(stamped) > 1:
             self.report.remarks.append(
                 "some channels have dates and others seconds; each kind is taken to start with "
                 "the log"
             )
         shifted = []
-        for clock, start, date in zip(clocks, starts, dated, strict=True):
-            origin = min(
-                (s for c, s, d in zip(clocks, starts, dated, strict=True) if c.time and d == date),
-                default=start,
-            )
-            shifted.append(replace(clock, origin_s=start - origin))
-            if clock.time and start == origin and (date or clock.time.since):
-                self.report.start = _absolute(clock.time, start)
+        for clock in clocks:
+            origin = min(stamped[clock.is_dated]) if clock.time else clock.start_s
+            shifted.append(replace(clock, origin_s=clock.start_s - origin))
+            if clock.time and clock.start_s == origin and (clock.is_dated or clock.time.since):
+                self.report.start = _absolute(clock.time, origin)
         return shifted
 
     def blocks(self) -> Iterator[RawBlock]:

@@ -145,7 +145,7 @@ def _batch(items: Any, tokens: tuple[Token, ...]) -> FloatArray:
     if not tokens and {*map(type, items)} <= {float, int, bool}:
         with suppress(OverflowError):
             return np.array(items, np.float64)
-    found = [extract(item, tokens) for item in items]
+    found = [extract(item, tokens) if tokens else number_of(item) for item in items]
     if not all(isinstance(number, float) for number in found):
         raise FieldError("has lists within a list; allowed is one axis of time")
     return np.array(found, np.float64)
