@@ -151,9 +151,8 @@ class SourceColumn:
         One of LIBRARY_ERRORS if a chunk is damaged.
         """
         source = self.dataset if self.field is None else self.dataset.fields(self.field)
-        return self.elements(
-            source[tuple(slice(start, stop) if at is None else at for at in self.index)]
-        )
+        selection = tuple(slice(start, stop) if at is None else at for at in self.index)
+        return self.elements(source[selection])
 
 
 def refuse(path: str, what: str, allowed: str, action: str) -> ReadError:
