@@ -164,7 +164,7 @@ def _feather() -> Iterator[Case]:
             lambda path, packing=packing: pa.feather.write_feather(
                 table, path, compression=packing, chunksize=200
             ),
-            said="list (lists and structures)",
+            said="neither numbers nor times: note, list",
         )
     yield case(
         "no numbers at all",

@@ -17,8 +17,8 @@ from benchmarks.layouts.generated import setup
 from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, TirelogError
 from tirelog.readers.other import conversion as apart
-from tirelog.readers.other.conversion import FORMATS, extra_format
 from tirelog.readers.other.datasets import check_names, proper, unsafe_formula
+from tirelog.readers.other.formats import FORMATS, name_of
 from tirelog.runs.ingest import open_recording
 
 N = 400
@@ -75,7 +75,7 @@ def test_without_its_library_the_line_that_installs_it(
     monkeypatch.setattr(apart, "find_spec", lambda library: None)
     what = FORMATS[name]
     for head in (HEADS[name], *OTHER_HEADS.get(name, ())):
-        assert extra_format(head) == name
+        assert name_of(head) == name
         message = refusal(written(head + bytes(500), tmp_path))
         assert f"is {what.name}, which {what.package} reads, and that is not installed" in message
         assert message.endswith(f"install it: pip install 'tirelog[{what.extra}]'")
@@ -93,18 +93,12 @@ def test_every_extra_is_one_that_can_be_installed() -> None:
     assert extras["formats"] == [f"tirelog[{all_of_them}]"]
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "-1\n58\n3\n",
-        "    -1,2\n    58,3\n",
-        "    58\n    59\n    60\n",
-        "time,a\n    -1\n    58\n",
-        "    -1.0\n    58\n",
-    ],
-)
+NUMBERS = ["-1\n58\n3\n", "    -1,2\n    58,3\n", "    58\n    59\n", "    -1.0\n    58\n"]
+
+
+@pytest.mark.parametrize("text", [*NUMBERS, "time,a\n    -1\n    58\n"])
 def test_a_column_of_numbers_is_no_universal_file(text: str) -> None:
-    assert extra_format(text.encode()) == ""
+    assert name_of(text.encode()) == ""
 
 
 def feather(folder: Path) -> Path:
@@ -197,19 +191,10 @@ def test_a_formula_of_numbers_and_signs_is_used(formula: str) -> None:
     assert unsafe_formula(conversion("", b"text", None, conversion(formula))) == ""
 
 
-@pytest.mark.parametrize(
-    "formula",
-    [
-        "X ** 9 ** 9 ** 9",
-        "sin(X)",
-        "__import__('os')",
-        "X.real",
-        "X; X",
-        "X[0]",
-        "1" * 300,
-        "X # y",
-    ],
-)
+CODE = ["X ** 9 ** 9 ** 9", "sin(X)", "__import__('os')", "X.real", "X; X", "X[0]", "X # y"]
+
+
+@pytest.mark.parametrize("formula", [*CODE, "1" * 300])
 def test_a_formula_that_could_be_code_is_not_evaluated(formula: str) -> None:
     assert unsafe_formula(conversion(formula)) == formula[:40]
     assert unsafe_formula(conversion("", conversion("", conversion(formula)))) == formula[:40]

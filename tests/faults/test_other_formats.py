@@ -96,13 +96,25 @@ def test_a_file_cut_off_keeps_what_is_there_and_says_so(tmp_path: Path) -> None:
     [
         ("matlab", "variable 1 cannot be read"),
         ("matlab packed", "variable 1 cannot be read"),
-        ("parquet", "no readable Parquet"),
+        ("parquet", "is a Parquet file that cannot be read"),
         ("zip", "zip archive is cut off"),
     ],
 )
 def test_a_file_that_is_cut_off_before_its_end(name: str, says: str, tmp_path: Path) -> None:
     data, source = MADE[name]
     assert says in refusal(data[:-200], tmp_path, source)
+
+
+def test_a_page_of_parquet_that_is_damaged_ends_the_rows(tmp_path: Path) -> None:
+    file = io.BytesIO()
+    table = pa.table({"time": np.arange(10 * N) / 100.0, "a": np.tile(A, 10)})
+    pq.write_table(table, file, row_group_size=5 * N, write_page_checksum=True, compression="none")
+    data = bytearray(file.getvalue())
+    data[len(data) * 3 // 4] ^= 8
+    values, lost = read(bytes(data), tmp_path)
+    assert 0 < values.size < 10 * N
+    np.testing.assert_array_equal(values, np.tile(A, 10)[: values.size])
+    assert "cannot be read to its end" in lost
 
 
 @pytest.mark.parametrize("packed", [False, True])

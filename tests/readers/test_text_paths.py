@@ -1,24 +1,17 @@
-"""Property: the same samples whatever the block size, the wrapping of the bytes, or the way in
-which a block is parsed.
-"""
+"""Property: the same samples whatever the block size or the wrapping of the bytes."""
 
 import gzip
-import io
 import lzma
 
 import numpy as np
 import pytest
 import zstandard
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from tirelog.readers.base import counted_floats
 from tirelog.readers.text import source as text_source
-from tirelog.readers.text.parse import odd_rows
-from tirelog.readers.text.reader import TextReader, open_text
+from tirelog.readers.text.reader import open_text
 from tirelog.readers.text.source import ByteSource
 
-from .text_logs import Pipe, all_plain, joined, read, setup_of
+from .text_logs import Pipe, joined, read, setup_of
 
 SETUP = setup_of({"a": {"source": "A"}, "b": {"source": "B", "kind": "strain", "unit": "strain"}})
 
@@ -88,47 +81,6 @@ def test_compressed_and_piped(kind: str) -> None:
     reader = open_text(Pipe(WRAP[kind](log())), SETUP, "-")
     same(joined(list(reader.blocks()), reader), whole)
     assert reader.report.losses == []
-
-
-def parsers(data: bytes) -> TextReader:
-    return open_text(io.BytesIO(data), SETUP, "log")
-
-
-CELL = st.one_of(
-    st.floats(allow_nan=False, allow_infinity=False).map(repr),
-    st.decimals(
-        min_value=-2000, max_value=2000, places=5, allow_nan=False, allow_infinity=False
-    ).map(str),
-    st.integers(-(10**9), 10**9).map(str),
-    st.sampled_from(["", "nan", "NaN", "0", "-1", "NULL", "n/a", "inf", " 7.5 "]),
-)
-
-
-@given(st.lists(st.tuples(CELL, CELL), min_size=1, max_size=20))
-@settings(max_examples=150, deadline=None)
-def test_both_ways_of_parsing_give_the_same_numbers(cells: list[tuple[str, str]]) -> None:
-    head = b"time_s,A,B\n" + b"".join(b"%d,1.5,2.5\n" % i for i in range(8))
-    rows = "".join(f"{i + 8},{a},{b}\n" for i, (a, b) in enumerate(cells)).encode()
-    plan = parsers(head)._plan
-    (fast, stop), careful = all_plain(plan, rows), odd_rows(plan, 1, rows)
-    assert stop == len(rows)
-    assert fast.size == careful.size == len(cells)
-    for column in fast.values:
-        np.testing.assert_array_equal(
-            counted_floats(fast.values[column], plan.places[column]), careful.values[column]
-        )
-    np.testing.assert_array_equal(fast.stamps, careful.stamps)
-    assert not careful.bad_rows
-    assert not careful.bad_cells
-
-
-@given(
-    st.decimals(min_value=-2000, max_value=2000, places=6, allow_nan=False, allow_infinity=False)
-)
-@settings(max_examples=100, deadline=None)
-def test_numbers_are_rounded_correctly(number) -> None:
-    _, block = read(f"time_s,A,B\n0.0,1550,{number}\n0.1,1550,{number}\n", SETUP)
-    assert block.values["b"].tolist() == [float(number)] * 2
 
 
 def test_one_bad_cell_changes_no_other_sample() -> None:

@@ -32,7 +32,7 @@ LAYOUTS = {
 
 def by_regex(cell: str, form: str, us: bool = False) -> int:
     """As `one_ns`, by the groups of the form's pattern."""
-    match = times._FORMS[form].fullmatch(cell.strip().strip('"'))
+    match = times.FORMS[form].fullmatch(cell.strip().strip('"'))
     if not match:
         return MISSING
     part = match.groupdict()

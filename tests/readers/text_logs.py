@@ -67,7 +67,7 @@ def all_plain(plan: RowPlan, block: bytes) -> tuple[Parsed, int]:
             (block.count(b"\n", 0, begin) + row, what) for row, what in parsed.bad_cells
         ]
         parts.append(parsed)
-    return concatenated_rows(parts, plan.places), at
+    return concatenated_rows(parts), at
 
 
 def joined(blocks: list[RawBlock], reader: TextReader) -> RawBlock:

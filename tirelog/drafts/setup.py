@@ -205,11 +205,7 @@ def listed(format: str, path: Path, log: str) -> SeriesList:
     from tirelog.readers.text.reader import columns
     from tirelog.readers.text.source import ByteSource
 
-    if format != "Parquet":
-        return columns(ByteSource(path, log), log)
-    from tirelog.readers.other.formats import text_of
-
-    return columns(text_of(path, log)[0], log)
+    return columns(ByteSource(path, log), log)
 
 
 #: blocks that are looked at: each of some MB

@@ -31,6 +31,8 @@ from tirelog.vocabulary.quality import Quality
 Samples = FloatArray | NDArray[np.int32]
 #: the count that says that a sample is lost
 LOST_COUNT = -(1 << 31)
+#: more decimals than this are no counts of int32
+_MOST_PLACES = 9
 
 
 def counted_floats(samples: Samples, decimals: int | None) -> FloatArray:
@@ -45,11 +47,35 @@ def counted_floats(samples: Samples, decimals: int | None) -> FloatArray:
     return values
 
 
+def whole_counts(values: FloatArray, decimals: int | None) -> Samples:
+    """Floats as int32 counts of 10^-decimals if these are the very same numbers, else as they are.
+
+    None is for floats that are no decimals.
+    """
+    if decimals is None or decimals > _MOST_PLACES:
+        return values
+    lost = np.isnan(values)
+    with np.errstate(over="ignore"):
+        counts = np.rint(np.where(lost, 0.0, values) * 10.0**decimals)
+    if counts.size and (counts.max() >= -LOST_COUNT or counts.min() <= LOST_COUNT):
+        return values
+    whole = counts.astype(np.int32)
+    whole[lost] = LOST_COUNT
+    counts /= 10.0**decimals
+    return whole if ((counts == values) | lost).all() else values
+
+
 def lost_samples(samples: Samples) -> int:
     """How many of them are lost."""
     return int(
         np.count_nonzero(samples == LOST_COUNT if samples.dtype == np.int32 else np.isnan(samples))
     )
+
+
+def runs(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """(first, behind) of each run of marked samples."""
+    edges = np.flatnonzero(np.diff(marked.astype(np.int8), prepend=0, append=0)).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 @dataclass(frozen=True)
@@ -96,7 +122,8 @@ class ReadReport:
     """What the reader met.
 
     `losses` make status 3; `remarks` are said once; `counts` (bad rows, ...) go into the
-    provenance. `damage` is the loss by which any row may hold what was never written.
+    provenance. `damage` is the loss by which any row may hold what was never written;
+    `passed_over` names what a converted log has beside numbers.
     """
 
     format: str = ""
@@ -105,6 +132,7 @@ class ReadReport:
     remarks: list[str] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)
     damage: str = ""
+    passed_over: list[str] = field(default_factory=list)
 
 
 def of_damaged(damage: str, problem: TirelogError, log: str) -> ReadError:
@@ -130,32 +158,6 @@ class LogReader(Protocol):
     def blocks(self) -> Iterator[RawBlock]:
         """All blocks, once."""
         ...
-
-
-# ---- What became of a log that was made another format.
-
-
-#: sentences of a kind that are kept
-_MOST_SAID = 5
-
-
-@dataclass
-class Converted:
-    """What is said of a conversion, gathered on its way.
-
-    `losses` make status 3; `start` is the log's start in ISO 8601 if it tells that.
-    """
-
-    losses: list[str] = field(default_factory=list)
-    passed_over: list[str] = field(default_factory=list)
-    remarks: list[str] = field(default_factory=list)
-    start: str | None = None
-
-    @property
-    def said(self) -> list[str]:
-        """The remarks, and one on what was passed over, if anything was."""
-        some = "; ".join(self.passed_over[:3]) + ("; ..." if len(self.passed_over) > 3 else "")
-        return [*self.remarks[:_MOST_SAID], *([f"not read: {some}"] if some else [])]
 
 
 # ---- What instruments call their sampling rate, wherever a file keeps it.

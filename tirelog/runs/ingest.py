@@ -27,9 +27,8 @@ from tirelog.data.plausibility import check_recording
 from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup, load_setup, setup_beside
 from tirelog.errors import ReadError, SetupError, UsageError
-from tirelog.readers.base import Converted, Group, LogReader, RawBlock, of_damaged
-from tirelog.readers.other.conversion import FORMATS
-from tirelog.readers.other.formats import HEAD_BYTES, name_of, refuse_foreign
+from tirelog.readers.base import Group, LogReader, RawBlock, ReadReport, of_damaged
+from tirelog.readers.other.formats import FORMATS, HEAD_BYTES, name_of, refuse_foreign
 from tirelog.runs.clock import ClockFit
 from tirelog.runs.store import is_run, open_run, recording_of, write_file
 from tirelog.runs.temporary import Run, RunWriter
@@ -46,7 +45,6 @@ from tirelog.version import __version__
 #: what opens a log by its format; text is of none
 _READERS = {
     "HDF5": "tirelog.readers.hdf5.reader:Hdf5Log",
-    "Parquet": "tirelog.readers.other.formats:open_parquet",
     "MCAP": "tirelog.readers.mcap.reader:open_mcap",
 }
 _TEXT = "tirelog.readers.text.reader:open_text"
@@ -176,7 +174,7 @@ class OpenedLog(NamedTuple):
     format: str
     made: str
     path: Path | None = None
-    converted: Converted | None = None
+    converted: ReadReport | None = None
 
 
 def reader_of(stream: LogStream, opened: OpenedLog, setup: Setup, log: str) -> LogReader:
@@ -199,7 +197,7 @@ def reader_of(stream: LogStream, opened: OpenedLog, setup: Setup, log: str) -> L
     if opened.converted is not None:
         reader.report.format = "matlab 5" if opened.format == "MATLAB" else opened.format.lower()
         reader.report.losses += opened.converted.losses
-        reader.report.remarks += opened.converted.said
+        reader.report.remarks += opened.converted.remarks
         reader.report.start = reader.report.start or opened.converted.start
     return reader
 
@@ -215,7 +213,7 @@ def opened_log(log: str, head: bytes, stream: LogStream, name: str = "") -> Iter
     if not format:
         refuse_foreign(head, name or log)
     converts = format in FORMATS
-    if format not in ("HDF5", "Parquet") and not converts:
+    if format != "HDF5" and not converts:
         yield OpenedLog(format, format)
         return
     with temporary_folder() as folder:

@@ -34,6 +34,7 @@ from tirelog.readers.base import (
     ReadReport,
     Series,
     SeriesList,
+    runs,
     unit_by_size,
     with_stated_units,
 )
@@ -60,7 +61,7 @@ from tirelog.readers.hdf5.source import (
     unstored,
     walk,
 )
-from tirelog.readers.other.formats import HEAD_BYTES, is_hdf5
+from tirelog.readers.other.formats import HEAD_BYTES, name_of
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import WAVELENGTH_KINDS
@@ -384,11 +385,21 @@ class _Clock:
     first: Any = 0
     origin_s: float = 0.0
 
+    @property
+    def start_s(self) -> float:
+        """The first stamp [s], 0 without one."""
+        return float(self.first) * self.time.step_s if self.time else 0.0
+
+    @property
+    def is_dated(self) -> bool:
+        """True if the stamps count from 1970."""
+        return self.time is not None and (self.time.absolute or self.start_s > EARLIEST_DATE_S)
+
 
 def refuse_damaged(path: Path, log_name: str) -> None:
     """ReadError: an HDF5 file that is cut off, or does not even say what it holds."""
     with path.open("rb") as raw:
-        if not is_hdf5(raw.read(HEAD_BYTES)):
+        if name_of(raw.read(HEAD_BYTES)) != "HDF5":
             return
     file, end, declared = opened(path, log_name)
     with file:
@@ -558,26 +569,21 @@ class Hdf5Log:
 
         Clocks of dates and clocks of seconds each have their own.
         """
-        starts = [float(c.first) * c.time.step_s if c.time else 0.0 for c in clocks]
-        dated = [
-            bool(c.time and (c.time.absolute or start > EARLIEST_DATE_S))
-            for c, start in zip(clocks, starts, strict=True)
-        ]
-        stamped = [d for c, d in zip(clocks, dated, strict=True) if c.time]
-        if len(set(stamped)) > 1:
+        stamped: dict[bool, list[float]] = {}  # first stamps of clocks of dates, and of seconds
+        for clock in clocks:
+            if clock.time:
+                stamped.setdefault(clock.is_dated, []).append(clock.start_s)
+        if len(stamped) > 1:
             self.report.remarks.append(
                 "some channels have dates and others seconds; each kind is taken to start with "
                 "the log"
             )
         shifted = []
-        for clock, start, date in zip(clocks, starts, dated, strict=True):
-            origin = min(
-                (s for c, s, d in zip(clocks, starts, dated, strict=True) if c.time and d == date),
-                default=start,
-            )
-            shifted.append(replace(clock, origin_s=start - origin))
-            if clock.time and start == origin and (date or clock.time.since):
-                self.report.start = _absolute(clock.time, start)
+        for clock in clocks:
+            origin = min(stamped[clock.is_dated]) if clock.time else clock.start_s
+            shifted.append(replace(clock, origin_s=clock.start_s - origin))
+            if clock.time and clock.start_s == origin and (clock.is_dated or clock.time.since):
+                self.report.start = _absolute(clock.time, origin)
         return shifted
 
     def blocks(self) -> Iterator[RawBlock]:
@@ -611,16 +617,15 @@ class Hdf5Log:
         gone = np.zeros(stop - start, bool)
         slabs = Slabs([column for _, column, _ in clock.channels], start, stop)
         for name, source, scale in clock.channels:
-            stored, missing = self._read(source, start, stop, slabs)
+            stored, lost = self._read(source, start, stop, slabs)
             numbers = scale.apply(stored)
             channel = self.setup.channels[name]
             if channel.kind in WAVELENGTH_KINDS:  # 0 is a lost peak; a share may be below it
                 factor, offset = channel.scaling
                 numbers[(numbers == 0.0) | ~(factor * numbers + offset > 0.0)] = np.nan
-            for first, last in missing:
-                numbers[first - start : last - start] = np.nan
-                gone[first - start : last - start] = True
-                flags.append((name, first - start, last - start, Quality.GAP))
+            numbers[lost] = np.nan
+            gone |= lost
+            flags += [(name, first, last, Quality.GAP) for first, last in runs(lost)]
             values[name] = numbers
         stamps, stamps_gone = self._stamps(clock, start, stop, slabs) if clock.time else (None, 0)
         return (
@@ -631,34 +636,29 @@ class Hdf5Log:
 
     def _read(
         self, column: SourceColumn, start: int, stop: int, slabs: Slabs
-    ) -> tuple[NDArray[Any], list[tuple[int, int]]]:
-        """Stored values [start, stop), and the ranges of them that are lost.
-
-        The values in these mean nothing.
-        """
-        missing = unstored(column, start, stop, self.end)
-        if not missing:
+    ) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+        """(stored values [start, stop), which of them are lost, and mean nothing)."""
+        lost = unstored(column, start, stop, self.end)
+        if not lost.any():
             try:
-                return slabs.read(column), []
+                return slabs.read(column), lost
             except LIBRARY_ERRORS:
                 pass  # a damaged chunk: find out which
         stored = np.zeros(stop - start, column.dtype)
         for first in range(start - start % column.chunk, stop, column.chunk):
             low, high = max(first, start), min(first + column.chunk, stop)
-            if any(a < high and low < b for a, b in missing):
-                if column.dataset.chunks:
-                    continue
-                high = max(min(high, missing[0][0]), low)
-            try:
-                stored[low - start : high - start] = column.read(low, high)
-            except LIBRARY_ERRORS:
-                missing.append((low, high))
-        return stored, missing
+            part = slice(low - start, high - start)
+            if not lost[part].all():
+                try:
+                    stored[part] = column.read(low, high)
+                except LIBRARY_ERRORS:
+                    lost[part] = True
+        return stored, lost
 
     def _stamps(self, clock: _Clock, start: int, stop: int, slabs: Slabs) -> tuple[FloatArray, int]:
         """Seconds from the first stamp of the log, NaN for lost stamps, and how many are lost."""
         assert clock.time is not None
-        stored, missing = self._read(clock.time.column, start, stop, slabs)
+        stored, lost = self._read(clock.time.column, start, stop, slabs)
         if stored.dtype.kind in "iu":
             counted = (stored.astype(np.int64) - int(clock.first)).astype(
                 np.float64
@@ -666,9 +666,8 @@ class Hdf5Log:
         else:
             counted = stored.astype(np.float64) - float(clock.first)
         stamps = counted * clock.time.step_s + clock.origin_s
-        for first, last in missing:
-            stamps[first - start : last - start] = np.nan
-        return stamps, sum(last - first for first, last in missing)
+        stamps[lost] = np.nan
+        return stamps, int(lost.sum())
 
 
 def _rows(clock: _Clock) -> int:

@@ -64,18 +64,14 @@ class Slabs:
         ):
             return column.read(self.start, self.stop)
         if key not in self.slabs:
-            where = tuple(
-                slice(self.start, self.stop) if at is None else slice(None) for at in column.index
-            )
-            if column.field:
-                fields = sorted({c.field for c in together if c.field})
-                self.slabs[key] = column.dataset.fields(fields)[where]
-            else:
-                self.slabs[key] = column.dataset[where]
+            fields = sorted({c.field for c in together if c.field})
+            source = column.dataset.fields(fields) if fields else column.dataset
+            wide = [slice(None)] * column.dataset.ndim
+            wide[column.axis] = slice(self.start, self.stop)
+            self.slabs[key] = source[tuple(wide)]
         slab = self.slabs[key] if column.field is None else self.slabs[key][column.field]
         values = slab[tuple(slice(None) if at is None else at for at in column.index)]
-        element: tuple[Any, ...] = (slice(None), *column.element)
-        return values[element] if column.element else values
+        return column.elements(values)
 
     def _narrow(self, column: SourceColumn, wanted: int) -> bool:
         """True if the whole rows are few more than what is wanted of them."""
@@ -144,8 +140,10 @@ class SourceColumn:
         """Samples per chunk along time (the whole length if there are no chunks)."""
         return int(self.dataset.chunks[self.axis]) if self.dataset.chunks else len(self)
 
-    def selection(self, start: int, stop: int) -> tuple[int | slice, ...]:
-        return tuple(slice(start, stop) if at is None else at for at in self.index)
+    def elements(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The wanted element of values that may be arrays."""
+        inside: tuple[Any, ...] = (slice(None), *self.element)
+        return values[inside] if self.element else values
 
     def read(self, start: int, stop: int) -> NDArray[Any]:
         """Stored values [start, stop), shape (stop - start,).
@@ -153,9 +151,8 @@ class SourceColumn:
         One of LIBRARY_ERRORS if a chunk is damaged.
         """
         source = self.dataset if self.field is None else self.dataset.fields(self.field)
-        values = source[self.selection(start, stop)]
-        own: NDArray[Any] = values[(slice(None), *self.element)] if self.element else values
-        return own
+        selection = tuple(slice(start, stop) if at is None else at for at in self.index)
+        return self.elements(source[selection])
 
 
 def refuse(path: str, what: str, allowed: str, action: str) -> ReadError:
@@ -486,7 +483,7 @@ def first_number(found: SourceColumn, end: int | None = None) -> Any:
     for start in range(0, len(found), step):
         stop = min(start + step, len(found))
         try:
-            lost = unstored(found, start, stop, end)
+            lost = unstored(found, start, stop, end).any()
             stored = np.zeros(0) if lost else found.read(start, stop)
         except LIBRARY_ERRORS:
             continue
@@ -494,23 +491,6 @@ def first_number(found: SourceColumn, end: int | None = None) -> Any:
         if good.size:
             return stored[good[0]]
     return None
-
-
-def chunks_of(
-    found: SourceColumn, start: int, stop: int
-) -> Iterator[tuple[int, int, h5py.h5d.StoreInfo]]:
-    """(first sample, end, where the file keeps it) of each chunk that meets [start, stop)."""
-    dataset = found.dataset
-    for first in range(start - start % found.chunk, stop, found.chunk):
-        at = [
-            first if i is None else i - i % size
-            for i, size in zip(found.index, dataset.chunks, strict=True)
-        ]
-        yield (
-            max(first, start),
-            min(first + found.chunk, stop),
-            dataset.id.get_chunk_info_by_coord(tuple(at)),
-        )
 
 
 # ---- An HDF5 file that was cut off, opened up to the cut.
@@ -550,31 +530,35 @@ def declared_size(problem: Exception) -> int | None:
     return int(match[1]) if match else None
 
 
-def unstored(found: SourceColumn, start: int, stop: int, end: int | None) -> list[tuple[int, int]]:
-    """Sample ranges in [start, stop) that the file does not hold.
+def unstored(found: SourceColumn, start: int, stop: int, end: int | None) -> NDArray[np.bool_]:
+    """True for the samples in [start, stop) that the file does not hold, shape (stop - start,).
 
     They were never written, or lie behind `end` (the size of a file that was cut).
     """
-    dataset = found.dataset
-    if dataset.is_virtual:
-        return []
-    if dataset.chunks:
+    dataset, lost = found.dataset, np.zeros(stop - start, bool)
+    if dataset.chunks and not dataset.is_virtual:
         expected = math.prod(
             math.ceil(n / c) for n, c in zip(dataset.shape, dataset.chunks, strict=True)
         )
         if end is None and dataset.id.get_num_chunks() >= expected:
-            return []
-        return [(a, b) for a, b, info in chunks_of(found, start, stop) if _is_lost(info, end)]
-    offset = dataset.id.get_offset()
-    if end is None or offset is None:
-        return []
-    size = dataset.dtype.itemsize
-    strides = [math.prod(dataset.shape[axis + 1 :]) * size for axis in range(dataset.ndim)]
-    base = offset + sum(
-        at * step for at, step in zip(found.index, strides, strict=True) if at is not None
-    )
-    whole = max((end - base - size) // strides[found.axis] + 1, 0)
-    return [(max(start, whole), stop)] if whole < stop else []
+            return lost
+        for first in range(start - start % found.chunk, stop, found.chunk):
+            corner = [
+                first if i is None else i - i % size
+                for i, size in zip(found.index, dataset.chunks, strict=True)
+            ]
+            at = dataset.id.get_chunk_info_by_coord(tuple(corner))
+            cut = at.byte_offset is None or (end is not None and at.byte_offset + at.size > end)
+            lost[max(first - start, 0) : first + found.chunk - start] = cut
+    elif end is not None and (offset := dataset.id.get_offset()) is not None:
+        size = dataset.dtype.itemsize
+        strides = [math.prod(dataset.shape[axis + 1 :]) * size for axis in range(dataset.ndim)]
+        base = offset + sum(
+            at * step for at, step in zip(found.index, strides, strict=True) if at is not None
+        )
+        whole = max((end - base - size) // strides[found.axis] + 1, 0)
+        lost[max(whole - start, 0) :] = True
+    return lost
 
 
 def kept(found: SourceColumn, end: int | None, step: int) -> int:
@@ -582,20 +566,11 @@ def kept(found: SourceColumn, end: int | None, step: int) -> int:
 
     Looks at `step` samples at once.
     """
-    stop = len(found)
-    while stop > 0:
-        start = max(stop - step, 0)
-        lost = np.zeros(stop - start, bool)
-        for first, last in unstored(found, start, stop, end):
-            lost[first - start : last - start] = True
+    for stop in range(len(found), 0, -step):
+        lost = unstored(found, max(stop - step, 0), stop, end)
         if not lost.all():
             return stop - int(np.argmin(lost[::-1]))
-        stop = start
     return 0
-
-
-def _is_lost(info: h5py.h5d.StoreInfo, end: int | None) -> bool:
-    return info.byte_offset is None or (end is not None and info.byte_offset + info.size > end)
 
 
 # ---- What the attributes of a dataset say: scale, unit, sampling rate.

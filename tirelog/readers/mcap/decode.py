@@ -1,11 +1,11 @@
 """Messages of one MCAP channel to numbers, by the paths that a setup names.
 
-    Table, wants --plans | library--> FieldColumn per want: `values` flat float64, `lengths` (n,) if
-                                      a message holds a batch
+    Table, wants --library | layouts--> FieldColumn per want: `values` flat float64, `lengths` (n,)
+                                        if a message holds a batch
 
-Messages are read by layout with numpy if layouts repeat, else by the library one by one, as all
-JSON is. The library's decoder is the authority: a plan is used only if it gives the numbers that
-the library gives for its template.
+The library decodes message by message. ROS 2 messages, of which it decodes some 30,000 a second,
+are read by layout with numpy if layouts repeat: a layout is used only if it gives the numbers that
+the library gives for the message that it was made from.
 """
 
 from __future__ import annotations
@@ -21,19 +21,14 @@ from typing import Any
 import numpy as np
 
 from tirelog.errors import ReadError, nearest
-from tirelog.readers.mcap.fields import (
-    FieldColumn,
-    FieldError,
-    MessagePlan,
-    RequestedField,
-    extract,
-)
+from tirelog.readers.mcap.cdr import MOST_PARTS, CdrLayout, is_bounded, parse_definitions
+from tirelog.readers.mcap.fields import FieldColumn, FieldError, RequestedField, extract
 from tirelog.readers.mcap.records import MessageTable
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: layouts of one channel that are remembered, and templates that may fail before the library does
-#: the rest
-MOST_PLANS = 64
+#: layouts of one channel that are remembered, and messages without one before the library does the
+#: rest
+MOST_LAYOUTS = 64
 MOST_FAILURES = 8
 #: bytes of messages decoded at once
 PIECE_BYTES = 1 << 21
@@ -42,7 +37,7 @@ PIECE_BYTES = 1 << 21
 LARGEST_MESSAGE_BYTES = 1 << 23
 #: what a decoder raises on a damaged or foreign message
 DECODE_ERRORS = (Exception,)  # three libraries, each with a tree of its own
-PlanMaker = Callable[[bytes, list[RequestedField]], MessagePlan]
+LayoutMaker = Callable[[bytes, list[RequestedField]], CdrLayout]
 
 
 class ChannelDecoder:
@@ -56,7 +51,7 @@ class ChannelDecoder:
         self.faults: Counter[str] = Counter()  # messages that gave no number, by what was wrong
         self.refused_size = False
         try:
-            decode, self.plan_of = _decoder(encoding, schema)
+            decode, self.layout_of = _decoder(encoding, schema)
         except ReadError:
             raise
         except DECODE_ERRORS as problem:
@@ -75,7 +70,7 @@ class ChannelDecoder:
                 do="record it in one of them",
             )
         self.decode: Callable[[bytes], Any] = decode
-        self.plans: list[MessagePlan] = []
+        self.layouts: list[CdrLayout] = []
         self.failures = 0
 
     def _add_fault(self, what: str, messages: int = 1) -> None:
@@ -112,7 +107,7 @@ class ChannelDecoder:
             sizes, np.arange(PIECE_BYTES, int(sizes[-1]) if sizes.size else 0, PIECE_BYTES)
         )
         cuts = np.unique([0, *edges.tolist(), len(table)]).tolist()
-        way = self.read_slowly if self.plan_of is None else self._read_by_plans
+        way = self.read_slowly if self.layout_of is None else self._read_by_layouts
         return [way(table.take(slice(a, b)), wants) for a, b in itertools.pairwise(cuts)]
 
     def read_slowly(self, table: MessageTable, wants: list[RequestedField]) -> list[FieldColumn]:
@@ -138,54 +133,53 @@ class ChannelDecoder:
                     values.append(None)
         return [_field_column(values) for values in found]
 
-    def _read_by_plans(self, table: MessageTable, wants: list[RequestedField]) -> list[FieldColumn]:
-        """Layout by layout; messages for which no plan can be made go to the library."""
+    def _read_by_layouts(
+        self, table: MessageTable, wants: list[RequestedField]
+    ) -> list[FieldColumn]:
+        """Layout by layout; a message of a layout that is not known goes to the library."""
         pieces: list[tuple[IntArray, list[FieldColumn]]] = []
         rest = np.arange(len(table))
         tried = 0
         while rest.size:
-            while tried < len(self.plans):
-                plan = self.plans[tried]
-                tried += 1
-                right = table.sizes[rest] == plan.size
+            for layout in self.layouts[tried:]:
+                right = table.sizes[rest] == layout.size
                 if right.any():
                     fits = right.copy()
-                    fits[right], columns = plan.read(table.take(rest[right]))
+                    fits[right], columns = layout.read(table.take(rest[right]))
                     pieces.append((rest[fits], columns))
                     rest = rest[~fits]
-            if rest.size and not self._learn(table.take(rest[:1]).messages()[0], wants):
-                slow = rest if self._given_up() else rest[:1]
-                pieces.append((slow, self.read_slowly(table.take(slow), wants)))
-                rest = rest[slow.size :]
+            tried = len(self.layouts)
+            if rest.size:
+                full = self.failures >= MOST_FAILURES or tried >= MOST_LAYOUTS
+                slow = table.take(rest if full else rest[:1])
+                pieces.append((rest[: len(slow)], self.read_slowly(slow, wants)))
+                rest = rest[len(slow) :]
+                if not full:
+                    self._learn(slow, wants, pieces[-1][1])
         return [
             _assemble(len(table), [(rows, columns[k]) for rows, columns in pieces])
             for k in range(len(wants))
         ]
 
-    def _given_up(self) -> bool:
-        return self.failures >= MOST_FAILURES or len(self.plans) >= MOST_PLANS
-
-    def _learn(self, data: bytes, wants: list[RequestedField]) -> bool:
-        """Add the plan of the message `data`, if it has a true one.
-
-        True is a plan that gives the numbers that the library gives.
-        """
-        if self._given_up() or self.plan_of is None:
-            return False
+    def _learn(
+        self, one: MessageTable, wants: list[RequestedField], truth: list[FieldColumn]
+    ) -> None:
+        """Adds the layout of a message of which the library gave `truth`, if it gives that too."""
+        assert self.layout_of is not None
         try:
-            plan, start = self.plan_of(data, wants), np.zeros(1, np.int64)
-            _, columns = plan.read(MessageTable(data, start, np.array([len(data)]), start))
-            message = self.decode(data)
-            for want, column in zip(wants, columns, strict=True):
-                truth = extract(message, want.tokens)
-                same = np.array_equal(np.atleast_1d(truth), column.values, equal_nan=True)
-                if not same or isinstance(truth, float) != (column.lengths is None):
-                    raise ValueError
-        except DECODE_ERRORS:
+            layout = self.layout_of(one.messages()[0], wants)
+        except ValueError:
             self.failures += 1
-            return False
-        self.plans.append(plan)
-        return True
+            return
+        same = [
+            np.array_equal(own.values, its.values, equal_nan=True)
+            and (own.lengths is None) == (its.lengths is None)
+            for own, its in zip(layout.read(one)[1], truth, strict=True)
+        ]
+        if all(same):
+            self.layouts.append(layout)
+        else:
+            self.failures += 1
 
 
 def _assemble(n: int, pieces: list[tuple[IntArray, FieldColumn]]) -> FieldColumn:
@@ -221,8 +215,10 @@ def _field_column(values: list[float | FloatArray | None]) -> FieldColumn:
     )
 
 
-def _decoder(encoding: str, schema: Any) -> tuple[Callable[[bytes], Any] | None, PlanMaker | None]:
-    """(decoder of one message, maker of plans) of an encoding.
+def _decoder(
+    encoding: str, schema: Any
+) -> tuple[Callable[[bytes], Any] | None, LayoutMaker | None]:
+    """(decoder of one message, maker of layouts) of an encoding.
 
     (None, None) for one that is not known.
     """
@@ -231,33 +227,23 @@ def _decoder(encoding: str, schema: Any) -> tuple[Callable[[bytes], Any] | None,
     if encoding == "protobuf":
         from mcap_protobuf.decoder import DecoderFactory as ProtobufFactory
 
-        from tirelog.readers.mcap.serial import protobuf_plan
+        return ProtobufFactory().decoder_for(encoding, schema), None
+    if encoding != "cdr":
+        return None, None
+    from mcap_ros2.decoder import DecoderFactory as Ros2Factory
 
-        decode = ProtobufFactory().decoder_for(encoding, schema)
-        if decode is None:
-            return None, None
-        descriptor = decode(b"").DESCRIPTOR
-        return decode, lambda data, wants: protobuf_plan(data, descriptor, wants)
-    if encoding == "cdr":
-        from mcap_ros2.decoder import DecoderFactory as Ros2Factory
+    with redirect_stderr(StringIO()):  # its parser writes there before it raises
+        decode = Ros2Factory().decoder_for(encoding, schema)
+    if decode is None:
+        return None, None
+    root, definitions = parse_definitions(schema.name, schema.data.decode())
 
-        from tirelog.readers.mcap.serial import (
-            MOST_PARTS,
-            CdrTemplate,
-            is_bounded,
-            parse_definitions,
-        )
+    def decode_bounded(data: bytes) -> Any:
+        if not is_bounded(data, root, definitions):
+            raise ValueError(f"more than {MOST_PARTS} structures")
+        return decode(data)
 
-        with redirect_stderr(StringIO()):  # its parser writes there before it raises
-            decode = Ros2Factory().decoder_for(encoding, schema)
-        if decode is None:
-            return None, None
-        root, definitions = parse_definitions(schema.name, schema.data.decode())
+    def layout_of(data: bytes, wants: list[RequestedField]) -> CdrLayout:
+        return CdrLayout(data, root, definitions, wants)
 
-        def decode_bounded(data: bytes) -> Any:
-            if not is_bounded(data, root, definitions):
-                raise ValueError(f"more than {MOST_PARTS} structures")
-            return decode(data)
-
-        return decode_bounded, lambda data, wants: CdrTemplate(data, definitions, wants).walk(root)
-    return None, None
+    return decode_bounded, layout_of

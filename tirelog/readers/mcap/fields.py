@@ -1,4 +1,4 @@
-"""What a message of MCAP holds: the paths that a setup names, and layouts that repeat.
+"""What a message of MCAP holds: the paths that a setup names, and the numbers there.
 
     `topic:field.path[index]` --> RequestedField
 
@@ -13,15 +13,14 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
-from functools import cached_property
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tirelog.errors import ReadError
-from tirelog.readers.mcap.records import MessageTable, message_rows
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 Token = str | int | slice
@@ -123,43 +122,47 @@ def extract(message: Any, tokens: tuple[Token, ...]) -> float | FloatArray:
     """
     value = message
     for at, token in enumerate(tokens):
+        if isinstance(token, str):
+            names = value if isinstance(value, dict) else field_names(value)
+            if token not in names:  # objects have attributes that are no fields
+                raise FieldError(f"has no field {token!r}", tuple(names), token)
+            value = value[token] if isinstance(value, dict) else getattr(value, token)
+            continue
+        if not is_list(value) and not isinstance(value, bytes):
+            raise FieldError("is no list, so it has no index")
         if isinstance(token, slice):
-            items = _list(value)[token]
-            rest = tokens[at + 1 :]
-            return np.array([_scalar(item, rest) for item in items], np.float64)
-        value = _step(value, token)
-    if is_list(value):
-        return np.array([number_of(item) for item in value], np.float64)
-    return number_of(value)
+            return _batch(value[token], tokens[at + 1 :])
+        if token >= len(value):
+            raise FieldError(f"has {len(value)} elements, and [{token}] is not one of them")
+        value = value[token]
+    if isinstance(value, float):  # as most are
+        return value
+    return _batch(value, ()) if is_list(value) else number_of(value)
 
 
-def _scalar(item: Any, tokens: tuple[Token, ...]) -> float:
-    found = extract(item, tokens)
-    if not isinstance(found, float):
+def _batch(items: Any, tokens: tuple[Token, ...]) -> FloatArray:
+    """The number at `tokens` of each item, shape (k,).  FieldError if one has none."""
+    if not tokens and {*map(type, items)} <= {float, int, bool}:
+        with suppress(OverflowError):
+            return np.array(items, np.float64)
+    found = [extract(item, tokens) if tokens else number_of(item) for item in items]
+    if not all(isinstance(number, float) for number in found):
         raise FieldError("has lists within a list; allowed is one axis of time")
-    return found
-
-
-def _step(value: Any, token: str | int | slice) -> Any:
-    if isinstance(token, int):
-        items = _list(value)
-        if token >= len(items):
-            raise FieldError(f"has {len(items)} elements, and [{token}] is not one of them")
-        return items[token]
-    name, known = str(token), value if isinstance(value, dict) else field_names(value)
-    if name not in known:  # objects have attributes that are no fields
-        raise FieldError(f"has no field {name!r}", field_names(value), name)
-    return value[name] if isinstance(value, dict) else getattr(value, name)
+    return np.array(found, np.float64)
 
 
 def field_names(value: Any) -> tuple[str, ...]:
     """The names of the fields of a decoded message."""
-    if isinstance(value, dict):
-        return tuple(map(str, value))
-    descriptor = getattr(value, "DESCRIPTOR", None)
+    return tuple(value) if isinstance(value, dict) else _names_of(value.__class__)
+
+
+@cache
+def _names_of(kind: Any) -> tuple[str, ...]:
+    """The names of the fields of a message of this kind."""
+    descriptor = getattr(kind, "DESCRIPTOR", None)
     if descriptor is not None:
         return tuple(field.name for field in descriptor.fields)
-    return tuple(getattr(value, "__slots__", ()))
+    return tuple(getattr(kind, "__slots__", ()))
 
 
 def is_list(value: Any) -> bool:
@@ -168,116 +171,3 @@ def is_list(value: Any) -> bool:
         and hasattr(value, "__len__")
         and hasattr(value, "__getitem__")
     )
-
-
-def _list(value: Any) -> Any:
-    if not is_list(value) and not isinstance(value, bytes):
-        raise FieldError("is no list, so it has no index")
-    return value
-
-
-# ---- Messages whose layout repeats, read with numpy.
-#
-# One message is walked as a template, the others are compared with it and gathered.
-#
-#     template (bytes), wanted paths
-#         --walk of CDR or protobuf--> Plan: where each number lies, and the bytes that fix the
-#         layout
-#     Plan, messages of the same size --compare the guard bytes--> which have this layout;
-#         --gather--> numbers
-#
-# A guard is a byte that decides where later fields lie: length prefixes, tags, continuation bits.
-# Messages whose guards agree have the same layout, so their numbers lie at the same places.
-
-
-#: bytes that fix a layout
-MOST_GUARDS = 1 << 14
-
-
-@dataclass(frozen=True)
-class Place:
-    """Numbers in a message: `count` of `dtype` from byte `offset`, every `step` bytes.
-
-    `dtype` None: a varint of `size` bytes. Or a constant. `batch` is true for a list of numbers.
-    """
-
-    offset: int
-    dtype: str | None = None
-    count: int = 1
-    step: int = 0
-    size: int = 0
-    batch: bool = False
-    constant: float | None = None
-    zigzag: bool = False
-
-
-@dataclass
-class MessagePlan:
-    """The layout of messages of `size` bytes.
-
-    `places[i]` for wanted path i; guards as (byte offset, mask, value).
-    """
-
-    size: int
-    places: list[Place | None]
-    guards: list[tuple[int, int, int]] = field(default_factory=list)
-
-    def guard_exact(self, data: bytes, start: int, stop: int) -> None:
-        """Bytes that must be the same.
-
-        ValueError: so many that comparing them is no faster than decoding.
-        """
-        if len(self.guards) > MOST_GUARDS:
-            raise ValueError
-        self.guards += [(at, 0xFF, data[at]) for at in range(start, stop)]
-
-    @cached_property
-    def _guard_arrays(self) -> tuple[IntArray, NDArray[np.uint8], NDArray[np.uint8]]:
-        """(offsets, masks, values) of the guards, of which no more come once this is asked for."""
-        table = np.array(self.guards, np.int64).reshape(-1, 3)
-        return table[:, 0], table[:, 1].astype(np.uint8), table[:, 2].astype(np.uint8)
-
-    def read(self, table: MessageTable) -> tuple[NDArray[np.bool_], list[FieldColumn]]:
-        """(which of the messages have this layout, their numbers for each wanted path).
-
-        All messages are of this size.  ValueError if a wanted path has no place.
-        """
-        bytes_ = message_rows(table.data, table.starts, self.size)
-        at, mask, value = self._guard_arrays
-        fits = ((bytes_[:, at] & mask) == value).all(axis=1)
-        if not fits.all():
-            bytes_ = bytes_[fits]
-        columns = []
-        for place in self.places:
-            if place is None:
-                raise ValueError
-            values = _numbers(bytes_, place)
-            lengths = np.full(values.shape[0], values.shape[1]) if place.batch else None
-            columns.append(FieldColumn(values.ravel(), lengths))
-        return fits, columns
-
-
-def _numbers(bytes_: NDArray[np.uint8], place: Place) -> FloatArray:
-    """The numbers at a place in each row of messages, shape (m, count), float64."""
-    n = bytes_.shape[0]
-    if place.constant is not None:
-        return np.full((n, 1), place.constant)
-    if place.dtype is None:
-        return _varint(bytes_[:, place.offset : place.offset + place.size], place)
-    if n == 0 or place.count == 0:
-        return np.zeros((n, place.count))
-    width = np.dtype(place.dtype).itemsize
-    view: NDArray[Any] = np.ndarray(
-        (n, place.count), place.dtype, bytes_, place.offset, (bytes_.shape[1], place.step or width)
-    )
-    return view.astype(np.float64)
-
-
-def _varint(bytes_: NDArray[np.uint8], place: Place) -> FloatArray:
-    shifts = np.arange(0, 7 * place.size, 7, dtype=np.uint64)
-    value = np.bitwise_or.reduce((bytes_ & 0x7F).astype(np.uint64) << shifts, axis=1)
-    signed = value.view(np.int64)
-    if place.zigzag:
-        signed = (value >> np.uint64(1)).view(np.int64) ^ -(signed & 1)
-    numbers: FloatArray = signed.astype(np.float64)[:, None]
-    return numbers

@@ -248,18 +248,9 @@ class Records:
 
     def _take(self, size: int) -> bytes:
         """The next `size` bytes, fewer at the end."""
-        parts, wanted = [], size
-        if self.held:
-            parts.append(self.held[:size])
-            self.held = self.held[size:]
-            wanted -= len(parts[0])
-        while wanted > 0:
-            part = self.stream.read(min(wanted, LARGEST_CHUNK_BYTES))
-            if not part:
-                break
-            parts.append(part)
-            wanted -= len(part)
-        taken = parts[0] if len(parts) == 1 else b"".join(parts)
+        taken, self.held = self.held[:size], self.held[size:]
+        if len(taken) < size:  # a buffered stream gives less only at its end
+            taken += self.stream.read(size - len(taken))
         self.offset += len(taken)
         if self.crc_runs:
             self.crc = zlib.crc32(taken, self.crc)

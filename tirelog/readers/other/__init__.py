@@ -1,1 +1,1 @@
-"""Formats that are brought to one of the others: MATLAB 5 to HDF5, Parquet to text; and WAV."""
+"""Formats that libraries convert: MATLAB 5, WAV, Parquet, Feather and those of the extras."""

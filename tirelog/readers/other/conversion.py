@@ -11,23 +11,22 @@ from __future__ import annotations
 import importlib
 import json
 import os
-import re
 import subprocess
 import sys
 from contextlib import suppress
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
 from tirelog.errors import ReadError
-from tirelog.readers.base import Converted
+from tirelog.readers.base import ReadReport
+from tirelog.readers.other.formats import FORMATS
 
 # ---- The process in which a library reads a log: limits first, then one conversion, then an
 # answer.
 
 
-#: sentences of a kind, and letters of one, that the answer holds
-_MOST_SAID, _MOST_LETTERS = 50, 300
+#: losses, remarks, names of what is passed over, and letters of a sentence, that the answer holds
+_MOST_SAID, _MOST_REMARKS, _MOST_NAMED, _MOST_LETTERS = 50, 5, 3, 300
 
 
 class NoNumbers(Exception):
@@ -62,21 +61,21 @@ def limit(memory_bytes: int, disk_bytes: int, seconds: int) -> None:
 def main() -> None:
     """FORMAT LOG MADE ANSWER MEMORY DISK SECONDS: converts, and writes the answer as JSON."""
     format, source, target, answer_file, *limits = sys.argv[1:]
-    answer = Converted()
+    answer = ReadReport()
     try:
         converters = importlib.import_module("tirelog.readers.other.datasets")
         for module in FORMATS[format].imports or (FORMATS[format].library,):
             importlib.import_module(module)
-        if format == "Feather":
+        if FORMATS[format].library == "pyarrow":
             converters.start_arrow()
         limit(*(int(most) for most in limits))
         convert = getattr(converters, f"convert_{FORMATS[format].module}")
         convert(Path(source), Path(target), answer)
         told: dict[str, object] = {
-            name: [one_line(sentence) for sentence in sentences[:_MOST_SAID]]
-            for name, sentences in vars(answer).items()
-            if name != "start"
-        } | {"start": answer.start}
+            "losses": [one_line(sentence) for sentence in answer.losses[:_MOST_SAID]],
+            "remarks": [one_line(sentence) for sentence in _remarks(answer)],
+            "start": answer.start,
+        }
     except MemoryError:
         told = {"error": "it takes too much memory"}
     except NoNumbers as problem:
@@ -87,81 +86,11 @@ def main() -> None:
     Path(answer_file).write_text(json.dumps(told), encoding="utf-8")
 
 
-# ---- Which formats a library reads, which extra brings it, and what the log is made.
-
-
-#: how a set of a universal file begins: -1 alone, then the number of its kind
-_UFF = re.compile(rb"\s{0,80}?(?:^|\n)(?: {4}-1 *\r?\n){1,2} {0,5}\d{1,4}[bB]? *[\r\n\d]")
-#: first file of a zip archive that is an office document
-_OFFICE = (b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/", b"mimetype")
-
-
-@dataclass(frozen=True)
-class ExtraFormat:
-    """A format that `convert_MODULE` in `datasets` makes the format `made`.
-
-    `name` in sentences, `library` as it is imported, `package` and `extra` as they are installed;
-    `imports` are loaded before the limits are set, if not the library alone.
-    """
-
-    name: str
-    module: str
-    made: str
-    library: str
-    package: str = ""
-    extra: str = ""
-    imports: tuple[str, ...] = ()
-
-
-FORMATS = {
-    "TDMS": ExtraFormat("a LabVIEW TDMS file", "tdms", "HDF5", "nptdms", "npTDMS", "tdms"),
-    "Excel": ExtraFormat(
-        "an Excel or other office document",
-        "excel",
-        "",
-        "python_calamine",
-        "python-calamine",
-        "excel",
-    ),
-    "ROS bag": ExtraFormat(
-        "a ROS bag",
-        "bag",
-        "MCAP",
-        "rosbags",
-        "rosbags",
-        "ros",
-        ("mcap.writer", "rosbags.rosbag1", "rosbags.rosbag2", "rosbags.typesys", "zstandard"),
-    ),
-    "MDF": ExtraFormat("an MDF measurement", "mdf", "HDF5", "asammdf", "asammdf", "mdf"),
-    "UFF": ExtraFormat("a universal file (UFF)", "uff", "HDF5", "pyuff", "pyuff", "uff"),
-    "Feather": ExtraFormat(
-        "an Arrow or Feather file",
-        "feather",
-        "Parquet",
-        "pyarrow",
-        imports=("pyarrow.ipc", "pyarrow.parquet"),
-    ),
-    "MATLAB": ExtraFormat("a MATLAB file", "matlab", "HDF5", "scipy", imports=("scipy.io",)),
-    "WAV": ExtraFormat("a WAV recording", "wav", "HDF5", "scipy", imports=("scipy.io.wavfile",)),
-}
-
-
-def extra_format(head: bytes) -> str:
-    """The name of the format in FORMATS, by the first bytes of a log; '' if it is none."""
-    for start, name in (
-        (b"TDSm", "TDMS"),
-        (b"MDF     ", "MDF"),
-        (b"UnFinMF ", "MDF"),
-        (b"#ROSBAG V", "ROS bag"),
-        (b"SQLite format 3\0", "ROS bag"),
-        (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "Excel"),
-        (b"ARROW1\0\0", "Feather"),
-    ):
-        if head.startswith(start):
-            return name
-    if head.startswith(b"PK\3\4") and head[30:].startswith(_OFFICE):
-        return "Excel"
-    return "UFF" if _UFF.match(head[:400]) else ""
+def _remarks(answer: ReadReport) -> list[str]:
+    """The remarks, and one on what was passed over, if anything was."""
+    some = "; ".join(answer.passed_over[:_MOST_NAMED])
+    more = "; ..." if len(answer.passed_over) > _MOST_NAMED else ""
+    return answer.remarks[:_MOST_REMARKS] + ([f"not read: {some}{more}"] if some else [])
 
 
 #: bytes of memory that a library may take beyond what it takes when it is loaded: one channel of
@@ -181,7 +110,7 @@ _ENVIRONMENT = {
 }
 
 
-def convert(format: str, source: Path, folder: Path, log: str) -> tuple[Path, Converted]:
+def convert(format: str, source: Path, folder: Path, log: str) -> tuple[Path, ReadReport]:
     """(the log as a file of the format FORMATS[format].made in `folder`, what is said of it).
 
     ReadError: its library is not installed, or it holds no numbers that can be read.
@@ -215,7 +144,7 @@ def convert(format: str, source: Path, folder: Path, log: str) -> tuple[Path, Co
             do="copy it again, save it without a password, or export the signals in parts",
             file=log,
         )
-    return target, Converted(**told)
+    return target, ReadReport(**told)
 
 
 def _run(format: str, source: Path, target: Path, answer: Path) -> int:

@@ -20,7 +20,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.readers.base import Converted
+from tirelog.readers.base import ReadReport
 from tirelog.readers.other.conversion import MEMORY_BYTES, NoNumbers, one_line
 
 # ---- An HDF5 file of columns, which a converter fills piece by piece.
@@ -42,7 +42,7 @@ def proper(name: object) -> str:
 class Datasets:
     """The HDF5 file at `path`; what is no number is passed over in the answer."""
 
-    def __init__(self, path: Path, answer: Converted) -> None:
+    def __init__(self, path: Path, answer: ReadReport) -> None:
         self.file, self.answer, self.many = h5py.File(path, "w"), answer, 0
 
     def __enter__(self) -> Self:
@@ -119,7 +119,7 @@ class Datasets:
 _FEWEST_ROWS, _LOOKED_AT = 2, 10_000
 
 
-def convert_excel(source: Path, target: Path, answer: Converted) -> None:
+def convert_excel(source: Path, target: Path, answer: ReadReport) -> None:
     """Writes the rows of one sheet to `target`.  NoNumbers: no sheet has rows of numbers."""
     from python_calamine import CalamineWorkbook
 
@@ -163,7 +163,14 @@ def _text(cell: object) -> str:
     return " ".join(str(cell).split()).replace('"', "'")
 
 
-# ---- Feather 2 and Arrow files as Parquet, batch by batch, each checked before it is used.
+# ---- Parquet tables and Arrow files (Feather 2) as text, in which names and times are found.
+#
+# Numbers come as digits that make the same double again. Columns of text and of nested types are
+# not handed on.
+
+
+#: rows decoded at once
+_ROWS = 1 << 14
 
 
 def start_arrow() -> None:
@@ -181,30 +188,85 @@ def start_arrow() -> None:
         file.get_batch(0)
 
 
-def convert_feather(source: Path, target: Path, answer: Converted) -> None:
+def convert_arrow(source: Path, target: Path, answer: ReadReport) -> None:
     """Writes the columns of numbers and of times to `target`.  NoNumbers: it has none."""
     import pyarrow as pa
+    from pyarrow import csv
+
+    schema, batches = _arrow_batches(source)
+    kinds = {field.name: _written_kind(field.type) for field in schema}
+    if len(kinds) < len(schema):
+        raise NoNumbers("the table has a column name twice")
+    kept = pa.schema([(name, kind) for name, kind in kinds.items() if kind is not None])
+    if not kept.names:
+        raise NoNumbers("the table has no column of numbers")
+    left_out = [one_line(name) for name, kind in kinds.items() if kind is None]
+    if left_out:
+        answer.remarks.append(
+            f"not read, as they hold neither numbers nor times: {', '.join(left_out[:5])}"
+            + (", ..." if len(left_out) > 5 else "")
+        )
+    options = csv.WriteOptions(include_header=False, delimiter="\t")
+    rows = 0
+    with target.open("wb") as made, csv.CSVWriter(made, kept, write_options=options) as writer:
+        made.write(("\t".join(_titles(schema, kept.names)) + "\n").encode())
+        try:
+            for batch in batches:
+                batch.validate(full=True)
+                writer.write_batch(batch.select(kept.names).cast(kept))
+                rows += len(batch)
+        except MemoryError:
+            raise
+        except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as problem:
+            if not rows:
+                raise
+            answer.losses.append(
+                f"cannot be read to its end ({one_line(problem)}); what follows is lost; "
+                "copy it again"
+            )
+
+
+def _arrow_batches(source: Path) -> tuple[Any, Iterator[Any]]:
+    """(schema, batches of rows) of an Arrow or a Parquet file."""
     import pyarrow.ipc as ipc
     import pyarrow.parquet as pq
 
-    alone = ipc.IpcReadOptions(use_threads=False)
-    with source.open("rb") as stream, ipc.open_file(stream, options=alone) as file:
-        kept = [
-            k
-            for k, field in enumerate(file.schema)
-            if not (pa.types.is_nested(field.type) or pa.types.is_null(field.type))
-        ]
-        if not kept:
-            raise NoNumbers("has no column of numbers")
-        schema = pa.schema([file.schema.field(k) for k in kept])
-        if len(kept) < len(file.schema):
-            names = [field.name for k, field in enumerate(file.schema) if k not in kept]
-            answer.passed_over.append(f"{', '.join(names[:5])} (lists and structures)")
-        with pq.ParquetWriter(target, schema) as writer:
-            for k in range(file.num_record_batches):
-                batch = file.get_batch(k)
-                batch.validate(full=True)
-                writer.write_batch(batch.select(kept).replace_schema_metadata(None))
+    if source.open("rb").read(4) == b"PAR1":
+        table = pq.ParquetFile(
+            source, memory_map=False, pre_buffer=False, page_checksum_verification=True
+        )
+        return table.schema_arrow, table.iter_batches(batch_size=_ROWS, use_threads=False)
+    file = ipc.open_file(source.open("rb"), options=ipc.IpcReadOptions(use_threads=False))
+    return file.schema, (file.get_batch(k) for k in range(file.num_record_batches))
+
+
+def _written_kind(kind: Any) -> Any:
+    """The type that a column is written in; None if it is no number and no time."""
+    from pyarrow import float64, int64, types, uint8
+
+    if types.is_dictionary(kind):
+        kind = kind.value_type
+    if types.is_floating(kind):
+        return float64()
+    if types.is_boolean(kind):
+        return uint8()
+    if types.is_duration(kind):
+        return int64()
+    times = types.is_timestamp(kind) or types.is_date(kind) or types.is_time(kind)
+    return kind if types.is_integer(kind) or types.is_decimal(kind) or times else None
+
+
+def _titles(schema: Any, names: list[str]) -> Iterator[str]:
+    """The names of columns as a header of text has them, a span of time with its unit."""
+    from pyarrow import types
+
+    for name in names:
+        kind = schema.field(name).type
+        unit = f" [{kind.unit}]" if types.is_duration(kind) else ""
+        yield " ".join(name.split()).replace('"', "'") + unit
+
+
+# ---- ROS bags as MCAP.
 
 
 _TYPE = re.compile(r"[A-Za-z]\w{0,99}(/[A-Za-z]\w{0,99}){1,3}", re.ASCII)
@@ -217,7 +279,7 @@ _MESSAGE_BYTES, _CHUNK_BYTES = 1 << 23, 1 << 20
 _MOST_TYPES, _MOST_VALUES = 500, 1 << 16
 
 
-def convert_bag(source: Path, target: Path, answer: Converted) -> None:
+def convert_bag(source: Path, target: Path, answer: ReadReport) -> None:
     """Writes the messages of the bag's topics to `target`.  NoNumbers: it has none."""
     from mcap.writer import CompressionType, Writer
 
@@ -251,7 +313,7 @@ def _opened(source: Path, target: Path, first: bool) -> Any:
 class _Topics:
     """The channels of the MCAP that is written."""
 
-    def __init__(self, writer: Any, answer: Converted) -> None:
+    def __init__(self, writer: Any, answer: ReadReport) -> None:
         self.writer, self.answer = writer, answer
         self.channels: dict[int, tuple[int, Any]] = {}  # with the store that makes ROS 1 CDR
         self.names: dict[int, str] = {}
@@ -378,7 +440,7 @@ _FORMULA = re.compile(r"(?:[-+*/() \t]|\d+\.?\d*(?:[eE][-+]?\d+)?|[Xx]1?)*")
 _MDF_LETTERS, _MOST_DEPTH = 200, 8
 
 
-def convert_mdf(source: Path, target: Path, answer: Converted) -> None:
+def convert_mdf(source: Path, target: Path, answer: ReadReport) -> None:
     """Writes the channels of numbers to `target`, with the times of each group."""
     from asammdf import MDF
 
@@ -461,7 +523,7 @@ def unsafe_formula(conversion: Any, depth: int = 0) -> str:
 # ---- LabVIEW's TDMS as HDF5: /group/channel, with its unit and the step of its samples.
 
 
-def convert_tdms(source: Path, target: Path, answer: Converted) -> None:
+def convert_tdms(source: Path, target: Path, answer: ReadReport) -> None:
     """Writes the channels of numbers and of times to `target`."""
     from nptdms import TdmsFile
 
@@ -523,7 +585,7 @@ _END_BYTES = 400
 _DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
 
 
-def convert_uff(source: Path, target: Path, answer: Converted) -> None:
+def convert_uff(source: Path, target: Path, answer: ReadReport) -> None:
     """Writes the sets that are signals in time to `target`."""
     import pyuff
 
@@ -605,7 +667,7 @@ _NOT_READ = {
 }
 
 
-def convert_matlab(source: Path, target: Path, answer: Converted) -> None:
+def convert_matlab(source: Path, target: Path, answer: ReadReport) -> None:
     """Writes the real arrays of numbers to `target`, one variable after the other."""
     from scipy.io import loadmat
 
@@ -678,7 +740,7 @@ def _add_matlab(to: Datasets, path: str, value: Any, depth: int) -> None:
 _MOST_WAV_BYTES = 320 << 20
 
 
-def convert_wav(source: Path, target: Path, answer: Converted) -> None:
+def convert_wav(source: Path, target: Path, answer: ReadReport) -> None:
     """Writes the channels to `target`, as shares of full scale."""
     from scipy.io import wavfile
 

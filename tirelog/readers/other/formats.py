@@ -2,22 +2,103 @@
 
 from __future__ import annotations
 
-import io
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
+import re
+from dataclasses import dataclass
 
-from tirelog.data.setup import Setup
 from tirelog.errors import ReadError
-from tirelog.readers.other.conversion import FORMATS, extra_format
-from tirelog.readers.text.reader import TextReader
-from tirelog.readers.text.source import ByteSource
 
-HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
-MCAP_MAGIC = b"\x89MCAP0\r\n"
-PARQUET_MAGIC = b"PAR1"
 #: bytes by which a format is told: magic numbers stand at the start
 HEAD_BYTES = 4096
+
+
+@dataclass(frozen=True)
+class ConvertedFormat:
+    """A format that `convert_MODULE` in `datasets` makes the format `made` ('' for text).
+
+    `start` is a regular expression of its first bytes, `name` it in sentences, `library` what reads
+    it, as it is imported, `package` and `extra` as they are installed; `imports` are loaded before
+    the limits are set, if not the library alone.
+    """
+
+    start: bytes
+    name: str
+    module: str
+    made: str
+    library: str
+    package: str = ""
+    extra: str = ""
+    imports: tuple[str, ...] = ()
+
+
+FORMATS = {
+    "MATLAB": ConvertedFormat(  # 5 to 7.2; 7.3 is HDF5
+        rb".{124}(\x00\x01IM|\x01\x00MI)",
+        "a MATLAB file",
+        "matlab",
+        "HDF5",
+        "scipy",
+        imports=("scipy.io",),
+    ),
+    "Parquet": ConvertedFormat(
+        rb"PAR1", "a Parquet file", "arrow", "", "pyarrow", imports=("pyarrow.parquet",)
+    ),
+    "Feather": ConvertedFormat(
+        rb"ARROW1\x00\x00",
+        "an Arrow or Feather file",
+        "arrow",
+        "",
+        "pyarrow",
+        imports=("pyarrow.ipc",),
+    ),
+    "WAV": ConvertedFormat(
+        rb"(RIFF|RF64|BW64).{4}WAVE",
+        "a WAV recording",
+        "wav",
+        "HDF5",
+        "scipy",
+        imports=("scipy.io.wavfile",),
+    ),
+    "TDMS": ConvertedFormat(
+        rb"TDSm", "a LabVIEW TDMS file", "tdms", "HDF5", "nptdms", "npTDMS", "tdms"
+    ),
+    "Excel": ConvertedFormat(  # of before 2007, or a zip archive whose first file is of an office's
+        rb"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
+        rb"|PK\x03\x04.{26}(\[Content_Types\]\.xml|_rels/|docProps/|xl/|mimetype)",
+        "an Excel or other office document",
+        "excel",
+        "",
+        "python_calamine",
+        "python-calamine",
+        "excel",
+    ),
+    "ROS bag": ConvertedFormat(
+        rb"#ROSBAG V|SQLite format 3\x00",
+        "a ROS bag",
+        "bag",
+        "MCAP",
+        "rosbags",
+        "rosbags",
+        "ros",
+        ("mcap.writer", "rosbags.rosbag1", "rosbags.rosbag2", "rosbags.typesys", "zstandard"),
+    ),
+    "MDF": ConvertedFormat(
+        rb"MDF     |UnFinMF ", "an MDF measurement", "mdf", "HDF5", "asammdf", "asammdf", "mdf"
+    ),
+    "UFF": ConvertedFormat(  # a set begins with -1 alone, then the number of its kind
+        rb"\s{0,80}?(?:^|\n)(?: {4}-1 *\r?\n){1,2} {0,5}\d{1,4}[bB]? *[\r\n\d]",
+        "a universal file (UFF)",
+        "uff",
+        "HDF5",
+        "pyuff",
+        "pyuff",
+        "uff",
+    ),
+}
+#: format -> a regular expression of its first bytes, of all that are read and no text
+_STARTS = {
+    "HDF5": rb"(.{512}|.{1024}|.{2048})?\x89HDF\r\n\x1a\n",
+    "MCAP": rb"\x89MCAP0\r\n",
+} | {name: one.start for name, one in FORMATS.items()}
 
 #: columns are the longer axis, and fields of records have names
 _NUMPY = (
@@ -36,20 +117,10 @@ _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
 )
 
 
-def is_hdf5(head: bytes) -> bool:
-    return any(head[at : at + 8] == HDF5_MAGIC for at in (0, 512, 1024, 2048))
-
-
 def name_of(head: bytes) -> str:
-    """HDF5, MCAP, ..., a name of `FORMATS`, or '' for a log of text."""
-    tests = {
-        "HDF5": is_hdf5(head),
-        "MATLAB": head[124:128] in (b"\x00\x01IM", b"\x01\x00MI"),  # 5 to 7.2; 7.3 is HDF5
-        "Parquet": head.startswith(PARQUET_MAGIC),
-        "WAV": head[:4] in (b"RIFF", b"RF64", b"BW64") and head[8:12] == b"WAVE",
-        "MCAP": head.startswith(MCAP_MAGIC),
-    }
-    return next((name for name, found in tests.items() if found), "") or extra_format(head)
+    """HDF5, MCAP, a name of `FORMATS`, or '' for a log of text."""
+    names = (name for name, start in _STARTS.items() if re.match(start, head, re.DOTALL))
+    return next(names, "")
 
 
 def refuse_foreign(head: bytes, log: str) -> None:
@@ -64,150 +135,3 @@ def refuse_foreign(head: bytes, log: str) -> None:
             do=f"convert it first: {found[2]}",
             file=log,
         )
-
-
-# ---- Parquet tables as the text that they would be: names, units and times are found as there.
-#
-#     row groups --batches of some rows--> arrow's CSV writer --> bytes that `readers.text` reads
-#
-# Numbers come as digits that make the same double again. Columns of text and of nested types are
-# not
-# handed on.
-
-
-#: rows decoded at once
-_ROWS = 1 << 14
-#: unpacked bytes of one column in one row group; writers make some MB of it
-_MOST_CHUNK_BYTES = 1 << 28
-_SEPARATOR = "\t"
-
-
-def open_parquet(path: Path, setup: Setup, name: str) -> TextReader:
-    """A reader of the table at `path`.  ReadError: it is none, or holds no numbers."""
-    source, table = text_of(path, name)
-    reader = TextReader(source, setup, name)
-    reader.report.format = "parquet"
-    if table.left_out:
-        reader.report.remarks.append(
-            f"not read, as they hold neither numbers nor times: {', '.join(table.left_out[:5])}"
-            + (", ..." if len(table.left_out) > 5 else "")
-        )
-    return reader
-
-
-def text_of(path: Path, name: str) -> tuple[ByteSource, ParquetText]:
-    """(the table at `path` as bytes of text, the table).  ReadError as for `open_parquet`."""
-    table = ParquetText(path, name)
-    return ByteSource(io.BufferedReader(table), name), table
-
-
-class ParquetText(io.RawIOBase):
-    """A Parquet file as a stream of text, read forward only.
-
-    `left_out` are the names of columns that are no numbers or times. ReadError: not to be read.
-    """
-
-    def __init__(self, path: Path, name: str) -> None:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        self.name, self._pa = name, pa
-        self._errors = (pa.ArrowException, OSError, ValueError, KeyError, MemoryError, TypeError)
-        try:
-            self._file = pq.ParquetFile(
-                path, memory_map=False, pre_buffer=False, page_checksum_verification=True
-            )
-            schema = self._file.schema_arrow
-            kinds = {field.name: self._target(field.type) for field in schema}
-        except self._errors as problem:
-            raise self._damaged(problem) from None
-        twice = len(kinds) < len(schema)
-        self._kinds = {n: kind for n, kind in kinds.items() if kind is not None}
-        self.left_out = [n for n in kinds if n not in self._kinds]
-        if not self._kinds or twice:
-            what = "has a column name twice" if twice else "has no column of numbers"
-            raise ReadError(
-                f"the table {what}",
-                allowed="allowed are columns of numbers and times",
-                do="save those columns under names of their own",
-                file=name,
-            )
-        self._check_size()
-        self._parts, self._rest = self._text(), b""
-
-    def _damaged(self, problem: Exception) -> ReadError:
-        what = (str(problem).splitlines() or [type(problem).__name__])[0][:120]
-        return ReadError(
-            f"is no readable Parquet file ({what})",
-            allowed="allowed is Parquet",
-            do="copy it again, or save it again",
-            file=self.name,
-        )
-
-    def _check_size(self) -> None:
-        """ReadError: a column of one row group unpacks to more than memory should hold."""
-        about = self._file.metadata
-        for group in range(about.num_row_groups):
-            rows = about.row_group(group)
-            for k in range(rows.num_columns):
-                size = rows.column(k).total_uncompressed_size
-                if size > _MOST_CHUNK_BYTES:
-                    raise ReadError(
-                        f"row group {group} holds {size >> 20} MB of one column",
-                        allowed=f"allowed are {_MOST_CHUNK_BYTES >> 20} MB",
-                        do="write it with row_group_size=1000000",
-                        file=self.name,
-                    )
-
-    def _target(self, kind: Any) -> Any:
-        """The type that a column is written in; None if it is no number and no time."""
-        pa = self._pa
-        if pa.types.is_dictionary(kind):
-            kind = kind.value_type
-        if pa.types.is_floating(kind):
-            return pa.float64()
-        if pa.types.is_boolean(kind):
-            return pa.uint8()
-        if pa.types.is_duration(kind):
-            return pa.int64()
-        times = pa.types.is_timestamp(kind) or pa.types.is_date(kind) or pa.types.is_time(kind)
-        return kind if pa.types.is_integer(kind) or pa.types.is_decimal(kind) or times else None
-
-    def _text(self) -> Iterator[bytes]:
-        """The header and the rows, piece by piece.  ReadError: damaged before the first row."""
-        pa = self._pa
-        from pyarrow import csv
-
-        names = [" ".join(name.split()).replace('"', "'") for name in self._kinds]
-        units = [
-            f" [{kind.unit}]" if pa.types.is_duration(kind) else ""
-            for kind in (self._file.schema_arrow.field(name).type for name in self._kinds)
-        ]
-        header = (name + unit for name, unit in zip(names, units, strict=True))
-        yield (_SEPARATOR.join(header) + "\n").encode()
-        options = csv.WriteOptions(include_header=False, delimiter=_SEPARATOR)
-        schema = pa.schema(list(self._kinds.items()))
-        try:
-            for batch in self._file.iter_batches(
-                batch_size=_ROWS, columns=list(self._kinds), use_threads=False
-            ):
-                table = pa.Table.from_batches([batch]).select(list(self._kinds)).cast(schema)
-                sink = pa.BufferOutputStream()
-                csv.write_csv(table, sink, options)
-                yield sink.getvalue().to_pybytes()
-        except self._errors as problem:
-            # as the system says that a file cannot be read on: what came before is kept
-            raise OSError(5, self._damaged(problem).what) from None
-
-    def readable(self) -> bool:
-        return True
-
-    def readinto(self, buffer: Any) -> int:
-        while not self._rest:
-            part = next(self._parts, None)
-            if part is None:
-                return 0
-            self._rest = part
-        got = min(len(self._rest), len(buffer))
-        buffer[:got], self._rest = self._rest[:got], self._rest[got:]
-        return got

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -21,8 +20,8 @@ import numpy as np
 from tirelog.data.setup import PLAUSIBLE, ChannelSetup, Setup
 from tirelog.errors import ReadError, SetupError, nearest
 from tirelog.readers.base import unit_by_size
-from tirelog.readers.text.layout import SAMPLE_ROWS, Layout, filled
-from tirelog.readers.text.times import MISSING, fraction_digits, has_clock, one_ns
+from tirelog.readers.text.layout import SAMPLE_ROWS, Layout, filled, is_number
+from tirelog.readers.text.times import FORMS, MISSING, fraction_digits, has_clock, one_ns
 from tirelog.vocabulary import units
 
 # ---- The columns of a text log by their names, as a setup writes them.
@@ -188,7 +187,7 @@ def _ramps(layout: Layout, taken: set[int]) -> list[int]:
     leading, found = _leading(layout), []
     for k in range(layout.counts_at if layout.counts else layout.width):
         named = k < len(layout.names) and layout.names[k] != ""
-        cells = [row[k] for row in layout.rows if len(row) > k]
+        cells = layout.cells(k)
         steps = steps_of(layout, k) if layout.kinds[k] == "number" and k not in taken else []
         whole = all(layout.decimal not in cell for cell in cells)
         if whole or len(steps) < 2 or min(steps) <= 0.0 or (named and k != leading):
@@ -206,15 +205,11 @@ def _ramps(layout: Layout, taken: set[int]) -> list[int]:
 
 def numbers_of(layout: Layout, column: int) -> list[float]:
     """The numbers of a column in the sample rows, NaN for what is none."""
-    numbers = []
-    for row in layout.rows:
-        number = float("nan")
-        with suppress(ValueError):
-            number = (
-                float(row[column].replace(layout.decimal, ".")) if len(row) > column else number
-            )
-        numbers.append(number)
-    return numbers
+    cells = [row[column] if len(row) > column else "" for row in layout.rows]
+    return [
+        float(cell.replace(layout.decimal, ".")) if is_number(cell, layout.decimal) else np.nan
+        for cell in cells
+    ]
 
 
 def steps_of(layout: Layout, column: int) -> list[float]:
@@ -242,19 +237,18 @@ def _with_clock(layout: Layout, setup: Setup, column: int) -> tuple[int, int | N
     A date alone is joined with the first column of times of day.
     """
     kind = layout.kinds[column]
-    if kind in ("iso", "dmy"):
-        if any(has_clock(row[column]) for row in layout.rows if len(row) > column):
-            return column, None, kind, 1.0
+    dates = [
+        k
+        for k, other in enumerate(layout.kinds)
+        if other in ("iso", "dmy") and not any(map(has_clock, layout.cells(k)))
+    ]
+    if column in dates:
         clock = next((k for k, other in enumerate(layout.kinds) if other == "hms"), None)
         return column, clock, kind, 1.0
-    if kind == "hms":
-        date = [k for k, other in enumerate(layout.kinds[:column]) if other in ("iso", "dmy")]
-        days = [
-            k for k in date if not any(has_clock(row[k]) for row in layout.rows if len(row) > k)
-        ]
-        return (days[0], column, layout.kinds[days[0]], 1.0) if days else (column, None, "hms", 1.0)
-    if kind == "mmss":
-        return column, None, "mmss", 1.0
+    if kind == "hms" and dates and dates[0] < column:
+        return dates[0], column, layout.kinds[dates[0]], 1.0
+    if kind in FORMS:
+        return column, None, kind, 1.0
     return column, None, "number", time_factor(layout, setup, column)
 
 
@@ -270,7 +264,7 @@ def time_factor(layout: Layout, setup: Setup, column: int) -> float:
     if unit is None and counts_days(layout, column):
         unit = "d"
     if unit is None:  # a date in ms, us or ns since 1970 is known by its size
-        cells = [row[column] for row in layout.rows if len(row) > column]
+        cells = layout.cells(column)
         numbers = [float(cell) for cell in cells if re.fullmatch(r"\d{1,19}", cell)]
         unit = unit_by_size(numbers[0]) if numbers else "s"
     return units.UNITS[unit][1]
@@ -514,7 +508,7 @@ def _is_row_number(layout: Layout) -> bool:
 
 def _whole_and_rising(layout: Layout, column: int) -> bool:
     """True for whole numbers of which each is larger than the one before."""
-    cells = [row[column] for row in layout.rows if len(row) > column]
+    cells = layout.cells(column)
     return all(re.fullmatch(r"\d{1,18}", cell) for cell in cells) and all(
         step > 0 for step in steps_of(layout, column)
     )
@@ -573,7 +567,7 @@ def _sample_number(layout: Layout, taken: set[int | None]) -> int | None:
     for k, text in enumerate(layout.names[: layout.width]):
         if k in taken or layout.kinds[k] != "number" or not _NUMBER_NAMES.fullmatch(bare(text)):
             continue
-        cells = [row[k] for row in layout.rows if len(row) > k]
+        cells = layout.cells(k)
         if not all(re.fullmatch(r"\d+", cell) for cell in cells):
             continue
         steps = [int(b) - int(a) for a, b in pairwise(cells)]
@@ -597,7 +591,7 @@ def resolution_s(layout: Layout, columns: Columns) -> float:
     if columns.time is None:
         return 0.0
     shown = columns.time if columns.clock is None else columns.clock
-    texts = [row[shown] for row in layout.rows if len(row) > shown]
+    texts = layout.cells(shown)
     if columns.form == "number":
         return columns.time_factor * 10.0 ** -most_decimals(texts, layout.decimal)
     return 10.0 ** -max(map(fraction_digits, texts), default=0)
@@ -608,7 +602,7 @@ def decimals(layout: Layout, column: int) -> int | None:
 
     None if it is written with exponents or more than MOST_DECIMALS.
     """
-    cells = [row[column] for row in layout.rows if len(row) > column]
+    cells = layout.cells(column)
     if any(re.search(r"\d[eE]", cell) for cell in cells):
         return None
     most = most_decimals(cells, layout.decimal)

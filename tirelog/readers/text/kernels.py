@@ -2,7 +2,7 @@
 
     rows       a block of rows to columns: counts, floats, ticks, spans of bytes; stops at a row
                that is not like the others
-    collapsed, unquoted     a block without runs of blanks, without quotes
+    unquoted   a block without quotes
 
 `parse_rows` takes a cell to be written as the one above it, so that the next cell's place is known
 before this one's digits are; one that is not is measured a word at a time, and only one that is
@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.kernels import compiled
-from tirelog.readers.base import LOST_COUNT
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
 # ---- Decimal numbers of many digits rounded to the nearest float64, for compiled loops.
@@ -106,7 +105,6 @@ def rounded(m: Whole, e: Whole) -> tuple[float, bool]:
 # A mantissa and an exponent of ten, both whole, so that nothing is rounded on the way.
 #
 #     bytes --number: sign, digits, point, exponent--> m, e          value = m 10^e, |m| < 2^63
-#     m, e --as_count--> int32 counts of 10^-places                  exact, or WIDE
 #     m, e --as_float--> float64                                     correctly rounded, or none
 #
 # If |m| <= 2^53 and |e| <= 22, m and 10^|e| are float64 numbers, so that one multiplication or
@@ -115,15 +113,12 @@ def rounded(m: Whole, e: Whole) -> tuple[float, bool]:
 # or the result is no ordinary number, the caller has to ask a slower parser.
 
 
-#: in place of a count, if none holds the number
-WIDE = 1 << 31
 #: powers of ten that int64, and that float64, hold exactly; a mantissa from the last number on
 #: takes no further digit
 POWERS = 10 ** np.arange(19, dtype=np.int64)
 EXACT_POWERS = np.array([float(10**k) for k in range(23)])
 _FULL = (1 << 63) // 10
 _EXACT = 1 << 53
-_MOST_PLACES = 9
 
 _ZEROS = np.uint64(0x3030303030303030)
 _TO_HIGH, _HIGH = np.uint64(0x7676767676767676), np.uint64(0x8080808080808080)
@@ -235,21 +230,6 @@ def digits_number(data: Bytes, at: Whole, decimal: int) -> tuple[Whole, Whole, W
 
 
 @compiled
-def as_count(m: Whole, e: Whole, places: Whole) -> Whole:
-    """m 10^e in units of 10^-places (at most 9), or WIDE.
-
-    WIDE if int32 does not hold it or it is written with more places. m = 0 is 0.
-    """
-    up = e + places
-    if m == 0:
-        return 0
-    if up < 0 or up > _MOST_PLACES or m > WIDE or m < -WIDE:
-        return WIDE
-    count = m * POWERS[up]
-    return count if -WIDE + 1 < count < WIDE - 1 else WIDE
-
-
-@compiled
 def as_float(m: Whole, e: Whole, negative: bool) -> tuple[float, bool]:
     """(m 10^e, True), or (NaN, False) if that is left to a slower parser.
 
@@ -265,15 +245,14 @@ def as_float(m: Whole, e: Whole, negative: bool) -> tuple[float, bool]:
     return (-value if negative else value), good
 
 
-#: what is done with a column: nothing, int32 counts, float64, int64 counts, first byte and byte
-#: behind
-SKIP, COUNT, FLOAT, TICK, SPAN = range(5)
-#: what to do with a column: `what` of the above, its slot in that output, places of counts, whether
-#: 0 and -1 are lost; set to True: a count could not hold a number; set too: digits before and
-#: behind the decimal sign of the last plain cell, 0 if there was none
+#: what is done with a column: nothing, float64, int64 counts, first byte and byte behind
+SKIP, FLOAT, TICK, SPAN = range(4)
+#: what to do with a column: `what` of the above, its slot in that output, places of ticks, whether
+#: 0 and -1 are lost; and set on the way: digits before and behind the decimal sign of the last cell
+#: that has one, 0 if there was none
 GUIDE = np.dtype(
-    [("what", "i8"), ("slot", "i8"), ("places", "i8"), ("marks_lost", "?"), ("too_wide", "?"),
-     ("whole", "i8"), ("behind", "i8")],
+    [("what", "i8"), ("slot", "i8"), ("places", "i8"), ("marks_lost", "?"), ("whole", "i8"),
+     ("behind", "i8")],
     align=True,
 )  # fmt: skip
 #: first byte of a cell and the byte behind it
@@ -281,7 +260,6 @@ CELL_SPAN = np.dtype([("first", "i8"), ("stop", "i8")])
 #: most decimals of a tick, an int64 count
 TICK_PLACES = 9
 LARGEST = np.iinfo(np.int64).max
-Counts = NDArray[np.int32]
 #: what is known about a cell: not yet anything, a number, that it is blank
 _UNREAD, _NUMBER, _BLANK = range(3)
 #: a cell that is left to the caller: its row and column, first byte and byte behind
@@ -290,28 +268,6 @@ HARD = np.dtype([("row", "i8"), ("column", "i8"), ("first", "i8"), ("stop", "i8"
 BETWEEN = 31
 #: bytes at the end of a block that are not loaded as words
 _TAIL = 48
-
-
-@compiled
-def collapsed(data: Bytes, out: Bytes) -> int:
-    """Copies `data` to `out` with one blank for each run of blanks; the bytes written.
-
-    Runs of blanks and tabs; none is left at the ends of lines.
-    """
-    size, gap, begun = 0, False, False
-    for i in range(data.size):
-        byte = data[i]
-        if byte == 32 or byte == 9:
-            gap = True
-            continue
-        end = byte == 10 or (byte == 13 and (i + 1 == data.size or data[i + 1] == 10))
-        if gap and begun and not end:
-            out[size] = 32
-            size += 1
-        out[size] = byte
-        size += 1
-        gap, begun = False, byte != 10
-    return size
 
 
 @compiled
@@ -379,32 +335,16 @@ def _are_digits(word: Whole, count: Whole) -> bool:
 
 
 @compiled
-def _fits(what: Whole, places: Whole, whole: Whole, behind: Whole) -> bool:
-    """True if a cell is read from two words and fits the column.
-
-    It has so many digits before and behind the decimal sign.
-    """
-    if not 1 <= whole <= 8:
-        return False
-    if what == COUNT:
-        fits: bool = whole + places <= 9 and behind <= places
-    else:
-        fits = what == FLOAT and whole + behind <= 15
-    return fits
-
-
-@compiled
 def parse_rows(
     data: Bytes, at: Whole, guides: Records, separator: int, decimal: int, least: int, rest: bool,
-    begins: IntArray, counts: Counts, floats: FloatArray, ticks: IntArray, spans: Records,
-    hard: Records,
+    begins: IntArray, floats: FloatArray, ticks: IntArray, spans: Records, hard: Records,
 ) -> tuple[Whole, Whole, Whole]:  # fmt: skip
     """Rows from the byte `at` on into columns; (rows, byte behind them, `hard` cells).
 
     guides  (columns,) of GUIDE
     least   cells that a row has to have; `rest` allows cells behind the columns
-    begins  (n,) first byte of each row, of n at most; counts, floats, ticks: (slots, n); spans:
-            (slots, n) of CELL_SPAN
+    begins  (n,) first byte of each row, of n at most; floats, ticks: (slots, n); spans: (slots, n)
+            of CELL_SPAN
     hard    (h,) of HARD
 
     Ends before a row of another width, before one whose tick is no plain number, or if `hard`
@@ -427,59 +367,36 @@ def parse_rows(
         ended = False
         for c in range(width):
             guide = guides[c]
-            what, slot, places = guide["what"], guide["slot"], guide["places"]
-            marks_lost = guide["marks_lost"]
-            if at < safe and not ended and COUNT <= what <= FLOAT:
-                whole, behind = guide["whole"], guide["behind"]
-                end = at + whole + 1 + behind
-                if whole > 0 and data[at + whole] == decimal:
-                    front, back = word(data, at), word(data, at + whole + 1)
-                    last = (
-                        data[end] == separator
-                        if c + 1 < width
-                        else data[end] == 10 or data[end] == 13
-                    )
-                    if last and _are_digits(front, whole) and _are_digits(back, behind):
-                        m = _together(front, back, whole, behind)
-                        if what == COUNT:
-                            m *= POWERS[places - behind]
-                            counts[slot, r] = LOST_COUNT if m == 0 and marks_lost else m
-                        else:
-                            value = m / EXACT_POWERS[behind]
-                            floats[slot, r] = np.nan if m == 0 and marks_lost else value
-                        at = end + (c + 1 < width)
-                        continue
+            what, slot, marks_lost = guide["what"], guide["slot"], guide["marks_lost"]
+            mark = separator if c + 1 < width else 10
+            if at < safe and not ended and what == FLOAT:
                 negative = data[at] == 45
                 first = at + negative
-                whole, behind = leading_digits(word(data, first)), np.int64(0)
-                point = first + whole
-                if data[point] == decimal:
-                    behind = leading_digits(word(data, point + 1))
-                end = point + behind + (behind > 0)
-                last = (
-                    data[end] == separator if c + 1 < width else data[end] == 10 or data[end] == 13
-                )
-                if last and _fits(what, places, whole, behind):
-                    if behind > 0 and not negative:
+                whole, behind = guide["whole"], guide["behind"]
+                front, back = word(data, first), word(data, first + whole + 1)
+                end = first + whole + 1 + behind
+                last = data[end] == mark or (mark == 10 and data[end] == 13)
+                alike = last and whole > 0 and data[first + whole] == decimal
+                if not (alike and _are_digits(front, whole) and _are_digits(back, behind)):
+                    whole, behind = leading_digits(front), np.int64(0)
+                    if data[first + whole] == decimal:
+                        back = word(data, first + whole + 1)
+                        behind = leading_digits(back)
+                    if behind > 0:
                         guide["whole"], guide["behind"] = whole, behind
-                    m = _together(word(data, first), word(data, point + 1), whole, behind)
-                    if what == COUNT:
-                        m *= POWERS[places - behind]
-                        count = -m if negative else m
-                        if (negative or m == 0) and marks_lost and (m == 0 or m == POWERS[places]):
-                            count = LOST_COUNT
-                        counts[slot, r] = count
-                    else:
-                        value = m / EXACT_POWERS[behind]
-                        value = -value if negative else value
-                        if (negative or m == 0) and marks_lost and (m == 0 or value == -1.0):
-                            value = np.nan
-                        floats[slot, r] = value
+                    end = first + whole + behind + (behind > 0)
+                    last = data[end] == mark or (mark == 10 and data[end] == 13)
+                if last and whole > 0 and whole + behind <= 15:
+                    m = _together(front, back, whole, behind)
+                    value = m / EXACT_POWERS[behind]
+                    if marks_lost and (m == 0 or (negative and value == 1.0)):
+                        value = np.nan
+                    floats[slot, r] = -value if negative else value
                     at = end + (c + 1 < width)
                     continue
             m, e, state, negative = np.int64(0), np.int64(0), _BLANK if ended else _UNREAD, False
             start = stop = at
-            if not ended and COUNT <= what <= TICK:
+            if not ended and FLOAT <= what <= TICK:
                 start = _after_blanks(data, at, separator)
                 m, e, stop = digits_number(data, start, decimal)
                 if stop >= 0:
@@ -496,16 +413,7 @@ def parse_rows(
                     stop -= 1
                 if what != SPAN and _is_lost(data, start, stop):
                     state = _BLANK
-            if what == COUNT:
-                count = LOST_COUNT
-                if state == _NUMBER:
-                    count = as_count(m, e, places)
-                    if count == WIDE:
-                        guide["too_wide"], count = True, 0
-                    elif marks_lost and (count == 0 or count == -POWERS[places]):
-                        count = LOST_COUNT
-                counts[slot, r] = count
-            elif what == FLOAT:
+            if what == FLOAT:
                 value = np.nan
                 if state == _NUMBER:
                     value, good = as_float(m, e, negative)
@@ -514,6 +422,7 @@ def parse_rows(
                         value = np.nan
                 floats[slot, r] = value
             elif what == TICK:
+                places = guide["places"]
                 up = e + places
                 if state != _NUMBER or up < 0 or up > places or abs(m) > LARGEST // POWERS[up]:
                     return r, begin, kept

@@ -129,6 +129,10 @@ class Layout:
     quote: str = '"'
     enclosed: bool = False
 
+    def cells(self, column: int) -> list[str]:
+        """The column's cells in the sample rows that have it."""
+        return [row[column] for row in self.rows if len(row) > column]
+
 
 def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # noqa: B008 - frozen
     """The layout of a text log that begins with `head`; what is `given` is not guessed.

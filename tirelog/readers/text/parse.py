@@ -14,21 +14,22 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from decimal import Decimal
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.readers.base import Samples, counted_floats
+from tirelog.readers.base import Samples, whole_counts
 from tirelog.readers.text.columns import Columns
 from tirelog.readers.text.kernels import (
     BETWEEN,
     CELL_SPAN,
-    COUNT,
     FLOAT,
     GUIDE,
     HARD,
@@ -38,7 +39,6 @@ from tirelog.readers.text.kernels import (
     TICK_PLACES,
     Block,
     bytes_of,
-    collapsed,
     parse_rows,
     unquoted,
 )
@@ -60,7 +60,8 @@ ERROR_CODE = rb"(?:^|[;, |])[ +]*0*[1-9-]"
 class Parsed:
     """A block's rows.
 
-    `values[column]` shape (n,), NaN where blank or unreadable (or counts, see `RawBlock`); `stamps`
+    `values[column]` shape (n,), NaN where blank or unreadable, and in the end counts where these
+    are the same numbers (see `RawBlock`); `stamps`
     shape (n,): int64 ns (MISSING where unreadable) for times, float64 in the column's unit for
     numbers; `number` shape (n,); `errors` shape (n,): error codes that are not 0; `peaks` shape (n,
     most): the list of peaks, NaN behind its end; `counts` shape (n,
@@ -80,11 +81,8 @@ class Parsed:
     bad_cells: list[tuple[int, str]] = field(default_factory=list)
 
 
-def concatenated_rows(parts: list[Parsed], places: Mapping[int, int | None]) -> Parsed:
-    """The rows of several pieces after one another.
-
-    A column of which a piece is no counts is all floats.
-    """
+def concatenated_rows(parts: list[Parsed]) -> Parsed:
+    """The rows of several pieces after one another."""
     first = parts[0]
     if len(parts) == 1:
         return first
@@ -99,20 +97,12 @@ def concatenated_rows(parts: list[Parsed], places: Mapping[int, int | None]) -> 
         if getattr(first, name) is not None
     }
     return Parsed(
-        {
-            column: _column([part.values[column] for part in parts], places.get(column))
-            for column in first.values
-        },
+        {k: np.concatenate([part.values[k] for part in parts]) for k in first.values},
         size=sum(part.size for part in parts),
         bad_rows=[bad for part in parts for bad in part.bad_rows],
         bad_cells=[bad for part in parts for bad in part.bad_cells],
         **own,
     )
-
-
-def _column(parts: list[Samples], places: int | None) -> Samples:
-    counts = all(part.dtype == np.int32 for part in parts)
-    return np.concatenate(parts if counts else [counted_floats(part, places) for part in parts])
 
 
 #: peaks of a row that are read as others are beyond those of the widest row of the sample
@@ -128,8 +118,7 @@ class RowPlan:
     `exact` reads a numeric time column as whole numbers of `tick_places` decimals, if float64 would
     round its stamps; `peaks_at` is the first column of a flat list of peaks; `gratings` are the
     columns of wavelengths, in which 0 and -1 are lost peaks; `places` are the decimals of the
-    channels' columns (None: written with exponents). `uncounted` grows: columns that held numbers
-    which no count can hold; it saves work, and the numbers are the same without.
+    channels' columns (None: written with exponents).
     """
 
     layout: Layout
@@ -139,7 +128,6 @@ class RowPlan:
     peaks_at: int = 0
     gratings: tuple[int, ...] = ()
     places: Mapping[int, int | None] = field(default_factory=dict)
-    uncounted: set[int] = field(default_factory=set)
     tick_places: int = TICK_PLACES
 
     @property
@@ -171,6 +159,26 @@ class RowPlan:
         if columns.peaks:
             inside = max(columns.values.values(), default=-1) < self.peaks_at
         return len(wanted) == len({*wanted}) and inside
+
+    @cached_property
+    def roles(self) -> dict[int, tuple[int, int]]:
+        """What the compiled pass makes of each column that is wanted, and its place among such."""
+        columns = self.columns
+        whats = dict.fromkeys(columns.values.values(), FLOAT)
+        whats |= {k: SPAN for k in (columns.clock, columns.errors) if k is not None}
+        if columns.time is not None:
+            number = TICK if self.exact else FLOAT
+            whats[columns.time] = number if columns.form == "number" else SPAN
+        if columns.number is not None:
+            whats[columns.number] = FLOAT
+        if columns.peaks:
+            whats |= dict.fromkeys([*self.fronts, *self.listed(self.across)], FLOAT)
+        before = Counter[int]()
+        roles = {}
+        for k, what in whats.items():
+            roles[k] = what, before[what]
+            before[what] += 1
+        return roles
 
     @property
     def fronts(self) -> range:
@@ -212,10 +220,23 @@ def normalized(layout: Layout, block: Block) -> Block:
     if not block.endswith(b"\n"):
         block += b"\n"
     if layout.separator == " ":
-        data = bytes_of(block)
-        out = np.empty(data.size, np.uint8)
-        block = out[: collapsed(data, out)].tobytes()
+        block = single_blanks(block)
     return block
+
+
+def single_blanks(block: Block) -> bytes:
+    """A block, which a newline ends, with one blank for each run of blanks and tabs.
+
+    At the ends of lines there is none.
+    """
+    data = bytes_of(block)
+    blank = (data == 32) | (data == 9)
+    edges = np.flatnonzero(np.diff(blank.view(np.int8), prepend=0, append=0))
+    firsts, behind = edges[::2], edges[1::2]
+    at_end = (data[behind] == 10) | ((data[behind] == 13) & (data[(behind + 1) % data.size] == 10))
+    kept = ~blank
+    kept[firsts[(firsts > 0) & (data[firsts - 1] != 10) & ~at_end]] = True
+    return bytes(np.where(blank, np.uint8(32), data)[kept])
 
 
 def between(layout: Layout) -> int:
@@ -392,19 +413,12 @@ def _tick(cell: str, places: int) -> int:
 #
 # This is the way that nearly all rows of nearly all logs take.
 #
-#     block, first byte --kernels.rows--> columns of counts, floats, ticks, spans
-#                       --flat: cells that take a slower parser; times: stamps-->
-#                       Parsed, byte behind
-#
-# A channel whose column has few decimals comes as int32 counts of 10^-decimals, which a run
-# stores as
-# they are; it comes as floats if a number of the block is not such a count.
+#     block, first byte --kernels.parse_rows--> columns of floats, ticks, spans
+#                       --cells that it left, one by one; times: stamps--> Parsed, byte behind
 
 
 #: rows of one pass, and cells that it may leave to a slower parser
 _ROWS, _HARD = 1 << 16, 1 << 15
-#: more decimals than this are no counts of int32
-_MOST_PLACES = 9
 
 
 def plain_rows(plan: RowPlan, block: Block, at: int) -> tuple[Parsed, int, bool]:
@@ -412,164 +426,63 @@ def plain_rows(plan: RowPlan, block: Block, at: int) -> tuple[Parsed, int, bool]
 
     A newline ends the block; `plan.regular` is true.  Lines of `bad_cells` count from 0 at `at`.
     """
-    table = _Table(plan, block, at)
-    while table.too_wide:
-        plan.uncounted.update(table.too_wide)
-        table = _Table(plan, block, at)
-    table.resolve()
-    stamps = table.stamps()
-    if stamps is not None:
-        unread = np.flatnonzero(unreadable(stamps))
-        if unread.size:  # the rows before it are good
-            table.cut(int(unread[0]))
-            stamps = stamps[: table.size]
-    return table.parsed(stamps), table.stop, table.stop < len(block) and not table.full
+    columns, roles = plan.columns, plan.roles
+    guides = np.zeros(plan.across, GUIDE)
+    for k, (what, slot) in roles.items():
+        guides[k] = what, slot, plan.tick_places, k in plan.gratings, 0, 0
+    # if all are of the first one's length
+    lines = min((len(block) - at) // (block.find(b"\n", at) + 1 - at) + 1, _ROWS)
+    many = Counter(what for what, _ in roles.values())
+    floats, ticks = np.empty((many[FLOAT], lines)), np.empty((many[TICK], lines), np.int64)
+    spans = np.empty((many[SPAN], lines), CELL_SPAN)
+    begins, hard = np.empty(lines, np.int64), np.empty(_HARD + plan.across, HARD)
+    size, stop, used = parse_rows(
+        bytes_of(block), at, guides, between(plan.layout), ord(plan.layout.decimal), plan.least,
+        plan.layout.ragged and not columns.peaks, begins, floats, ticks, spans, hard,
+    )  # fmt: skip
+    full = used > _HARD or size == lines
+    if 2 * size < lines:  # what is kept must not hold what is not
+        floats, ticks = floats[:, :size].copy(), ticks[:, :size].copy()
 
+    def numbers(k: int) -> FloatArray:
+        return floats[roles[k][1], :size]
 
-class _Table:
-    """What the compiled pass made of the rows of a block: `size` rows, up to the byte `stop`."""
+    def cells(k: int) -> tuple[NDArray[np.uint8], IntArray, IntArray]:
+        of_column = spans[roles[k][1], :size]
+        return bytes_of(block), of_column["first"], of_column["stop"]
 
-    def __init__(self, plan: RowPlan, block: Block, at: int) -> None:
-        self.plan, self.block, self.columns = plan, block, plan.columns
-        self.listed = plan.listed(plan.across)
-        self.whats, self.slots = self._roles()
-        guides = np.zeros(plan.across, GUIDE)
-        for k, what in self.whats.items():
-            places = plan.tick_places if what == TICK else plan.places.get(k) or 0
-            guides[k] = what, self.slots[k], places, k in plan.gratings, False, 0, 0
-        data = bytes_of(block)
-        lines = min(
-            (len(block) - at) // (block.find(b"\n", at) + 1 - at) + 1, _ROWS
-        )  # of the first one's length
-        counts, floats, ticks, spans = (list(self.whats.values()).count(what) for what in _OUTPUTS)
-        self.begins = np.empty(lines, np.int64)
-        self.counts, self.floats = np.empty((counts, lines), np.int32), np.empty((floats, lines))
-        self.ticks, self.spans = (
-            np.empty((ticks, lines), np.int64),
-            np.empty((spans, lines), CELL_SPAN),
-        )
-        hard = np.empty(_HARD + plan.across, HARD)
-        self.size, self.stop, used = parse_rows(
-            data, at, guides, between(plan.layout), ord(plan.layout.decimal), plan.least,
-            plan.layout.ragged and not plan.columns.peaks, self.begins, self.counts, self.floats,
-            self.ticks, self.spans, hard,
-        )  # fmt: skip
-        self.full = used > _HARD or self.size == lines
-        if 2 * self.size < lines:  # what is kept must not hold what is not
-            self.counts, self.floats = (
-                self.counts[:, : self.size].copy(),
-                self.floats[:, : self.size].copy(),
-            )
-            self.ticks, self.spans = (
-                self.ticks[:, : self.size].copy(),
-                self.spans[:, : self.size].copy(),
-            )
-        self.hard = hard[:used].copy()
-        self.too_wide = {k for k in self.whats if guides["too_wide"][k]}
-
-    def _roles(self) -> tuple[dict[int, int], dict[int, int]]:
-        """What to do with each column that is wanted, and its place among those of its kind."""
-        whats = {}
-        for k in self.columns.values.values():
-            places = self.plan.places.get(k)
-            whats[k] = (
-                COUNT
-                if places is not None and places <= _MOST_PLACES and k not in self.plan.uncounted
-                else FLOAT
-            )
-        columns = self.columns
-        whats |= {k: SPAN for k in (columns.clock, columns.errors) if k is not None}
-        if columns.time is not None:
-            number = TICK if self.plan.exact else FLOAT
-            whats[columns.time] = number if columns.form == "number" else SPAN
-        if columns.number is not None:
-            whats[columns.number] = FLOAT
-        if columns.peaks:
-            whats |= dict.fromkeys([*self.plan.fronts, *self.listed], FLOAT)
-        slots = dict.fromkeys(_OUTPUTS, 0)
-        places_of = {}
-        for k, what in whats.items():
-            places_of[k], slots[what] = slots[what], slots[what] + 1
-        return whats, places_of
-
-    def resolve(self) -> None:
-        """Reads the cells that were left."""
-        found = [
-            number_of(bytes(self.block[start:stop]), self.plan.layout.decimal)
-            for start, stop in self.hard[["first", "stop"]].tolist()
-        ]
-        self.found = np.array([number for number, _ in found])
-        self.unread = np.array([unread for _, unread in found], bool)
-        for k, what in self.whats.items() if self.hard.size else ():
-            if what == FLOAT:
-                mine = self.hard["column"] == k
-                self.floats[self.slots[k], self.hard["row"][mine]] = self._lost_of(
-                    k, self.found[mine]
-                )
-
-    def _lost_of(self, k: int, numbers: FloatArray) -> FloatArray:
-        return without_lost(numbers) if k in self.plan.gratings else numbers
-
-    def cut(self, size: int) -> None:
-        """Leaves only the first rows; the next one is not good."""
-        self.size, self.stop, self.full = size, int(self.begins[size]), False
-        kept = self.hard["row"] < size
-        self.hard, self.found, self.unread = self.hard[kept], self.found[kept], self.unread[kept]
-
-    def parsed(self, stamps: Nanoseconds | FloatArray | None) -> Parsed:
-        columns = self.columns
-        out = Parsed(
-            {k: self._samples(k) for k in {*columns.values.values()}}, stamps, size=self.size
-        )
-        if columns.number is not None:
-            out.number = self.floats[self.slots[columns.number], : self.size]
-        if columns.errors is not None:
-            _, starts, stops = self._spans(columns.errors)
-            cells = zip(starts.tolist(), stops.tolist(), strict=True)
-            out.errors = error_counts([bytes(self.block[a:b]) for a, b in cells])
-        if columns.peaks:
-            out.peaks = self._floats(self.listed)
-            fronts = np.nan_to_num(self._floats(self.plan.fronts)).astype(np.int64)
-            out.counts = fronts if self.plan.fronts else None
-        for row, column, start, stop in self.hard[self.unread].tolist():
-            if column in out.values or column in self.listed:
-                out.bad_cells.append((row, shown(self.plan.layout, bytes(self.block[start:stop]))))
-        return out
-
-    def _floats(self, columns: Iterable[int]) -> FloatArray:
-        """Columns side by side, shape (size, columns)."""
-        slots = [self.slots[k] for k in columns]
-        return np.ascontiguousarray(self.floats[slots, : self.size].T)
-
-    def _samples(self, k: int) -> Samples:
-        """A channel's column."""
-        if self.whats[k] == FLOAT:
-            return self.floats[self.slots[k], : self.size]
-        counts = self.counts[self.slots[k], : self.size]
-        mine = self.hard["column"] == k
-        if not self.hard.size or not mine.any():
-            return counts
-        values = counted_floats(counts, self.plan.places[k] or 0)
-        values[self.hard["row"][mine]] = self._lost_of(k, self.found[mine])
-        return values
-
-    def stamps(self) -> Nanoseconds | FloatArray | None:
-        """The time column: float64 in its unit, or int64 ns."""
-        columns = self.columns
-        if columns.time is None:
-            return None
-        if columns.form == "number":
-            return (self.ticks if self.plan.exact else self.floats)[
-                self.slots[columns.time], : self.size
-            ]
-        return stamps_ns(self.plan, self._spans)
-
-    def _spans(self, k: int) -> tuple[NDArray[np.uint8], IntArray, IntArray]:
-        spans = self.spans[self.slots[k], : self.size]
-        return bytes_of(self.block), spans["first"], spans["stop"]
-
-
-_OUTPUTS = (COUNT, FLOAT, TICK, SPAN)
+    listed = plan.listed(plan.across)
+    bad_cells = []
+    for row, k, first, behind in hard[:used].tolist():
+        cell = bytes(block[first:behind])
+        number, unread = number_of(cell, plan.layout.decimal)
+        lost = k in plan.gratings and number in (0.0, -1.0)
+        floats[roles[k][1], row] = math.nan if lost else number
+        if unread and (k in columns.values.values() or k in listed):
+            bad_cells.append((row, shown(plan.layout, cell)))
+    stamps: Nanoseconds | FloatArray | None = None
+    if columns.time is not None and columns.form != "number":
+        stamps = stamps_ns(plan, cells)
+    elif columns.time is not None:
+        stamps = (ticks if plan.exact else floats)[roles[columns.time][1], :size]
+    if stamps is not None and (missing := unreadable(stamps)).any():  # the rows before it are good
+        size = int(np.argmax(missing))
+        stop, full, stamps = int(begins[size]), False, stamps[:size]
+        bad_cells = [bad for bad in bad_cells if bad[0] < size]
+    out = Parsed(
+        {k: numbers(k) for k in columns.values.values()}, stamps, size=size, bad_cells=bad_cells
+    )
+    if columns.number is not None:
+        out.number = numbers(columns.number)
+    if columns.errors is not None:
+        _, starts, stops = cells(columns.errors)
+        codes = zip(starts.tolist(), stops.tolist(), strict=True)
+        out.errors = error_counts([bytes(block[a:b]) for a, b in codes])
+    if columns.peaks:
+        out.peaks = np.column_stack([numbers(k) for k in listed])
+        fronts = [numbers(k) for k in plan.fronts]
+        out.counts = np.nan_to_num(np.column_stack(fronts)).astype(np.int64) if fronts else None
+    return out, stop, stop < len(block) and not full
 
 
 __all__ = ["Parsed", "RowPlan", "parse_block"]
@@ -608,6 +521,10 @@ def parse_block(plan: RowPlan, block: Block) -> Parsed:
             parts.append(odd_rows(plan, line, block[at:stop]))
             line += block.count(b"\n", at, stop)
             at = stop
-    parsed = concatenated_rows(parts, plan.places)
+    parsed = concatenated_rows(parts)
+    parsed.values = {
+        k: whole_counts(np.asarray(values, np.float64), plan.places.get(k))
+        for k, values in parsed.values.items()
+    }
     parsed.lines = line
     return parsed

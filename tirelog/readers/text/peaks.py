@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.setup import ChannelSetup
 from tirelog.errors import SetupError
+from tirelog.readers.base import runs
 from tirelog.readers.text.parse import Parsed
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.quality import Quality
@@ -108,14 +109,20 @@ class GratingTracker:
         for g in range(len(self._gratings)):
             doubtful[g, row[claims[g] & contested]] = True
         values[doubtful] = np.nan
-        flags = self._decide(values, doubtful, cells, fibre)
+        refused = self._decide(values, doubtful, cells, fibre)
         for g, grating in enumerate(self._gratings):
             known = np.flatnonzero(~np.isnan(values[g]))
             if known.size:
                 grating.last, grating.age = float(values[g, known[-1]]), n - 1 - int(known[-1])
             else:
                 grating.age += n
-        return {grating.name: values[g] for g, grating in enumerate(self._gratings)}, _runs(flags)
+        names = [grating.name for grating in self._gratings]
+        flags = [
+            (name, start, stop, Quality.SPURIOUS_PEAK)
+            for name, rows in zip(names, refused, strict=True)
+            for start, stop in runs(rows)
+        ]
+        return dict(zip(names, values, strict=True)), flags
 
     def why_silent(self, channel: str) -> str:
         """The sentence on a grating that no row had a peak for."""
@@ -144,12 +151,12 @@ class GratingTracker:
         doubtful: NDArray[np.bool_],
         cells: FloatArray,
         fibre: IntArray | None,
-    ) -> dict[str, list[int]]:
-        """Fills `values` in the doubtful rows; the rows of each grating with refused peaks.
+    ) -> NDArray[np.bool_]:
+        """Fills `values` in the doubtful rows, one after another; where peaks are refused.
 
-        One row after another.
+        Both have the shape (gratings, rows).
         """
-        refused: dict[str, list[int]] = {grating.name: [] for grating in self._gratings}
+        refused = np.zeros(doubtful.shape, bool)
         n = values.shape[1]
         width = cells.size // max(n, 1)
         index = np.where(~np.isnan(values) & ~doubtful, np.arange(n), -1)
@@ -179,7 +186,7 @@ class GratingTracker:
                 accepted[g] = r if g in taken else accepted[g]
                 left = np.array([peak not in taken.values() for peak in range(here.size)], bool)
                 if (left & (here >= grating.low) & (here <= grating.high)).any():
-                    refused[grating.name].append(r)
+                    refused[g, r] = True
         return refused
 
 
@@ -277,21 +284,3 @@ def _pairs(
             & (here < grating.high + REACH_NM)
         )
     return [(float(distance[peak]), g, peak) for peak in np.flatnonzero(allowed).tolist()]
-
-
-def _runs(refused: dict[str, list[int]]) -> list[Flag]:
-    """Rows as runs (channel, start, stop, word)."""
-    out: list[Flag] = []
-    for name, rows in refused.items():
-        if rows:
-            at = np.array(rows)
-            cuts = np.flatnonzero(np.diff(at) > 1)
-            starts, stops = (
-                at[np.concatenate([[0], cuts + 1])],
-                at[np.concatenate([cuts, [at.size - 1]])] + 1,
-            )
-            out += [
-                (name, start, stop, Quality.SPURIOUS_PEAK)
-                for start, stop in zip(starts.tolist(), stops.tolist())
-            ]
-    return out

@@ -36,6 +36,7 @@ from tirelog.readers.base import (
     lost_samples,
     of_damaged,
     rate_in_words,
+    runs,
     with_stated_units,
 )
 from tirelog.readers.text.columns import (
@@ -82,6 +83,7 @@ def open_text(source: Path | str | BinaryIO, setup: Setup, log_name: str) -> Tex
         return TextReader(opened, setup, log_name)
     except (ReadError, SetupError) as problem:
         damage = opened.damage()
+        opened.close()
         if not damage or damage in problem.message:
             raise
         raise of_damaged(damage, problem, log_name) from None
@@ -246,11 +248,9 @@ class TextReader:
         codes = np.zeros(0, np.int64) if parsed.errors is None else parsed.errors
         self._count("rows_with_error_codes", int((codes > 0).sum()))
         self._count("error_codes", int(codes.sum()))
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], (codes > 0).astype(np.int8), [0]])))
-        spans = zip(edges[::2].tolist(), edges[1::2].tolist())
         return [
             (channel, start, stop, Quality.ERROR_CODE)
-            for start, stop in spans
+            for start, stop in runs(codes > 0)
             for channel in self.groups[0].channels
         ]
 

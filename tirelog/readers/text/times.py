@@ -24,10 +24,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.kernels import compiled
-from tirelog.readers.text.kernels import POWERS, Bytes, Whole, bytes_of
+from tirelog.readers.text.kernels import Bytes, bytes_of
 from tirelog.vocabulary.arrays import IntArray
 
+Nanoseconds = NDArray[np.int64]
 #: in place of a time that cannot be read
 MISSING = np.iinfo(np.int64).min
 #: what a byte of a time is: a byte like the pattern's, or a digit of a field
@@ -36,70 +36,59 @@ AS_IT_IS, YEAR, MONTH, DAY, HOUR, MINUTE, SECOND, FRACTION, HALF_DAY_HOUR, UNUSE
 _FIRST_YEAR, _LAST_YEAR = 1678, 2261
 
 
-@compiled
-def _days(year: Whole, month: Whole, day: Whole) -> Whole:
-    """Days since 1970 of a proleptic Gregorian date.
+def _days(year: IntArray, month: IntArray, day: IntArray | int) -> IntArray:
+    """Days since 1970 of proleptic Gregorian dates.
 
     Counted in years that begin in March, so that the leap day comes last. Month 13 is the next
     January.
     """
-    year -= month <= 2
+    year = year - (month <= 2)
     month = (month + 9) % 12
     return (
         365 * year + year // 4 - year // 100 + year // 400 + (153 * month + 2) // 5 + day - 719_469
     )
 
 
-@compiled
 def times_alike(
-    data: Bytes,
-    starts: IntArray,
-    pattern: Bytes,
-    roles: IntArray,
-    dated: bool,
-    offset_s: int,
-    out: IntArray,
-    done: NDArray[np.bool_],
-) -> None:
-    """Fills `out` (n,) with times [ns] that are written like `pattern` (m,), and `done` (n,).
+    cells: Bytes, pattern: Bytes, roles: IntArray, dated: bool, offset_s: int
+) -> tuple[Nanoseconds, NDArray[np.bool_]]:
+    """(times [ns] of cells that are written like `pattern` (m,), which cells are), shapes (n,).
 
-    From the bytes `starts` (n,) on; False in `done` if one is written otherwise. Times that cannot
-    be are MISSING.
+    cells: (n, m). Times that cannot be are MISSING.
     `roles` (m,): what each byte is; hours of half a day count from 12, and minutes may be more
     than 59 if there are no hours. `dated` ones count from 1970. `offset_s` is taken off: times lie
     so far east of UTC, or before noon.
     """
-    fields = np.empty(10, np.int64)
-    decimals = (roles == FRACTION).sum()
-    halved = (roles == HALF_DAY_HOUR).any()
-    most_minutes = 59 if halved or (roles == HOUR).any() else 999
-    for i in range(starts.size):
-        fields[:] = 0
-        alike = True
-        for k in range(pattern.size):
-            byte, role = data[starts[i] + k], roles[k]
-            if role == AS_IT_IS:
-                alike &= byte == pattern[k]
-            else:
-                alike &= 48 <= byte <= 57
-                fields[role] = fields[role] * 10 + (np.int64(byte) - 48)
-        possible = fields[HOUR] <= 24 and fields[MINUTE] <= most_minutes and fields[SECOND] <= 60
-        hour = fields[HOUR]
-        if halved:
-            possible &= 1 <= fields[HALF_DAY_HOUR] <= 12
-            hour = fields[HALF_DAY_HOUR] % 12
-        seconds = hour * 3600 + fields[MINUTE] * 60 + fields[SECOND] - offset_s
-        if dated:
-            year, month, day = fields[YEAR], fields[MONTH], fields[DAY]
-            possible &= _FIRST_YEAR <= year <= _LAST_YEAR and 1 <= month <= 12 and 1 <= day <= 31
-            if day > 28:
-                possible &= day <= _days(year, month + 1, 1) - _days(year, month, 1)
-            seconds += 86_400 * _days(year, month, day)
-        time_ns = seconds * 1_000_000_000 + fields[FRACTION] * POWERS[9 - decimals]
-        out[i], done[i] = time_ns if possible else MISSING, alike
+    digits = cells - np.uint8(48)  # other letters lie beyond 9
+    as_written = np.where(roles == AS_IT_IS, cells == pattern, digits <= 9)
+
+    def field(role: int) -> IntArray:
+        number = np.zeros(len(cells), np.int64)
+        for k in np.flatnonzero(roles == role):
+            number = number * 10 + digits[:, k]
+        return number
+
+    hour, minute, second = field(HOUR), field(MINUTE), field(SECOND)
+    possible = (hour <= 24) & (second <= 60)
+    if HALF_DAY_HOUR in roles:
+        half = field(HALF_DAY_HOUR)
+        possible &= (half >= 1) & (half <= 12)
+        hour = half % 12
+    if HOUR in roles or HALF_DAY_HOUR in roles:
+        possible &= minute <= 59
+    seconds = hour * 3600 + minute * 60 + second - offset_s
+    if dated:
+        year, month, day = field(YEAR), field(MONTH), field(DAY)
+        possible &= (year >= _FIRST_YEAR) & (year <= _LAST_YEAR) & (month >= 1) & (month <= 12)
+        in_month = _days(year, month + 1, 1) - _days(year, month, 1)
+        possible &= (day >= 1) & (day <= in_month)
+        seconds += 86_400 * _days(year, month, day)
+    decimals = np.count_nonzero(roles == FRACTION)
+    time_ns = seconds * 1_000_000_000 + field(FRACTION) * 10 ** (9 - decimals)
+    alike: NDArray[np.bool_] = np.logical_and.reduce(as_written, axis=1)
+    return np.where(possible, time_ns, MISSING), alike
 
 
-Nanoseconds = NDArray[np.int64]
 #: nanoseconds after which times of a form begin again
 ROUNDS_NS = {"hms": 86_400 * 10**9, "mmss": 3_600 * 10**9}
 #: forms that hold a date
@@ -110,7 +99,7 @@ _HALF = r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?"
 _CLOCK = rf"(?P<h>\d{{1,2}})(?P<s>[:\-.])(?P<m>\d{{1,2}})(?:(?P=s){_SECOND})?{_HALF}"
 _OFFSET = r"\s*(?P<off>Z|[+-]\d{2}:?\d{2})?"
 _REST = rf"(?:[T _]+{_CLOCK}{_OFFSET})?"
-_FORMS = {
+FORMS = {
     "iso": re.compile(rf"(?P<Y>\d{{4}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<D>\d{{1,2}}){_REST}"),
     "dmy": re.compile(rf"(?P<D>\d{{1,2}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<Y>\d{{4}}){_REST}"),
     "hms": re.compile(rf"(?P<h>\d{{1,2}})(?P<s>[:\-])(?P<m>\d{{1,2}})(?P=s){_SECOND}{_HALF}:?"),
@@ -118,29 +107,34 @@ _FORMS = {
 }
 
 
+def _matched(cell: str) -> tuple[str, re.Match[str]] | None:
+    """(form, match) of one cell, None if it is no time."""
+    text = cell.strip().strip('"')
+    found = ((name, pattern.fullmatch(text)) for name, pattern in FORMS.items())
+    return next(((name, match) for name, match in found if match), None)
+
+
 def form_of(cell: str) -> str | None:
     """The form's name of one cell, None if it is no time."""
-    cell = cell.strip().strip('"')
-    return next((name for name, pattern in _FORMS.items() if pattern.fullmatch(cell)), None)
+    found = _matched(cell)
+    return found and found[0]
 
 
 def has_clock(cell: str) -> bool:
     """False for a date alone."""
-    form = form_of(cell)
-    match = form and _FORMS[form].fullmatch(cell.strip().strip('"'))
-    return bool(match and match.groupdict().get("h"))
+    found = _matched(cell)
+    return bool(found and found[1].groupdict().get("h"))
 
 
 def fraction_digits(cell: str) -> int:
     """Decimals of a time's seconds."""
-    form = form_of(cell)
-    match = form and _FORMS[form].fullmatch(cell.strip().strip('"'))
-    return len(match["frac"] or "") if match else 0
+    found = _matched(cell)
+    return len(found[1]["frac"] or "") if found else 0
 
 
 def month_first(cells: list[str]) -> bool:
     """True if dates like 04/14/2022 prove that the month stands first."""
-    pairs = [m for cell in cells if (m := _FORMS["dmy"].fullmatch(cell.strip().strip('"')))]
+    pairs = [m for cell in cells if (m := FORMS["dmy"].fullmatch(cell.strip().strip('"')))]
     return any(int(m["M"]) > 12 for m in pairs) and not any(int(m["D"]) > 12 for m in pairs)
 
 
@@ -184,21 +178,19 @@ def column_ns(
         if not left.size:
             return out
         cell = data[starts[left[0]] : stops[left[0]]]
-        match = _FORMS[form].fullmatch(cell.tobytes().decode("latin-1"))
+        match = FORMS[form].fullmatch(cell.tobytes().decode("latin-1"))
         done = np.zeros(left.size, bool)
         done[0] = True
         if match:
             same = np.flatnonzero(lengths[left] == cell.size)
-            values, alike = np.empty(same.size, np.int64), np.empty(same.size, bool)
-            roles = _roles(match, us and form == "dmy")
-            offset_s = _offset_s(match.groupdict())
-            dated = form in _DATED
-            times_alike(data, starts[left[same]], cell, roles, dated, offset_s, values, alike)
+            cells = data[starts[left[same], None] + np.arange(cell.size)]
+            roles, offset_s = _roles(match, us and form == "dmy"), _offset_s(match.groupdict())
+            values, alike = times_alike(cells, cell, roles, form in _DATED, offset_s)
             out[left[same[alike]]] = values[alike]
             done[same[alike]] = True
         left = left[~done]
     for i in left.tolist():
-        if _FORMS[form].fullmatch(data[starts[i] : stops[i]].tobytes().decode("latin-1")):
+        if FORMS[form].fullmatch(data[starts[i] : stops[i]].tobytes().decode("latin-1")):
             out[i] = column_ns(data, starts[i : i + 1], stops[i : i + 1], form, us)[0]
     return out
 
