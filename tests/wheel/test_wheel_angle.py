@@ -107,10 +107,11 @@ def test_few_pulses_a_turn_give_the_speed(steps):
 
 def pulses_of(drive, form, pitch_deg=0.0):
     """(signal, unit) of a digital sensor on the wheel of the drive."""
+    sensor = Encoder(noise=0, wobble=0, pitch_deg=pitch_deg, seed=1080)
     if form == "count":
-        return np.floor((drive.angle + 0.3) * 48 / (2 * np.pi)), "count"
-    clean = Encoder(noise=0, wobble=0, pitch_deg=pitch_deg, seed=1080).clean(drive)
-    return np.where(clean > 0, 5.0, 0.0), "V"
+        turned = drive.angle + 0.3 - sensor.bend(drive.angle)
+        return np.floor(turned * 48 / (2 * np.pi)), "count"
+    return np.where(sensor.clean(drive) > 0, 5.0, 0.0), "V"
 
 
 @pytest.mark.parametrize("form", ["square", "uneven", "count"])
@@ -147,6 +148,23 @@ def test_noise_of_edges_goes_with_the_speed():
     wheel = wheel_of(drive, pulses_of(drive, "square")[0])
     slow, fast = wheel.angle.noise_at(np.array([5.0, 18.0]))
     assert 1.2 < fast / slow < 4.0
+
+
+def test_the_pitch_errors_of_a_counter_are_learnt():
+    """0.14 degrees rms with them."""
+    drive = Drive((0, 20), (1, 3))
+    signal, unit = pulses_of(drive, "count", 0.4)
+    wheel = wheel_of(drive, signal, unit=unit)
+    assert angle_errors(wheel, drive).std() < 0.01
+    assert not wheel.remarks
+
+
+def test_a_counter_of_many_steps_does_not_stand_still_while_it_turns():
+    drive = Drive((0, 6), (1, 3))
+    signal = np.floor(drive.angle * 4000 / (2 * np.pi))
+    wheel = wheel_of(drive, signal, unit="count", steps=4000)
+    time = np.arange(0.2, 5.8, 0.1)
+    assert not wheel.quality(time, time + 0.05).any()
 
 
 @pytest.mark.parametrize("speed", [12.0, 17.3, 20.0, 26.1])

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import islice
 
 import numpy as np
 
@@ -123,11 +124,11 @@ def _evenness(channel: Channel) -> float:
     The shorter over the longer of two neighbours, the median; 0 if it does not swing. A passage of
     the patch and the rest of its turn are 1 to 20.
     """
-    found = probe(channel.read, channel.size)
+    found = probe(channel)
     if found.form not in ("sine", "square"):
         return 0.0
-    pieces = list(crossings(channel.read, min(channel.size, 1 << 20), channel.axis.rate_Hz, found))
-    steps = np.diff(np.concatenate([piece.index for piece in pieces]))
+    pieces = list(islice(crossings(channel, found), 8))
+    steps = np.diff(np.concatenate([piece["index"] for piece in pieces]))
     if steps.size < 20:
         return 0.0
     return float(
