@@ -227,12 +227,6 @@ class AngleFunction:
         """The part of `noise_at` [rad] that angles a patch apart have in common, at times."""
         return self.noise_at(time_s) if self.grid_rad.size else np.zeros(time_s.shape)
 
-    def knots(self, low: int, high: int) -> tuple[FloatArray, FloatArray]:
-        """Times [s] and angles [rad] of the knots [low, high)."""
-        return self.time_s[low:high], np.asarray(
-            self.count[low:high] * self.unit_rad, dtype=np.float64
-        )
-
     def stretch_at(self, time_s: FloatArray) -> IntArray:
         """Number of the stretch at times, of which NaN counts as the end."""
         return self.stretch[
@@ -249,13 +243,10 @@ class AngleFunction:
 
     def coarse(self, time_s: FloatArray) -> FloatArray:
         """Angle [rad] at ascending times, straight between the knots; NaN outside of them."""
-        low, high = np.searchsorted(self.time_s, time_s[[0, -1]])
-        times, angles = self.knots(max(int(low) - 1, 0), int(high) + 1)
-        return (
-            np.interp(time_s, times, angles, left=np.nan, right=np.nan)
-            if times.size
-            else np.full(time_s.size, np.nan)
-        )
+        first, last = np.searchsorted(self.time_s, time_s[[0, -1]])
+        near = slice(max(first - 1, 0), last + 1)
+        angle = self.count[near] * self.unit_rad
+        return np.interp(time_s, self.time_s[near], angle, left=np.nan, right=np.nan)
 
     def at(self, time_s: FloatArray) -> FloatArray:
         """Angle [rad] at the times, NaN outside of the knots, shape as given."""

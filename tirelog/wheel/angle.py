@@ -56,24 +56,32 @@ from tirelog.wheel.rolling import WheelTurns, rolling
 PIECE = 1 << 17
 
 
+def means_between(channel: Channel, begin_s: FloatArray, end_s: FloatArray) -> FloatArray:
+    """Means of a channel over stretches of time (n,); NaN if one has no sample, or no end."""
+    means = np.full(begin_s.size, np.nan)
+    for k, ends in enumerate(np.stack([begin_s, end_s], axis=1)):
+        if not np.isfinite(ends).all():
+            continue
+        first, last = (int(index) for index in np.ceil(channel.axis.index(ends)))
+        total, known = 0.0, 0
+        for at in range(first, max(last, first + 1), PIECE):
+            values = channel.read(at, min(at + PIECE, max(last, first + 1)))
+            total, known = total + float(np.nansum(values)), known + int(np.isfinite(values).sum())
+        means[k] = total / known if known else np.nan
+    return means
+
+
 def ways_of(stretches: Records, vehicle: Channel | None) -> IntArray:
     """The direction of stretches (k,) of STRETCH that a vehicle speed [m/s] tells: 1, -1 or 0.
 
     None of them if it never falls below zero: it has no sign.
     """
-    ways = np.zeros(stretches.size, np.int64)
-    if vehicle is None or len(stretches) < 2:
-        return ways
-    for number, stretch in enumerate(stretches):
-        ends = vehicle.axis.index(np.array([stretch["begin_s"], stretch["end_s"]]))
-        first, last = (int(end) for end in ends)
-        total, known = 0.0, 0
-        for at in range(first, last + 1, PIECE):
-            values = vehicle.read(at, min(at + PIECE, last + 1))
-            total, known = total + float(np.nansum(values)), known + int(np.isfinite(values).sum())
-        # a mean speed below this [m/s] tells no direction; doubled, a car that creeps at 0.3 m/s
-        # has none
-        ways[number] = np.sign(total) * (abs(total) > 0.15 * known)
+    if vehicle is None or stretches.size < 2:
+        return np.zeros(stretches.size, np.int64)
+    speed = np.nan_to_num(means_between(vehicle, stretches["begin_s"], stretches["end_s"]))
+    # a mean speed below this [m/s] tells no direction; doubled, a car that creeps at 0.3 m/s has
+    # none
+    ways = np.sign(speed).astype(np.int64) * (np.abs(speed) > 0.15)
     return ways * bool((ways < 0).any())
 
 
@@ -360,17 +368,22 @@ def _radius_of_turns(
 
 
 def turns_of(wheel: WheelAngle, radius_m: float) -> tuple[FloatArray, WheelTurns]:
-    """(times of the middles, the turns) of the wheel.
-
-    Accelerations are those of the durations of a turn's halves.
-    """
+    """(times of the middles, the turns) of the wheel, from its first angle on."""
     lowest, highest = (
         float(c) * wheel.angle.unit_rad for c in (wheel.angle.count[0], np.max(wheel.angle.count))
     )
-    middles = lowest + np.pi * np.arange(
-        1.0, 2.0 * max(int((highest - lowest) / (2 * np.pi)), 0), 2.0
-    )
-    start, time, stop = (wheel.angle.time_at(middles + shift) for shift in (-np.pi, 0.0, np.pi))
+    number = max(int((highest - lowest) / (2 * np.pi)), 0)
+    return turns_about(wheel, lowest + np.pi * np.arange(1.0, 2.0 * number, 2.0), radius_m)
+
+
+def turns_about(
+    wheel: WheelAngle, middle_rad: FloatArray, radius_m: float
+) -> tuple[FloatArray, WheelTurns]:
+    """(times of the middles, the turns) about wheel angles, (n,) each.
+
+    Accelerations are those of the durations of a turn's halves.
+    """
+    start, time, stop = (wheel.angle.time_at(middle_rad + shift) for shift in (-np.pi, 0.0, np.pi))
     with np.errstate(
         divide="ignore", invalid="ignore", over="ignore"
     ):  # half a turn between two equal stamps

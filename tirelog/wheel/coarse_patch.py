@@ -232,9 +232,8 @@ def _levels(
 #
 # Dips, WheelAngle --level, tilt, speed, acceleration at each passage--> flanks (entries, then
 # exits)
-# flanks, half widths --pieces of the channel--> groups of fronts whose samples were read together
-#                     --angle, a / level - gravity--> owner (s,), angle from the front (s,) [rad],
-#                                                     level left (s,)
+# flanks, half widths --pieces of the channel, a / level - gravity--> owner (s,), angle from the
+#                                                     front (s,) [rad], level left (s,)
 
 
 #: a front of a passage; n passages have (2 n,), entries first: `angle` at which it is
@@ -292,53 +291,29 @@ def ranges(
     return first, np.clip(last, first, channel.size)
 
 
-def groups(
-    channel: Channel, first: IntArray, last: IntArray
-) -> Iterator[tuple[IntArray, int, FloatArray]]:
-    """(rows, index of the first value, values) of the channel, piece by piece.
+def samples(
+    channel: Channel, wheel: WheelAngle, flanks: Records, first: IntArray, last: IntArray
+) -> Iterator[tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]]:
+    """(rows, owner, angle from its front [rad], signal in levels outside, as recorded), by pieces.
 
-    Around the sample ranges [first, last), shape (k,); rows whose samples are strewn over more than
-    a few pieces are left out.
+    Of the samples [first, last) of each of the `flanks` (n,), (s,) each; owners count in the
+    `rows`. Rows whose samples are strewn over more than a few pieces are left out.
     """
-    order = np.argsort(first, kind="stable")
-    at = 0
+    order, at = np.argsort(first, kind="stable"), 0
     while at < order.size:
         start = int(first[order[at]])
-        until = at + max(int(np.searchsorted(first[order[at:]], start + PIECE)), 1)
-        group = order[at:until]
-        at = until
-        stop = int(last[group].max(initial=start))
-        if stop - start > 4 * PIECE:
-            group = group[last[group] - start <= 4 * PIECE]
-            stop = int(last[group].max(initial=start))
-        if stop > start:
-            yield group, start, channel.read(start, stop)[: stop - start]
-
-
-def normalised(
-    values: FloatArray,
-    start: int,
-    channel: Channel,
-    wheel: WheelAngle,
-    flanks: Records,
-    first: IntArray,
-    last: IntArray,
-) -> tuple[IntArray, FloatArray, FloatArray]:
-    """(owner, angle from the owner's front [rad], signal in levels outside), each (s,).
-
-    Of the samples [first, last) of n fronts, which lie in `values` from index `start`.
-    """
-    sizes = last - first
-    owner = np.repeat(np.arange(first.size), sizes)
-    index = (
-        np.arange(sizes.sum())
-        - np.repeat(np.cumsum(sizes) - sizes, sizes)
-        + np.repeat(first, sizes)
-    )
-    theta = wheel.angle.at(channel.axis.at(index.astype(np.float64)))
-    phi = theta - flanks["middle"][owner]
-    gravity = flanks["gravity"][owner]
-    a = values[index - start] - gravity * np.cos(phi)
-    a -= np.sign(gravity) * flanks["ahead"][owner] * np.sin(phi)
-    level = flanks["level"][owner] + flanks["tilt"][owner] * phi
-    return owner, theta - flanks["angle"][owner], a / (flanks["rate"][owner] ** 2 * level)
+        rows = order[at : at + max(int(np.searchsorted(first[order[at:]], start + PIECE)), 1)]
+        at += rows.size
+        rows = rows[last[rows] - start <= 4 * PIECE]
+        sizes = last[rows] - first[rows]
+        if not sizes.any():
+            continue
+        owner = np.repeat(np.arange(rows.size), sizes)
+        index = np.arange(owner.size) + (first[rows] - np.cumsum(sizes) + sizes)[owner]
+        values = channel.read(start, int(last[rows].max()))[index - start]
+        theta = wheel.angle.at(channel.axis.at(index.astype(np.float64)))
+        own = flanks[rows[owner]]
+        phi, gravity = theta - own["middle"], own["gravity"]
+        a = values - gravity * np.cos(phi) - np.sign(gravity) * own["ahead"] * np.sin(phi)
+        level = own["level"] + own["tilt"] * phi
+        yield rows, owner, theta - own["angle"], a / (own["rate"] ** 2 * level), values

@@ -23,10 +23,17 @@ from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.filters import runs
 from tirelog.dsp.teeth import crossings, probe
 from tirelog.errors import DataLoss, SetupError, UsageError
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, Use, good, marked
-from tirelog.wheel.angle import Radius, WheelAngle, encoder_of, rolling_radius
-from tirelog.wheel.fronts import Fronts, find_fronts, patch_turn
+from tirelog.wheel.angle import (
+    Radius,
+    WheelAngle,
+    encoder_of,
+    means_between,
+    rolling_radius,
+    turns_about,
+)
+from tirelog.wheel.fronts import find_fronts, patch_turn
 
 # ---- What an accelerometer channel has to be cleared of before its fronts are sought.
 #
@@ -175,7 +182,7 @@ def doubts(
     recording: Recording,
     channel: Channel,
     wheel: WheelAngle,
-    fronts: Fronts,
+    fronts: Records,
     radius: Radius,
     share: float,
 ) -> list[str]:
@@ -184,8 +191,8 @@ def doubts(
     SetupError: the patch does not come once in `steps` steps, or its level is no rotation's.
     """
     said: list[str] = []
-    refuse_steps(recording, wheel, fronts.turn_rad)
-    ratio = fronts.level_m / radius.radius_m
+    refuse_steps(recording, wheel, float(fronts["turn_rad"][0]))
+    ratio = abs(float(fronts["level_m"][0])) / radius.radius_m
     what = (
         f"the level outside the patch is {ratio:.3g} times Omega^2 R, as of a sampling rate wrong "
         f"by a factor {abs(ratio) ** 0.5:.3g} or a unit by {ratio:.3g}"
@@ -199,8 +206,8 @@ def doubts(
             f"channel {channel.name}: {100 * share:.2g} % of the samples stand at its limits "
             "(clipped)"
         )
-    outward = "outward" if fronts.sign < 0 else "inward"
-    gravity = "with" if fronts.gravity else "without"
+    outward = "outward" if fronts["level_m"][0] < 0 else "inward"
+    gravity = "with" if fronts["gravity"][0] else "without"
     said.append(
         f"channel {channel.name}: {outward} positive by its level outside the patch, {gravity} "
         "gravity"
@@ -310,26 +317,20 @@ def _passages(
     channel: Channel,
     wheel: WheelAngle,
     radius: Radius,
-    fronts: Fronts,
+    fronts: Records,
     zero: str,
     forces: bool,
     said: list[str],
 ) -> EdgeTimes:
     """Fronts as a table's rows."""
-    entry, leave = fronts.entry_rad, fronts.exit_rad
+    entry, leave = fronts["entry_rad"], fronts["exit_rad"]
     found = np.isfinite(entry) & np.isfinite(leave)
-    middle = np.where(found, 0.5 * (entry + leave), fronts.expected_rad)
-    half = np.pi
-    before, time, after = (wheel.angle.time_at(middle + shift) for shift in (-half, 0.0, half))
+    middle = np.where(found, 0.5 * (entry + leave), fronts["expected_rad"])
+    time, turns = turns_about(wheel, middle, radius.radius_m)
     speed = radius.radius_m * wheel.speed_rad_s(time)
-    acceleration = _acceleration(before, time, after, radius.radius_m)
-    margin = 15 / DEG
-    low, high = (
-        wheel.angle.time_at(middle - margin - 0.3),
-        wheel.angle.time_at(middle + margin + 0.3),
-    )
+    low, high = (wheel.angle.time_at(middle + side * (15 / DEG + 0.3)) for side in (-1.0, 1.0))
     quality = (
-        fronts.quality
+        fronts["quality"]
         | wheel.quality(np.nan_to_num(low, nan=-1.0), np.nan_to_num(high, nan=np.inf))
         | marked(~found, Quality.LOST_PEAK)
     )
@@ -348,49 +349,39 @@ def _passages(
             "gave the whole teeth back",
         ]
     without = _without_zero(zero) if np.isnan(offset) else ""
-    se = np.hypot(fronts.entry_se_rad, fronts.exit_se_rad) * DEG
+    se = np.hypot(fronts["entry_se_rad"], fronts["exit_se_rad"]) * DEG
+    width_se = se * fronts["magnified"]
     # what both fronts have in common stays in their middle
     middle_se = np.hypot(se / 2, np.sqrt(0.5) * wheel.angle.shared_noise_at(time) * DEG)
     width = (leave - entry) * DEG
-    means = (
-        {
-            c.kind: _means(c, before, after)
-            for c in recording.of_kind("vertical_load", "longitudinal_force")
-        }
-        if forces
-        else {}
-    )
+    means = {}
+    for force in recording.of_kind("vertical_load", "longitudinal_force") if forces else ():
+        # the mean of a turn in which the wheel stood is no passage's
+        end = np.where(turns.end_s - turns.begin_s < 5.0, turns.end_s, np.nan)
+        means[force.kind] = means_between(force, turns.begin_s, end)
     return EdgeTimes(
         recording.log, channel.name, radius.radius_m, recording.setup.conditions.driven, time,
-        speed, acceleration, turn - width / 2, turn + width / 2, width, se * fronts.magnified,
+        speed, turns.acceleration_m_s2, turn - width / 2, turn + width / 2, width, width_se,
         turn - offset, middle_se,
         steady, quality, zero_speed, tuple(said), without, means,
         _example(channel, wheel, fronts, clean),
     )  # fmt: skip
 
 
-def _example(channel: Channel, wheel: WheelAngle, fronts: Fronts, clean: np.ndarray) -> FloatArray:
+def _example(channel: Channel, wheel: WheelAngle, fronts: Records, clean: np.ndarray) -> FloatArray:
     """The samples within 45 degrees of one good passage; empty if there is none."""
     rows = np.flatnonzero(clean)
     if rows.size == 0:
         return np.zeros((3, 0))
     row = rows[rows.size // 2]
-    entry, leave = fronts.entry_rad[row], fronts.exit_rad[row]
+    entry, leave = fronts["entry_rad"][row], fronts["exit_rad"][row]
     middle = 0.5 * (entry + leave)
     time = wheel.angle.time_at(middle + np.array([-0.8, 0.0, 0.8]))
     first, last = (int(i) for i in channel.axis.index(np.nan_to_num(time))[::2])
     at = channel.axis.time(first, last)
-    level = fronts.sign * fronts.level_m * wheel.speed_rad_s(time[1:2]) ** 2
+    level = fronts["level_m"][row] * wheel.speed_rad_s(time[1:2]) ** 2
     both = np.resize(np.array([entry - middle, leave - middle]), at.size) * DEG
     return np.stack([(wheel.angle.at(at) - middle) * DEG, channel.read(first, last) / level, both])
-
-
-def _acceleration(
-    before: FloatArray, time: FloatArray, after: FloatArray, radius: float
-) -> FloatArray:
-    """Acceleration [m/s^2] from the durations of the half turns around the passage."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return radius * 2 * np.pi * (1 / (after - time) - 1 / (time - before)) / (after - before)
 
 
 def _one_turn(
@@ -518,15 +509,3 @@ def _without_zero(zero: str) -> str:
         "name another with --zero SPEED or --zero START:STOP, or give the --calibration of a log "
         "that has one"
     )
-
-
-def _means(channel: Channel, start_s: FloatArray, stop_s: FloatArray) -> FloatArray:
-    """Mean of a channel over [start, stop] of each passage; NaN if it has no sample."""
-    means = np.full(start_s.size, np.nan)
-    for k, (start, stop) in enumerate(zip(start_s, stop_s, strict=True)):
-        if np.isfinite(start) and np.isfinite(stop) and stop - start < 5.0:
-            first, last = (int(i) for i in np.ceil(channel.axis.index(np.array([start, stop]))))
-            values = channel.read(first, max(last, first + 1))
-            if np.isfinite(values).any():
-                means[k] = np.nanmean(values)
-    return means
