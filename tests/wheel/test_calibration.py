@@ -81,7 +81,7 @@ def test_crosstalk_is_found_on_the_undriven_wheel(ramp, undriven):
     assert abs(learnt.crosstalk - 0.3) < 4 * learnt.crosstalk_se
     assert learnt.crosstalk_se < 0.05
     driving = (undriven.time_s > 8.3) & (undriven.time_s < 12.7)
-    assert abs(np.mean(clean_passages(undriven, learnt).corrected_deg[driving])) < 0.02
+    assert abs(np.mean(clean_passages(undriven, learnt)["corrected_deg"][driving])) < 0.02
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.4e-3, 1e-3])
@@ -92,7 +92,7 @@ def test_a_delay_is_found_and_taken_off(delay_s):
     assert abs(learnt.delay_s - delay_s) < 4 * learnt.delay_se_s + 1e-5
     assert learnt.delay_se_s < 1e-4
     steady = found.steady >= 0
-    assert np.nanmax(np.abs(clean_passages(found, learnt).shift_deg[steady])) < 0.12
+    assert np.nanmax(np.abs(clean_passages(found, learnt)["shift_deg"][steady])) < 0.12
 
 
 def test_rows_from_which_a_delay_was_removed_say_so(ramp):
@@ -126,7 +126,7 @@ def test_a_log_without_a_zero_takes_the_calibrations(ramp):
     np.testing.assert_allclose(np.mean((given.shift_deg - true)[calm]), 0.0, atol=0.02)
     assert not given.quality.any()
     assert "the calibration's" in given.said[-1]
-    assert np.abs(np.mean(clean_passages(given, learnt).shift_deg[calm])) < 0.02
+    assert np.abs(np.mean(clean_passages(given, learnt)["shift_deg"][calm])) < 0.02
 
 
 def test_a_zero_that_cannot_be_had_is_said(ramp):

@@ -90,7 +90,7 @@ def test_a_log_that_only_coasts_down_does_not_bend_by_the_force_of_its_ends():
 def test_the_map_beside_the_force_leaves_the_force_in_the_shift():
     """Drag is a force: what remains of a drive at constant speed is its wind-up."""
     p = ramp(1, noise_deg=1e-3)
-    left = clean_passages(p, calibrate([p])).shift_deg
+    left = clean_passages(p, calibrate([p]))["shift_deg"]
     force = p.forces_N["longitudinal_force"]
     slope = np.polyfit(force, left, 1)[0]
     assert slope == pytest.approx(WIND_UP, rel=0.02)

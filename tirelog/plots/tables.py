@@ -52,7 +52,7 @@ from tirelog.strain.footprint.refine import PatchWindows, gather_windows
 from tirelog.strain.inflation import InflationOfChannel
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import OK, good
-from tirelog.wheel.calibration import Calibration, Cleaned, clean_passages
+from tirelog.wheel.calibration import Calibration, clean_passages
 from tirelog.wheel.phase_shift import EdgeTimes
 
 # ---- The footprint as one page (P2 Figs. 17 to 22).
@@ -666,7 +666,7 @@ def _points(
     return dots(x, y, name, colour, error=error, size=3, elinewidth=0.6, **more)
 
 
-def _times(p: EdgeTimes, cleaned: Cleaned | None) -> list[Panel]:
+def _times(p: EdgeTimes, cleaned: Mapping[str, FloatArray] | None) -> list[Panel]:
     """P4 Figs. 8, 10 to 13: speed, shift and width over time."""
     time, good = p.time_s[p.good], p.good
     shifts = [level(0.0, "", "0.8", width=0.8, zorder=0)]
@@ -675,10 +675,10 @@ def _times(p: EdgeTimes, cleaned: Cleaned | None) -> list[Panel]:
         values, se = getattr(p, f"{what}_deg")[good], getattr(p, f"{what}_se_deg")[good]
         marks.append(_points(time, values, se, RAW_SHIFTS, "measured (Fig. 8)"))
         if cleaned is not None:
-            clean = getattr(cleaned, f"{what}_deg")[good]
+            clean = cleaned[f"{what}_deg"][good]
             marks.append(_points(time, clean, se, DETRENDED, "detrended (Fig. 10)"))
-    if cleaned is not None and np.isfinite(cleaned.corrected_deg).any():
-        shift, se = cleaned.corrected_deg[good], p.shift_se_deg[good]
+    if cleaned is not None and np.isfinite(cleaned["corrected_deg"]).any():
+        shift, se = cleaned["corrected_deg"][good], p.shift_se_deg[good]
         shifts.append(_points(time, shift, se, CORRECTED, "corrected (Figs. 11-13)"))
     driven = {True: ", driven", False: ", undriven", None: ""}[p.driven]
     return [
