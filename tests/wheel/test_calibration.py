@@ -5,7 +5,7 @@ gives them back.
 import numpy as np
 import pytest
 
-from tests.wheel.phase_truth import DYNAMIC, RADIUS_M, RAMP, Drive, Encoder, Tread, recording
+from tests.wheel.phase_truth import DYNAMIC, RAMP, Drive, Encoder, Tread, recording
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.errors import SetupError, UsageError
 from tirelog.vocabulary.quality import Quality, having
@@ -143,14 +143,12 @@ def test_rows_outside_of_the_maps_are_extrapolated(ramp):
     assert (quality[fast.speed_m_s < 24] == "ok").all()
 
 
-def test_too_narrow_a_range_is_refused():
-    with pytest.raises(UsageError, match="slow drive-up or coast-down"):
-        calibrate([passages(Drive((0, 30), (10, 11)), tread())])
-
-
-def test_without_an_undriven_wheel_there_is_no_crosstalk(ramp):
-    assert np.isnan(calibrate([ramp]).crosstalk)
-    assert np.isnan(table(ramp, calibrate([ramp]))["phase_shift_corrected_deg"]).all()
+def test_what_the_logs_do_not_show_is_empty_or_refused(ramp):
+    learnt = calibrate([ramp])
+    assert np.isnan(learnt.crosstalk)
+    assert np.isnan(table(ramp, learnt)["phase_shift_corrected_deg"]).all()
+    with pytest.raises(UsageError, match="vertical_load"):
+        calibrate([ramp], forces=True)
 
 
 @pytest.fixture(scope="module")
@@ -187,11 +185,6 @@ def test_force_maps(forces):
         assert np.sqrt(np.mean(error**2)) > 0.2 * np.median(se)
 
 
-def test_forces_without_channels_are_refused(ramp):
-    with pytest.raises(UsageError, match="vertical_load"):
-        calibrate([ramp], forces=True)
-
-
 def test_the_file_gives_the_same_calibration(tmp_path, forces):
     _, learnt, _, _ = forces
     write_calibration(tmp_path / "c.toml", learnt)
@@ -223,18 +216,3 @@ def test_a_file_that_cannot_be_is_refused(tmp_path, ramp, old, new, told):
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(SetupError, match=told):
         read_calibration(path)
-
-
-@pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00", b"[" * 5000, b"x" * 400_000])
-def test_a_hostile_file_is_refused(tmp_path, content):
-    path = tmp_path / "c.toml"
-    path.write_bytes(content)
-    with pytest.raises(SetupError):
-        read_calibration(path)
-    with pytest.raises(SetupError, match="cannot be read"):
-        read_calibration(tmp_path / "none.toml")
-
-
-def test_a_delay_alone_is_the_radius_over_the_slope():
-    """delta-phi = Omega x delay: 1 ms at R = 0.305 m is 0.18786 degree per m/s."""
-    assert np.rad2deg(1e-3 / RADIUS_M) == pytest.approx(0.18786, abs=1e-5)
