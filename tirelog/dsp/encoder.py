@@ -216,12 +216,16 @@ class AngleFunction:
     noise_rad: float
     grid_rad: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
 
+    def _knot_at(self, time_s: FloatArray) -> IntArray:
+        """The knot before each time, or the first one; NaN counts as the end."""
+        at = np.searchsorted(self.time_s, time_s, side="right") - 1
+        return np.clip(at, 0, self.time_s.size - 1)
+
     def noise_at(self, time_s: FloatArray) -> FloatArray:
         """Standard deviation [rad] of the angles at times, of which NaN counts as the end."""
         if not self.grid_rad.size:
             return np.full(time_s.shape, self.noise_rad)
-        at = np.searchsorted(self.time_s, time_s, side="right") - 1
-        return self.grid_rad[np.clip(at, 0, self.time_s.size - 1)].astype(np.float64)
+        return self.grid_rad[self._knot_at(time_s)].astype(np.float64)
 
     def shared_noise_at(self, time_s: FloatArray) -> FloatArray:
         """The part of `noise_at` [rad] that angles a patch apart have in common, at times."""
@@ -229,9 +233,7 @@ class AngleFunction:
 
     def stretch_at(self, time_s: FloatArray) -> IntArray:
         """Number of the stretch at times, of which NaN counts as the end."""
-        return self.stretch[
-            np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, self.time_s.size - 1)
-        ].astype(np.int64)
+        return self.stretch[self._knot_at(time_s)].astype(np.int64)
 
     @cached_property
     def _climbing(self) -> NDArray[np.int32] | FloatArray:

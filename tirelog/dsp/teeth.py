@@ -526,11 +526,8 @@ def _turning_points(channel: Channel, found: Probe, index: FloatArray, slow: Int
             continue
         size = max(int(edges[1] - edges[0]) // 20, 1)
         away = np.abs(sliding_mean(x, size) - 0.5 * float(x.max() + x.min()))
-        inner, around = (
-            away[edges[0] : edges[1]],
-            np.concatenate([away[: edges[0]], away[edges[1] :]]),
-        )
-        peak = float(around.max())
+        inner = away[edges[0] : edges[1]]
+        peak = float(np.delete(away, slice(*edges)).max())
         if peak < 0.7 * found.amplitude:
             continue
         passed = np.flatnonzero(inner > PASSED_PEAK * peak)

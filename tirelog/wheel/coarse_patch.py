@@ -95,16 +95,16 @@ def binned(channel: Channel, angle: AngleFunction) -> Iterator[Records]:
 
 
 def _bins(first: int, sums: FloatArray, offset: float) -> Records:
-    count, total, squares, time = sums
-    n = np.where(count > 0, count, np.nan)
-    mean = total / n
+    """The bins (m,) of BIN from `first` on: their samples, sums, squares and times (4, m)."""
+    count = sums[0]
+    mean, squares, time = sums[1:] / np.where(count > 0, count, np.nan)
     return records(
         BIN,
         degree=first + np.arange(count.size),
         mean=mean + offset,
         count=count,
-        squares=np.maximum(squares - total * mean, 0.0),
-        time_s=time / n,
+        squares=np.maximum(squares - mean**2, 0.0) * count,
+        time_s=time,
     )
 
 
@@ -161,7 +161,7 @@ def _bridged_runs(mask: np.ndarray) -> tuple[IntArray, IntArray]:
     """[start, stop) of the runs of `mask`, with holes of up to two closed."""
     starts, stops = runs(mask)
     apart = starts[1:] - stops[:-1] > 2
-    return starts[np.append(True, apart)[: starts.size]], stops[
+    return starts[np.insert(apart, 0, True)[: starts.size]], stops[
         np.append(apart, True)[: stops.size]
     ]
 
@@ -192,14 +192,9 @@ def _levels(
     weight = np.where(inside & ~lost[at], bins["count"][at], 0.0)
     phi = (at - middle[:, None]) * DEGREE
     square = rate[at] ** 2
-    specific, gravity = mean[at] / square, np.cos(phi) / square
-    w0, w1, w2 = (np.sum(weight * phi**k, axis=1) for k in range(3))
-    determinant = np.maximum(w0 * w2 - w1**2, 1e-12)
-
-    def line(y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        y0, y1 = np.sum(weight * y, axis=1), np.sum(weight * y * phi, axis=1)
-        return (w2 * y0 - w1 * y1) / determinant, (w0 * y1 - w1 * y0) / determinant
-
+    powers, wanted = np.stack([np.ones(at.shape), phi]), np.stack([mean[at], np.cos(phi)]) / square
+    left = np.einsum("ikm,jkm->kij", powers * weight, powers) + 1e-12 * np.eye(2)
+    lines = np.linalg.solve(left, np.einsum("ikm,jkm->kij", powers * weight, wanted))
     within = np.sum(np.where(weight > 1, bins["squares"][at], 0.0), axis=1) / np.maximum(
         np.sum(np.maximum(weight - 1, 0), axis=1), 1.0
     )
@@ -209,17 +204,15 @@ def _levels(
     target = np.concatenate([design, mean[at][..., None]], axis=-1)
     normal = np.einsum("ij,ijk,ijl->ikl", weight, design, target)
     scale = bins["degree"][0] * DEGREE
-    level, tilt = line(specific)
-    gravity_level, gravity_tilt = line(gravity)
     dips = records(
         DIPS,
         entry_rad=(entry + 0.5) * DEGREE + scale,
         exit_rad=(leave + 0.5) * DEGREE + scale,
-        level=level,
-        tilt=tilt,
-        gravity_level=gravity_level,
-        gravity_tilt=gravity_tilt,
-        level_share=np.sqrt(w2 / determinant),
+        level=lines[:, 0, 0],
+        tilt=lines[:, 1, 0],
+        gravity_level=lines[:, 0, 1],
+        gravity_tilt=lines[:, 1, 1],
+        level_share=np.sqrt(np.linalg.inv(left)[:, 0, 0]),
         noise_m_s2=np.sqrt(np.maximum(within, between)),
     )
     dips["normal"] = normal

@@ -254,20 +254,20 @@ def _difference(
     n = flanks.size // 2
     speed, ahead = flanks["rate"][:n], flanks["ahead"][:n]
     columns = np.stack([speed, speed**2, ahead, width], axis=1)
-    result = np.full(2 * n, np.nan)
-    for side in (slice(0, n), slice(n, 2 * n)):
-        y, rows = difference[side], good[side] & np.isfinite(difference[side]) & np.isfinite(width)
+    result = np.full((2, n), np.nan)
+    for side, y, rows in zip(result, difference.reshape(2, n), good.reshape(2, n), strict=True):
+        rows = rows & np.isfinite(y) & np.isfinite(width)
         if rows.sum() < LEAST:
             continue
         middle, size = columns[rows].mean(axis=0), np.maximum(columns[rows].std(axis=0), 1e-12)
         design = np.column_stack([np.ones(n), (columns - middle) / size])
         for _ in range(3):
             solved = np.linalg.lstsq(design[rows], y[rows], rcond=1e-6)[0]
-            left = y - np.nan_to_num(design) @ solved
+            left = np.abs(y - np.nan_to_num(design) @ solved)
             with np.errstate(invalid="ignore"):
-                rows = rows & (np.abs(left) < 4 * 1.4826 * float(np.median(np.abs(left[rows]))))
-        result[side] = design @ solved
-    return result
+                rows = rows & (left < 4 * 1.4826 * float(np.median(left[rows])))
+        side[:] = design @ solved
+    return result.ravel()
 
 
 def _grown(

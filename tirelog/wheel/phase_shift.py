@@ -84,19 +84,17 @@ def limits(channel: Channel) -> tuple[float, float, float]:
 
     Infinite if the extreme of the log is not a pile of equal samples.
     """
-    ends, known = [], 0
+    ends = np.array([np.inf, -np.inf])
+    piles, known = np.zeros(2, np.int64), 0
     for _, block in channel.blocks(PIECE):
         x = block[np.isfinite(block)]
-        known += x.size
-        if x.size:
-            ends.append([(end, np.sum(x == end)) for end in (float(x.min()), float(x.max()))])
-    if not ends:
-        return -np.inf, np.inf, 0.0
-    least, most = np.array(ends).transpose(1, 2, 0)  # of each block, and how many of it
-    low, high = float(least[0].min()), float(most[0].max())
-    piles = [least[1][least[0] == low].sum(), most[1][most[0] == high].sum()]
-    share = sum(n for n in piles if n >= PILED_UP) / known
-    return low if piles[0] >= PILED_UP else -np.inf, high if piles[1] >= PILED_UP else np.inf, share
+        further = np.array([x.min(initial=ends[0]), x.max(initial=ends[1])])
+        piles[further != ends] = 0
+        ends, known = further, known + x.size
+        piles += [np.sum(x == end) for end in ends]
+    piled = piles >= PILED_UP
+    low, high = np.where(piled, ends, [-np.inf, np.inf])
+    return float(low), float(high), float(piles[piled].sum() / max(known, 1))
 
 
 # ---- What makes an encoder or an accelerometer doubtful.
@@ -458,44 +456,38 @@ def _zero(
 
     UsageError: `zero` is none of the forms.
     """
-    rows = np.zeros(turn.size, bool)
-    if ":" in zero:
-        start, stop = _numbers(zero.split(":", 1), zero)
-        rows = clean & (time >= start) & (time <= stop)
-    elif zero != "none":
-        low, high = (
-            (0.0, LOW_SPEED_M_S)
-            if zero == "auto"
-            else tuple(_numbers([zero], zero)[0] + d for d in (-1.5, 1.5))
-        )
-        for number in range(int(steady.max(initial=-1)) + 1):
-            one = steady == number
-            if low <= float(np.mean(speed[one])) <= high:
-                rows = one & clean
-                break
+    by, low, high = zero_range(zero)
+    rows = clean & (time >= low) & (time <= high) & (by == "time")
+    for number in range(int(steady.max(initial=-1)) + 1 if by == "speed" else 0):
+        one = steady == number
+        if low <= float(np.mean(speed[one])) <= high:
+            rows = one & clean
+            break
     if not rows.any():
         return float("nan"), float("nan")
     return float(np.mean(turn[rows])), float(np.mean(speed[rows]))
 
 
-def refuse_other_zero(zero: str) -> None:
-    """UsageError: `zero` is none of the forms that `measure_phase_shift` takes."""
-    if zero not in ("auto", "none"):
-        _numbers(zero.split(":", 1), zero)
+def zero_range(zero: str) -> tuple[str, float, float]:
+    """('speed', 'time' or 'none', from, to) in which the zero lies, by what was asked for.
 
-
-def _numbers(texts: list[str], zero: str) -> list[float]:
+    UsageError: `zero` is none of the forms that `measure_phase_shift` takes.
+    """
+    if zero in ("auto", "none"):
+        return ("speed" if zero == "auto" else "none"), 0.0, LOW_SPEED_M_S
     try:
-        numbers = [float(t) for t in texts]
+        numbers = [float(text) for text in zero.split(":", 1)]
         if not all(map(math.isfinite, numbers)):
             raise ValueError
-        return numbers
     except ValueError:
         raise UsageError(
             f"--zero {zero}",
             allowed="allowed are auto, none, a speed in m/s, or START:STOP in seconds",
             do="e.g. --zero 10 or --zero 2:8",
         ) from None
+    if len(numbers) == 2:
+        return "time", numbers[0], numbers[1]
+    return "speed", numbers[0] - 1.5, numbers[0] + 1.5
 
 
 def _without_zero(zero: str) -> str:
