@@ -85,31 +85,21 @@ def test_crosstalk_is_found_on_the_undriven_wheel(ramp, undriven):
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.4e-3, 1e-3])
-def test_a_delay_is_found_and_taken_off(delay_s):
-    wheel = Tread(shift=lambda v, a: 0.0015 * (v**2 - 100), delay_s=delay_s, seed=22_000)
-    found = passages(Drive(*RAMP), wheel)
+def test_a_delay_is_found_and_taken_off_and_its_rows_say_so(delay_s):
+    drag = {"shift": lambda v, a: 0.0015 * (v**2 - 100)}
+    found = passages(Drive(*RAMP), Tread(delay_s=delay_s, seed=22_000, **drag))
     learnt = calibrate([found])
     assert abs(learnt.delay_s - delay_s) < 4 * learnt.delay_se_s + 1e-5
     assert learnt.delay_se_s < 1e-4
+    assert learnt.has_delay == (delay_s > 0)
     steady = found.steady >= 0
     assert np.nanmax(np.abs(clean_passages(found, learnt)["shift_deg"][steady])) < 0.12
-
-
-def test_rows_from_which_a_delay_was_removed_say_so(ramp):
-    with_it = calibrate([passages(Drive(*RAMP), Tread(delay_s=0.4e-3, seed=22_100))])
-    drive = passages(Drive(*DYNAMIC), Tread(delay_s=0.4e-3, seed=22_200))
-    assert with_it.has_delay
-    columns = table(drive, with_it)
-    assert set(columns["quality"]) == {"delay_removed"}
-    assert (
-        np.nanstd(columns["phase_shift_detrended_deg"])
-        < 0.05
-        < np.nanstd(columns["phase_shift_deg"])
-    )
-    assert set(table(drive, None)["quality"]) == {"ok"}
-    without = calibrate([passages(Drive(*RAMP), Tread(seed=22_300))])
-    assert not without.has_delay
-    assert set(table(drive, without)["quality"]) == {"ok"}
+    other = passages(Drive(*DYNAMIC), Tread(delay_s=delay_s, seed=22_200, **drag))
+    columns = table(other, learnt)
+    assert set(columns["quality"]) == {"delay_removed" if delay_s else "ok"}
+    assert np.nanstd(columns["phase_shift_detrended_deg"]) < 0.05
+    assert np.nanstd(columns["phase_shift_deg"]) > 0.05
+    assert set(table(other, None)["quality"]) == {"ok"}
 
 
 def test_a_log_without_a_zero_takes_the_calibrations(ramp):
@@ -129,16 +119,14 @@ def test_a_log_without_a_zero_takes_the_calibrations(ramp):
     assert np.abs(np.mean(clean_passages(given, learnt)["shift_deg"][calm])) < 0.02
 
 
-def test_a_zero_that_cannot_be_had_is_said(ramp):
+def test_speeds_beyond_the_maps_have_no_zero_of_theirs_and_are_extrapolated(ramp):
+    learnt = calibrate([ramp])
     beyond = passages(Drive((0, 20), (33, 33)), tread(seed=23_200))
-    given = with_zero(beyond, calibrate([ramp]))
+    given = with_zero(beyond, learnt)
     assert having(given.quality, Quality.NO_ZERO).all()
     assert "within the calibration's range of speed" in given.said[-1]
-
-
-def test_rows_outside_of_the_maps_are_extrapolated(ramp):
     fast = passages(Drive((0, 8, 13, 20), (10, 10, 32, 32)), tread(seed=23_000))
-    quality = np.array(table(fast, calibrate([ramp]))["quality"])
+    quality = np.array(table(fast, learnt)["quality"])
     assert (quality[fast.speed_m_s > 26] == "extrapolated").all()
     assert (quality[fast.speed_m_s < 24] == "ok").all()
 
