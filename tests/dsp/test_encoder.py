@@ -5,17 +5,17 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 from tirelog.data.recording import Channel, TimeAxis
-from tirelog.dsp.encoder import AngleFunction, without_spikes
 from tirelog.dsp.pitch import (
     MOST_REACH,
     SLOPE,
     STRETCH,
     VALUE,
+    AngleFunction,
     KnotBuilder,
     PitchLearner,
     angle_function,
 )
-from tirelog.dsp.teeth import TEETH, count_teeth, crossings, probe, teeth_of_counter
+from tirelog.dsp.teeth import TEETH, count_teeth, crossings, probe, teeth_of_counter, without_spikes
 from tirelog.vocabulary.arrays import records
 
 RATE, STEPS = 10_000.0, 48

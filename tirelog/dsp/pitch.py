@@ -1,7 +1,7 @@
-"""From counted passages to the knots of the wheel angle, piece by piece.
+"""From counted teeth to the wheel angle as a function of time, piece by piece.
 
-    pieces of times, counts, stretches (n,)
-        --local cubic least squares--> knots, one in KNOT_STEP_S while the wheel turns quickly
+    pieces of TEETH (n,)
+        --local cubic least squares--> KNOT, one in KNOT_STEP_S while the wheel turns quickly
         --scatter about the cubics---> noise of a passage
     knots, pitch errors learnt meanwhile --> AngleFunction
 
@@ -16,14 +16,16 @@ follows them instead of averaging: what the cubics leave of that size tells how 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tirelog.dsp.encoder import SUMS, AngleFunction
 from tirelog.dsp.filters import runs, sliding_mean
-from tirelog.dsp.teeth import TEETH, Integers
+from tirelog.dsp.teeth import TEETH, Integers, finite
 from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
 
@@ -34,7 +36,7 @@ from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, 
 #         --means over turns, a stretch at a time--> which way and by how many teeth the stretches
 #         lie
 #                                                    against each other
-#         --all together--> table (2 steps,)
+#         --all together--> table (turn,)
 #
 # The time of count n is the smooth motion's plus the pitch error over the speed. Smoothing by B
 # (2 -
@@ -49,6 +51,9 @@ from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, 
 # ones:
 # an uneven tone wheel shows its direction.
 
+
+#: deviations of passages [rad] that were summed: how many, their sum, the sum of their squares
+SUMS = np.dtype([("number", "f8"), ("total", "f8"), ("squares", "f8")])
 
 #: turns that a table needs; fewer leave it zero; twice as many leave short drives with the steps
 #: of the pattern in their speed
@@ -90,10 +95,11 @@ def _window_mean(x: FloatArray, turn: int) -> FloatArray:
 def _deviation_sums(
     time: FloatArray, seen: BoolArray, first: int, turn: int, limit: float, sums: Records
 ) -> None:
-    """Adds the deviations of the passages of one stretch to `sums` (turn,) of SUMS.
+    """Adds the deviations of the passages of one stretch to `sums` (counts per turn,) of SUMS.
 
-    By the count modulo the turn, without the turn at each end and without uneven turns; none above
-    `limit` [rad]. `time` (n,) [s] of the counts `first`, `first` + 1, ..., of those `seen` only.
+    By the count modulo the turn, without uneven turns and without the window at each end: `turn`
+    counts, of one turn or, as they must be even, of two; none above `limit` [rad]. `time` (n,) [s]
+    of the counts `first`, `first` + 1, ..., of those `seen` only.
     """
     half, inner = turn // 2, slice(turn, -turn)
     bent = time - np.linspace(time[0], time[-1], time.size)
@@ -101,11 +107,11 @@ def _deviation_sums(
     lap = (time[turn:] - time[:-turn])[half:-half]
     change = time[2 * turn :] - 2 * time[inner] + time[: -2 * turn]
     deviation = bent[inner] - 2 * once[half:-half] + _window_mean(once, turn)
-    deviation *= 2 * np.pi / lap
+    deviation *= 2 * np.pi * turn / sums.size / lap
     used = seen[inner] & (np.abs(change) < 0.1 * lap) & (np.abs(deviation) < limit)
-    place, deviation = (first + np.flatnonzero(used)) % turn, deviation[used]
+    place, deviation = (first + np.flatnonzero(used)) % sums.size, deviation[used]
     for power, name in enumerate(("number", "total", "squares")):
-        sums[name] += np.bincount(place, deviation**power, turn)
+        sums[name] += np.bincount(place, deviation**power, sums.size)
 
 
 #: a stretch of passages between two losses of the count, and where it lies on the wheel: its first
@@ -151,13 +157,13 @@ class PitchLearner:
 
     def _learn(self, teeth: Records) -> None:
         """Add teeth of the last stretch to its sums; those near its end wait for the next."""
-        turn, held = self.turn, np.concatenate([self._held, teeth])
+        held = np.concatenate([self._held, teeth])
         at, time = held["count"], held["time_s"]
-        span = at[-1] - at[0]
+        span, turn = at[-1] - at[0], self.turn * (1 + self.turn % 2)
         if span >= 4 * turn and at.size >= 0.75 * span and bool((np.diff(at) > 0).all()):
             whole = np.arange(at[0], at[-1] + 1)
             seen, every = np.isin(whole, at), np.interp(whole, at, time)
-            _deviation_sums(every, seen, int(at[0]), turn, 2 * np.pi / turn, self._sums[-1])
+            _deviation_sums(every, seen, int(at[0]), turn, 2 * np.pi / self.turn, self._sums[-1])
             held = held[np.searchsorted(at, at[-1] + 1 - 2 * turn) :]
         self._held = held
 
@@ -218,9 +224,9 @@ def _placing(reference: PitchTable, table: PitchTable) -> tuple[int, int, bool]:
 
     Its passages were counted forwards.
     """
-    if not (table.turns and table.repeats > CLEAR and reference.repeats > CLEAR):
+    size, clear = table.error_rad.size, min(table.repeats, reference.repeats) > CLEAR
+    if size % 2 or not (table.turns and clear):  # odd: a counter's, which has one stretch
         return 1, 0, False
-    size = table.error_rad.size
     # a passage that is late at count c, seen backwards, is early at count -1 - c: the parity of
     # rising passages changes
     forth, back = (
@@ -285,6 +291,146 @@ def steps_that_repeat(
     best = int(np.argmax(shares > shares.max() - 0.03))
     share = shares[best] - float(np.sum((grid_s / pace[16:-16]) ** 2)) / squares
     return best, float(share), float(shares[steps]) if steps <= most else 0.0
+
+
+# ---- The wheel angle as a smooth function of time.
+#
+#     knots (n,) with angle and rate
+#         --Hermite--> angle at any time, time at any angle, mean rate over a window
+#
+# Angles grow in the direction of rolling. Between knots the angle is the cubic that has both knots'
+# angles and rates, so it is continuous with its rate.
+
+
+@compiled
+def _hermite(
+    at: FloatArray, time: FloatArray, count: Any, rate: Any, unit: float, result: FloatArray
+) -> None:
+    """Fills `result` (n,) with the cubics' angles [rad] at the times `at` (n,) [s].
+
+    These are in any order; NaN outside of the knots. Ascending times are quickest. Knots (k,):
+    `time` [s], ascending, `count` times `unit` [rad], `rate` [rad/s].
+    """
+    n, k = time.size, 0
+    low = high = np.nan
+    start = first = second = third = angle = 0.0
+    for i in range(at.size):
+        t = at[i]
+        if not low <= t < high:
+            if not time[0] <= t <= time[n - 1]:
+                result[i] = np.nan
+                continue
+            if k + 2 < n and time[k + 1] <= t < time[k + 2]:
+                k += 1
+            else:
+                k = min(np.searchsorted(time, t, side="right") - 1, n - 2)
+            low, high = time[k], time[k + 1]
+            start, angle, first, last = (
+                low,
+                count[k] * unit,
+                np.float64(rate[k]),
+                np.float64(rate[k + 1]),
+            )
+            h = high - low if high > low else 1.0
+            mean = (count[k + 1] - count[k]) * unit / h
+            second, third = (3 * mean - 2 * first - last) / h, (first + last - 2 * mean) / h**2
+        s = t - start
+        result[i] = angle + s * (first + s * (second + s * third))
+
+
+@dataclass(frozen=True)
+class AngleFunction:
+    """Knots of the wheel angle, shape (n,).
+
+    `time_s` ascending, `count` in units of `unit_rad`, `rate_rad_s`, `stretch` the run without a
+    loss of the count; `noise_rad` standard deviation of an angle read from it. The types are small:
+    an hour has millions of knots.
+
+    The edges of pulses and counts lie between two samples, so such errors grow with the speed and
+    are alike from tooth to tooth: `grid_rad` has their standard deviation at each knot, `noise_rad`
+    is their median. It is empty for other sensors.
+    """
+
+    time_s: FloatArray
+    count: NDArray[np.int32] | FloatArray
+    unit_rad: float
+    rate_rad_s: NDArray[np.float32]
+    stretch: NDArray[np.int32]
+    noise_rad: float
+    grid_rad: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+
+    def _knot_at(self, time_s: FloatArray) -> IntArray:
+        """The knot before each time, or the first one; NaN counts as the end."""
+        at = np.searchsorted(self.time_s, time_s, side="right") - 1
+        return np.clip(at, 0, self.time_s.size - 1)
+
+    def noise_at(self, time_s: FloatArray) -> FloatArray:
+        """Standard deviation [rad] of the angles at times, of which NaN counts as the end."""
+        if not self.grid_rad.size:
+            return np.full(time_s.shape, self.noise_rad)
+        return self.grid_rad[self._knot_at(time_s)].astype(np.float64)
+
+    def shared_noise_at(self, time_s: FloatArray) -> FloatArray:
+        """The part of `noise_at` [rad] that angles a patch apart have in common, at times."""
+        return self.noise_at(time_s) if self.grid_rad.size else np.zeros(time_s.shape)
+
+    def stretch_at(self, time_s: FloatArray) -> IntArray:
+        """Number of the stretch at times, of which NaN counts as the end."""
+        return self.stretch[self._knot_at(time_s)].astype(np.int64)
+
+    @cached_property
+    def _climbing(self) -> NDArray[np.int32] | FloatArray:
+        """The counts, none below one before it.
+
+        A wheel that has rolled back has its angles again later.
+        """
+        return np.maximum.accumulate(self.count)
+
+    def coarse(self, time_s: FloatArray) -> FloatArray:
+        """Angle [rad] at ascending times, straight between the knots; NaN outside of them."""
+        first, last = np.searchsorted(self.time_s, time_s[[0, -1]])
+        near = slice(max(first - 1, 0), last + 1)
+        angle = self.count[near] * self.unit_rad
+        return np.interp(time_s, self.time_s[near], angle, left=np.nan, right=np.nan)
+
+    def at(self, time_s: FloatArray) -> FloatArray:
+        """Angle [rad] at the times, NaN outside of the knots, shape as given."""
+        result = np.empty(time_s.shape)
+        if result.size and self.time_s.size > 1:
+            _hermite(
+                finite(time_s).ravel(),
+                self.time_s,
+                self.count,
+                self.rate_rad_s,
+                self.unit_rad,
+                result.reshape(-1),
+            )
+        elif result.size:
+            result.fill(np.nan)
+        return result
+
+    def time_at(self, angle_rad: FloatArray) -> FloatArray:
+        """Time [s] at which a forward-rolling wheel has the angles; NaN outside of the knots."""
+        climbing, wanted = self._climbing, angle_rad / self.unit_rad
+        # counts up to a whole number are those up to what is wanted; a search for floats would copy
+        # millions of counts
+        last = (
+            np.floor(np.nan_to_num(np.clip(wanted, -2e9, 2e9))).astype(np.int32)
+            if climbing.dtype == np.int32
+            else wanted
+        )
+        k = np.clip(np.searchsorted(climbing, last, side="right") - 1, 0, climbing.size - 2)
+        start, rise = climbing[k], (climbing[k + 1] - climbing[k]).astype(np.float64)
+        u = np.where(rise > 0, (wanted - start) / np.where(rise > 0, rise, 1.0), 0.0)
+        h = self.time_s[k + 1] - self.time_s[k]
+        inside = (u > -1e-9) & (u < 1 + 1e-9)
+        near = np.where(inside, self.time_s[k] + np.clip(u, 0.0, 1.0) * h, self.time_s[0])
+        rate = np.where(rise > 0, rise * self.unit_rad / np.where(h > 0, h, 1.0), np.inf)
+        for _ in range(2):
+            near = np.clip(
+                near - (self.at(near) - angle_rad) / rate, self.time_s[k], self.time_s[k + 1]
+            )
+        return np.where(inside, near, np.nan)
 
 
 #: knots lie at least so far apart while the motion is even: a cubic follows a wheel that shakes at

@@ -1,12 +1,11 @@
-"""From tooth passages to counted teeth.
+"""From an encoder's samples to counted teeth, pieces (n,) of one table, TEETH.
 
-What is missing, what is too many, where the count was lost.
-
-    pieces of indices (n,)
-        --intervals that no smooth motion explains are joined-->
-        indices, half teeth of each interval
-        --standstills, holes, turning points--> pieces of TEETH: counts (n,) in half teeth,
-                                                stretches between losses of the count
+    samples --probe--> its form: sine, square, counter or dead
+    sine, square --crossings--> places of the passages, rising and falling in turn
+        --intervals that no smooth motion explains are joined--> half teeth of each interval
+        --standstills, holes, turning points--> counts in half teeth, stretches between losses of
+                                                the count
+    counter --its changes, unwrapped--> times and counts
 
 A passage through the middle level is half a tooth; a rising one has an even count. Rising and
 falling passages take turns, so an interval between neighbours is an odd number of half teeth. A
@@ -27,18 +26,140 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
-from tirelog.dsp.encoder import (
-    AROUND,
-    CHUNK,
-    changes,
-    extremes,
-    finite,
-    places,
-    sliding_maximum,
-    without_spikes,
-)
 from tirelog.dsp.filters import runs, sliding_mean, sliding_median
-from tirelog.vocabulary.arrays import FloatArray, IntArray, Records, records
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
+
+#: whole numbers of whatever size
+Integers = NDArray[np.integer[Any]]
+
+# ---- The tooth finder: what is done once per sample, and once per tooth.
+#
+#     samples (size,)
+#         --extremes of chunks, sliding--> upper, lower (chunks,): the sides of the hysteresis
+#         --hysteresis--> changes of side
+#         --sums over windows--> sub-sample places (n,)
+#
+# Samples are finite.  Thresholds hold for a chunk of CHUNK samples.
+
+#: samples whose extremes are taken together
+CHUNK = 64
+#: half width of the window, in half periods (the least variance of a sum's zero is at tan m = 2 m,
+#: m = 1.17 rad)
+WINDOW = 0.35
+#: periods on each side whose mean is the middle level; twice as many follow a level that drifts
+#: half as quickly
+AROUND = 2
+
+
+def without_spikes(high: FloatArray) -> FloatArray:
+    """Maxima of chunks without those of glitches.
+
+    None is above all of the chunks two and three places away: a glitch lies in one chunk or two,
+    not so a tooth.
+    """
+    around = np.pad(high, 3, mode="edge")
+    far = np.max([around[:-6], around[1:-5], around[5:-1], around[6:]], axis=0)
+    return np.asarray(np.minimum(high, far), np.float64)
+
+
+def sliding_maximum(values: FloatArray, reach: int) -> FloatArray:
+    """Largest value within `reach` places on both sides, shape as given."""
+    largest, size = np.pad(values, reach, constant_values=-np.inf), 1
+    while size <= reach:  # the windows double as long as two of them make a larger one
+        largest, size = np.maximum(largest[:-size], largest[size:]), 2 * size
+    rest = 2 * reach + 1 - size
+    return np.maximum(largest[: largest.size - rest], largest[rest:])
+
+
+def changes(
+    x: FloatArray, upper: FloatArray, lower: FloatArray, at: int, last: int
+) -> tuple[IntArray, IntArray, BoolArray]:
+    """Every change of side of the samples: last on the old side, first on the new one, rising.
+
+    Shape (n,) each. A sample is on a side if it is above its chunk's `upper` or below its `lower`.
+    `last` is the side before the first sample (1 or -1, 0 if it is not known), `at` (negative)
+    when it was taken.
+    """
+    high, low = (np.repeat(level, CHUNK)[: x.size] for level in (upper, lower))
+    side = (x > high).astype(np.int8) - (x < low)
+    sure = np.flatnonzero(side)
+    place, side = np.append(at, sure), np.append(last, side[sure])
+    turned = np.flatnonzero(side[1:] * side[:-1] < 0)
+    return place[turned], place[turned + 1], side[turned + 1] > 0
+
+
+def places(
+    x: FloatArray, before: IntArray, after: IntArray, slow: float, square: bool
+) -> FloatArray:
+    """Fractional index in `x` of each change of side, shape (n,).
+
+    The change lies between the samples `before` and `after`. Half a sample ahead of `after` if the
+    change took `slow` samples or longer; half way if the signal is square or there are too few
+    changes; else the zero of the sine whose samples around it have the same sum, and the same
+    difference between the k samples after the middle one and the k before it. For A sin(omega (i -
+    t)) the sum over its factor is A sin, the difference over its factor A cos of omega (centre -
+    t); the quotient of the factors is 2 / (cot(k omega / 2) + cot((k + 1) omega / 2)).
+    """
+    quick = (before >= 0) & (after - before < slow)
+    coarse = np.where(quick, 0.5 * (before + after), after - 0.5)
+    if square or coarse.size <= 2 * AROUND:
+        return coarse
+    total = np.concatenate([[0.0], np.cumsum(x)])
+    level = _middles(x, total, coarse, before, after, slow)
+    low, high = x[np.maximum(before, 0)], x[after]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.clip((level - low) / (high - low), 0.0, 1.0)
+    place = np.where(quick & (high != low), before + share * (after - before), coarse)
+    step = np.diff(place)
+    sides = np.stack([np.append(step[0], step), np.append(step, step[-1])])
+    least, most = sides.min(axis=0), sides.max(axis=0)
+    half = np.where(most <= 1.8 * least, 0.5 * (least + most), least)
+    centre = (place + 0.5).astype(np.int64)
+    reach = np.maximum((WINDOW * half).astype(np.int64), 1)
+    inside = (centre >= reach) & (centre < x.size - reach)
+    row = np.flatnonzero(quick & (half > 2.0) & (half < slow) & inside)
+    centre, k, omega = centre[row], reach[row], np.pi / half[row]
+    earlier, later = total[centre] - total[centre - k], total[centre + k + 1] - total[centre + 1]
+    area = earlier + later + x[centre] - (2 * k + 1) * level[row]
+    near, far = np.tan(0.5 * k * omega), np.tan(0.5 * (k + 1) * omega)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        tangent = area / (later - earlier) * (2 * near * far / (near + far))
+    shift = np.arctan(tangent) / omega
+    place[row] = np.where(np.abs(shift) < 0.5 * np.pi / omega, centre - shift, place[row])
+    return place
+
+
+def _middles(
+    x: FloatArray,
+    total: FloatArray,
+    coarse: FloatArray,
+    before: IntArray,
+    after: IntArray,
+    slow: float,
+) -> FloatArray:
+    """Middle level at each crossing (n,), in the unit of `x` (size,).
+
+    `total` (size + 1,) sums of the first samples. The mean over the whole periods within AROUND on
+    both sides, from crossing to crossing; half way between the samples `before` and `after` if they
+    are slow.
+    """
+    place = coarse + 0.5
+    whole = np.clip(place.astype(np.int64), 0, x.size - 1)
+    below = total[whole] + (place - whole) * x[whole]
+    number = np.arange(coarse.size)
+    first = np.maximum(number - 2 * AROUND, 0)
+    last = np.minimum(number + 2 * AROUND, coarse.size - 1)
+    last -= (last - first) % 2
+    span = coarse[last] - coarse[first]
+    periods = (span > 0) & (span < 8 * slow)
+    mean = (below[last] - below[first]) / np.where(periods, span, 1.0)
+    return np.where(periods, mean, 0.5 * (x[np.maximum(before, 0)] + x[after]))
+
+
+def finite(x: Any) -> FloatArray:
+    """`x` as the kernels take it: float64, contiguous, writable (a copy if it is not)."""
+    return np.require(x, np.float64, ["C", "W"])
+
 
 # ---- From an encoder's samples to the times at which its teeth pass, block by block.
 #
@@ -77,9 +198,6 @@ STEADY_AMPLITUDE, LEAST_SWINGS = 0.6, 6
 #: samples this near to the upper or the lower level, in half ranges, are on it; a signal with more
 #: than this share of its samples there is square. Twice the distance takes a sine for one
 ON_LEVEL, SQUARE_SHARE = 0.2, 0.7
-
-#: whole numbers of whatever size
-Integers = NDArray[np.integer[Any]]
 
 
 @dataclass(frozen=True)
@@ -245,11 +363,11 @@ def _hysteresis(x: FloatArray, rate_Hz: float, found: Probe) -> tuple[FloatArray
     Infinite if the signal does not move.
     """
     reach = int(np.ceil(0.5 * found.follow_s * rate_Hz / CHUNK))
-    high, low = extremes(x)
-    high, low = (
-        sliding_maximum(without_spikes(high), reach),
-        -sliding_maximum(without_spikes(-low), reach),
+    starts = np.arange(0, x.size, CHUNK)
+    high, below = (
+        sliding_maximum(without_spikes(np.maximum.reduceat(one, starts)), reach) for one in (x, -x)
     )
+    low = -below
     half, middle = (high - low) / 2, (high + low) / 2
     half = np.where(half > found.least, HYSTERESIS * half, np.inf)
     return middle + half, middle - half

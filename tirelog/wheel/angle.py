@@ -16,10 +16,10 @@ import numpy as np
 
 from tirelog.data.plausibility import doubt_of_vehicle
 from tirelog.data.recording import Channel, Recording
-from tirelog.dsp.encoder import AngleFunction
 from tirelog.dsp.pitch import (
     KNOT_STEP_S,
     LEAST_TURNS,
+    AngleFunction,
     KnotBuilder,
     PitchLearner,
     PitchTable,

@@ -412,9 +412,7 @@ def _crosstalk(logs: Sequence[EdgeTimes], calibration: Calibration) -> tuple[flo
     k leaves no phase shift on undriven wheels while the car drives off. The width's own noise would
     pull k towards zero; its known variance is taken off.
     """
-    shifts: list[FloatArray] = []
-    widths: list[FloatArray] = []
-    noise = 0.0
+    parts = []
     for p in logs:
         if p.driven is not False:
             continue
@@ -427,13 +425,12 @@ def _crosstalk(logs: Sequence[EdgeTimes], calibration: Calibration) -> tuple[flo
             rows = p.good & (p.acceleration_m_s2 > 0.8) & np.isfinite(cleaned["shift_deg"])
         if calm.sum() < 8 or rows.sum() < 8:
             continue
-        for kept, x in ((shifts, cleaned["shift_deg"]), (widths, cleaned["width_deg"])):
-            kept.append(x[rows] - np.mean(x[calm]))
-        noise += float(np.sum(p.width_se_deg[rows] ** 2))
-    if not shifts:
+        s, d = (x[rows] - np.mean(x[calm]) for x in (cleaned["shift_deg"], cleaned["width_deg"]))
+        parts.append(np.stack([s, d, p.width_se_deg[rows]]))
+    if not parts:
         return float("nan"), float("nan")
-    s, d = np.concatenate(shifts), np.concatenate(widths)
-    signal = float(d @ d) - noise
+    s, d, se = np.concatenate(parts, axis=1)
+    signal = float(d @ d - se @ se)
     if signal <= 0.1 * float(d @ d):
         return float("nan"), float("nan")
     k = -float(s @ d) / signal

@@ -20,8 +20,8 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from tirelog.data.recording import Channel
-from tirelog.dsp.encoder import AngleFunction
 from tirelog.dsp.filters import runs, sliding_mean
+from tirelog.dsp.pitch import AngleFunction
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records, records
 from tirelog.wheel.angle import WheelAngle
 
@@ -67,20 +67,16 @@ def binned(channel: Channel, angle: AngleFunction) -> Iterator[Records]:
     for start, values in channel.blocks(PIECE):
         time = channel.axis.time(start, start + values.size)
         theta = angle.coarse(time) / DEGREE
-        good = np.isfinite(values) & np.isfinite(theta)
-        values, time, theta = values[good], time[good], theta[good]
-        if values.size == 0:
-            continue
-        climbing = np.maximum.accumulate(np.maximum(theta, highest))
+        climbing = np.fmax.accumulate(np.append(highest, theta))[1:]
         highest = float(climbing[-1])
-        forward = theta > climbing - 0.5
-        values, time, k = values[forward], time[forward], np.floor(theta[forward]).astype(np.int64)
+        kept = np.isfinite(values) & (theta > climbing - 0.5)
+        values, time, k = values[kept], time[kept], np.floor(theta[kept]).astype(np.int64)
+        if k.size == 0:
+            continue
         if held.shape[1] == 0:
             first, offset = int(k[0]), float(values[0])
-        k -= first
+        k = np.maximum(k - first, 0)
         size = max(int(k.max()) + 1, held.shape[1])
-        late = k >= 0
-        k, values, time = k[late], values[late], time[late]
         x = values - offset  # small numbers keep the digits of the squares
         sums = np.stack([np.bincount(k, w, size) for w in (None, x, x * x, time)]).astype(
             np.float64
