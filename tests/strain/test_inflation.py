@@ -72,6 +72,7 @@ def test_without_a_channel_the_pressures_at_the_ends_do():
     rates, _ = inflation(strain, None)
     assert np.isnan(rates["slope_1_Pa"]).all()
     assert rates["rate_1_s"][2] == pytest.approx(SLOPE_1_Pa * 0.35e5 / 4.5, rel=0.02)
+    assert 0.0 < rates["nonlinearity"][2] < 0.03  # of the ramp on time
 
 
 def test_lost_samples_do_no_harm_and_a_bent_line_is_called_bent():

@@ -86,6 +86,8 @@ def test_a_log_gives_its_table(logs, capfd):
     table = rows(out)
     assert status == 0
     assert len(table) == TURNS
+    assert list(table[0])[:5] == ["log", "channel", "revolution", "time_s", "speed_m_s"]
+    assert list(table[0])[-1] == "quality"
     assert np.mean([row["quality"] == "ok" for row in table]) > 0.98
     assert {row["phase_shift_corrected_deg"] for row in table} == {""}
     assert "no calibration" in err
