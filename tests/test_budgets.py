@@ -59,7 +59,6 @@ WIDER = {
     "physics/model/model.py:linearised",
     "physics/model/model.py:predict",
     "strain/footprint/measure.py:find_edges",
-    "wheel/fronts.py:_solve",
 }
 
 

@@ -457,9 +457,9 @@ def _calibration(options: Options) -> Calibration | None:
 def _check_phase_shift(options: Options) -> None:
     _calibration(options)
     if "zero" in options:
-        from tirelog.wheel.phase_shift import refuse_other_zero
+        from tirelog.wheel.phase_shift import zero_range
 
-        refuse_other_zero(str(options["zero"]))
+        zero_range(str(options["zero"]))
 
 
 def _by_its_function(table: LogTable) -> Maker:

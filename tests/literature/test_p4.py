@@ -95,7 +95,7 @@ def results(request, calibration):
             "braking": (21.2, 23.3),
         }.items():
             rows = (passages.time_s > start) & (passages.time_s < stop) & passages.good
-            values = np.stack([cleaned.corrected_deg[rows], cleaned.width_deg[rows]])
+            values = np.stack([cleaned["corrected_deg"][rows], cleaned["width_deg"][rows]])
             phases[name] = values.mean(axis=1), values.std(axis=1) / np.sqrt(rows.sum())
         out[wheel] = phases
     return request.param, out
@@ -168,7 +168,7 @@ def test_low_pressure_is_slightly_wider_with_the_same_calibration(calibration):
     for bar in WIDTH_DEG:
         passages = drive("front", bar, 35_000)
         cleaned = clean_passages(passages, calibration)
-        widths[bar] = np.mean(cleaned.width_deg[passages.steady >= 0])
+        widths[bar] = np.mean(cleaned["width_deg"][passages.steady >= 0])
     assert widths[1.6] - widths[2.0] == pytest.approx(1.4, abs=0.05)
 
 
@@ -183,7 +183,7 @@ def test_low_pressure_varies_like_nominal_pressure(calibration):
         variations.append(
             [
                 np.mean(x[braking]) - np.mean(x[calm])
-                for x in (cleaned.corrected_deg, cleaned.width_deg)
+                for x in (cleaned["corrected_deg"], cleaned["width_deg"])
             ]
         )
     np.testing.assert_allclose(variations[0], variations[1], rtol=0.1, atol=0.03)
@@ -216,7 +216,10 @@ def test_without_equation_3_the_front_wheel_would_seem_driven(calibration):
     passages = drive("front", 2.0, 37_000)
     cleaned = clean_passages(passages, calibration)
     driving = (passages.time_s > 8.3) & (passages.time_s < 12.7)
-    before, after = np.mean(cleaned.shift_deg[driving]), np.mean(cleaned.corrected_deg[driving])
+    before, after = (
+        np.mean(cleaned["shift_deg"][driving]),
+        np.mean(cleaned["corrected_deg"][driving]),
+    )
     assert before > 0.08
     assert abs(after) < 0.03
 

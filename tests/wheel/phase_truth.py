@@ -8,6 +8,7 @@ own acceleration, noise, 16 bits.
 
 from dataclasses import dataclass, field
 
+import h5py
 import numpy as np
 
 from tirelog.data.recording import Channel, Recording, TimeAxis
@@ -169,6 +170,14 @@ def recording(
         slow = TimeAxis.uniform(speed.size, 100.0)
         channels["speed"] = Channel.of_array("speed", "vehicle_speed", speed, slow, unit="m/s")
     return Recording("log.h5", channels, parse_setup(text))
+
+
+def write_hdf5(path, channels):
+    """Channels as name: (values, unit, rate [Hz]), in single precision."""
+    with h5py.File(path, "w") as file:
+        for name, (values, unit, rate_Hz) in channels.items():
+            data = file.create_dataset(name, data=values.astype("f4"))
+            data.attrs["unit"], data.attrs["sampling_rate_Hz"] = unit, rate_Hz
 
 
 def angle_errors(wheel, drive):

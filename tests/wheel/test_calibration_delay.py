@@ -49,20 +49,24 @@ def ramp(
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("measured", [True, False])
-@pytest.mark.parametrize("trend_deg_s_m", [0.0, 0.0115])
-def test_the_part_linear_in_speed_is_covered_by_its_error(measured, trend_deg_s_m):
+@pytest.mark.parametrize(
+    ("trend_deg_s_m", "drive"),
+    [
+        *((trend, {"measured": known}) for trend in (0.0, 0.0115) for known in (True, False)),
+        # a driven wheel carries drag at constant speed and none while it coasts
+        (0.0, {"drive_s": 4.0, "measured": False}),
+    ],
+)
+def test_the_part_linear_in_speed_is_covered_by_its_error(trend_deg_s_m, drive):
     """Delay and linear trend together; without the force drag is left out of the truth, which the
     error has to cover too.
     """
     true = DELAY_S + np.deg2rad(trend_deg_s_m) * RADIUS_M
-    found = [
-        calibrate([ramp(seed, trend_deg_s_m=trend_deg_s_m, measured=measured)]) for seed in SEEDS
-    ]
+    found = [calibrate([ramp(seed, trend_deg_s_m=trend_deg_s_m, **drive)]) for seed in SEEDS]
     delay, se = (np.array([getattr(c, name) for c in found]) for name in ("delay_s", "delay_se_s"))
     assert np.mean(np.abs(delay - true) < 2 * se) > 0.85
-    assert np.median(se) < 0.05e-3
-    assert all(c.beside_force == measured for c in found)
+    assert np.median(se) < 0.05e-3 or "drive_s" in drive
+    assert all(c.beside_force == drive["measured"] for c in found)
 
 
 @pytest.mark.parametrize("measured", [True, False])
@@ -80,17 +84,10 @@ def test_a_drag_that_bends_is_in_the_error_of_the_delay(measured):
             assert straight.delay_se_s < found.delay_se_s < 0.06e-3
 
 
-def test_a_log_that_only_coasts_down_does_not_bend_by_the_force_of_its_ends():
-    """A driven wheel carries drag at constant speed and none while it coasts."""
-    found = [calibrate([ramp(seed, drive_s=4.0, measured=False)]) for seed in SEEDS]
-    wrong = np.array([(c.delay_s - DELAY_S) / c.delay_se_s for c in found])
-    assert np.mean(np.abs(wrong) < 2.0) > 0.85
-
-
 def test_the_map_beside_the_force_leaves_the_force_in_the_shift():
     """Drag is a force: what remains of a drive at constant speed is its wind-up."""
     p = ramp(1, noise_deg=1e-3)
-    left = clean_passages(p, calibrate([p])).shift_deg
+    left = clean_passages(p, calibrate([p]))["shift_deg"]
     force = p.forces_N["longitudinal_force"]
     slope = np.polyfit(force, left, 1)[0]
     assert slope == pytest.approx(WIND_UP, rel=0.02)

@@ -17,16 +17,17 @@ TIMES = (np.sqrt(9.0 + TURNS) - 3.0) / 0.5
 SETUP = f'[channels.e]\nkind = "wheel_encoder"\nsource = "edges"\nsteps = {STEPS}\n'
 
 
-def text(unit: str) -> str:
-    if unit == "us":
-        return "edge_us\n" + "".join(f"{t * 1e6:.0f}\n" for t in TIMES)
-    return "".join(f"{t:.7f}\n" for t in TIMES)
-
-
-@pytest.mark.parametrize("unit", ["us", "s"])
-def test_the_angle_is_that_of_the_edges(unit: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "text",
+    [
+        "edge_us\n" + "".join(f"{t * 1e6:.0f}\n" for t in TIMES),
+        "".join(f"{t:.7f}\n" for t in TIMES),
+    ],
+    ids=["us", "s"],
+)
+def test_the_angle_is_that_of_the_edges(text: str, tmp_path: Path) -> None:
     log = tmp_path / "edges.txt"
-    log.write_text(text(unit))
+    log.write_text(text)
     with open_recording(str(log), parse_setup(SETUP)) as recording:
         channel = recording.channels["e"]
         np.testing.assert_array_equal(channel.read(), np.arange(TIMES.size))

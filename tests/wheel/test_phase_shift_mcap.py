@@ -5,12 +5,11 @@ vehicle's speed a message each) give the rows of the same log in HDF5.
 import csv
 from functools import cache
 
-import h5py
 import numpy as np
 import pytest
 
 from tests.readers.mcap_files import START_NS, write_json
-from tests.wheel.phase_truth import Drive, Encoder, Tread
+from tests.wheel.phase_truth import Drive, Encoder, Tread, write_hdf5
 from tirelog.cli import run
 
 pytestmark = pytest.mark.xdist_group("messages")  # one worker makes what these tests share
@@ -84,12 +83,11 @@ def table(folder, command, log):
 def wanted(tmp_path_factory):
     """Rows of each command from HDF5."""
     folder = tmp_path_factory.mktemp("hdf5")
-    with h5py.File(folder / "log.h5", "w") as file:
-        for name, values, unit, rate in zip(
-            ("e", "a", "v"), samples(), ("V", "g", "m/s"), (1e4, 1e4, 100.0), strict=True
-        ):
-            data = file.create_dataset(name, data=values)
-            data.attrs["unit"], data.attrs["sampling_rate_Hz"] = unit, rate
+    encoder, acceleration, speed = samples()
+    write_hdf5(
+        folder / "log.h5",
+        {"e": (encoder, "V", 1e4), "a": (acceleration, "g", 1e4), "v": (speed, "m/s", 100.0)},
+    )
     (folder / "log.toml").write_text(SETUP.format(encoder="/e", acceleration="/a", vehicle="/v"))
     return {command: table(folder, command, folder / "log.h5") for command in COMMANDS}
 

@@ -54,30 +54,24 @@ def drive(
     told = np.interp(time[slow] - late_s, time, speed) + rng.normal(0.0, noise, time[slow].size)
     told = np.repeat(told[::hold], hold)[: told.size]
     told = np.round(told / step_m_s) * step_m_s if step_m_s else told
+    axes = TimeAxis.uniform(time.size, rate), TimeAxis.uniform(told.size, rate / 40)
+    teeth = np.sin(TEETH * turned)
     channels = {
-        "e": Channel.of_array(
-            "e",
-            kinds[0],
-            np.sin(TEETH * turned),
-            TimeAxis.uniform(time.size, rate),
-            settings={"steps": TEETH},
-        ),
-        "v": Channel.of_array(
-            "v",
-            kinds[1],
-            told,
-            TimeAxis.uniform(told.size, rate / 40),
-        ),
+        "e": Channel.of_array("e", kinds[0], teeth, axes[0], settings={"steps": TEETH}),
+        "v": Channel.of_array("v", kinds[1], told, axes[1]),
     }
     setup = parse_setup(SETUP.format(radius=radius))
     return Recording("log", channels, setup), lambda t: slip[np.minimum((t / 8.0).astype(int), 4)]
 
 
+def off_borders(table):
+    """The rows of turns that are in one stretch alone."""
+    return table[np.abs((table.time_s + 4.0) % 8.0 - 4.0) > 0.3]
+
+
 def test_slip_is_that_of_the_wheel_and_positive_in_braking():
     recording, true = drive()
-    table = tirelog.slip(recording)
-    # a turn over the border of two stretches has some of both
-    whole = table[np.abs((table.time_s + 4.0) % 8.0 - 4.0) > 0.3]
+    whole = off_borders(tirelog.slip(recording))
     assert len(whole) > 150
     np.testing.assert_allclose(whole.slip, true(whole.time_s.to_numpy()), atol=3e-4)
     assert whole.slip[whole.time_s.between(25, 31)].median() == pytest.approx(0.03, abs=1e-4)
@@ -90,18 +84,16 @@ def test_slip_is_that_of_the_wheel_and_positive_in_braking():
 def test_a_belt_that_grows_with_the_speed_is_no_slip():
     """R by the speed squared: one radius for all speeds would be off by 0.4 % at either end."""
     recording, true = drive(growth=0.01, noise=0.02)
-    table = tirelog.slip(recording)
-    whole = table[np.abs((table.time_s + 4.0) % 8.0 - 4.0) > 0.3]
+    whole = off_borders(tirelog.slip(recording))
     error = whole.slip - true(whole.time_s.to_numpy())
     assert np.ptp(whole.speed_m_s) > 10.0
-    assert abs(error[whole.time_s < 8].mean()) < 3e-4
-    assert abs(error[whole.time_s.between(16, 24)].mean()) < 3e-4
-    assert abs(error[whole.time_s.between(24, 32)].mean()) < 5e-4
+    for begin_s, most in ((0, 3e-4), (16, 3e-4), (24, 5e-4)):
+        assert abs(error[whole.time_s.between(begin_s, begin_s + 8)].mean()) < most
 
 
 def pulls(table, true):
     """Errors of the slip over their standard errors, of rows with nothing wrong off the borders."""
-    whole = table[(np.abs((table.time_s + 4.0) % 8.0 - 4.0) > 0.3) & (table.quality == "ok")]
+    whole = off_borders(table[table.quality == "ok"])
     error = whole.slip - true(whole.time_s.to_numpy())
     return whole, (error / np.hypot(whole.slip_se, whole.slip_delay_se)).to_numpy()
 
@@ -159,26 +151,21 @@ def test_speed_and_slip_go_by_one_radius():
     assert np.abs(np.median(error)) < 3.0 * np.median(speed.speed_se_m_s / speed.speed_m_s)
 
 
-def test_revolutions_know_the_slip_that_encoder_and_vehicle_tell():
-    recording, true = drive(noise=0.02)
-    time_s = np.array([4.0, 12.0, 20.0, 28.0, 36.0])
-    found = conditions_of(recording, time_s, np.full(5, 15.0), np.zeros(5)).slip
-    np.testing.assert_allclose(found, true(time_s), atol=2e-3)
-
-
 @pytest.mark.parametrize(
-    "given",
+    ("given", "known"),
     [
-        {"kinds": ("wheel_encoder", "signal")},
-        {"kinds": ("signal", "vehicle_speed")},
-        {"stretches": ((0.0, 0.0),) * 5, "noise": 0.1},
+        ({"noise": 0.02}, True),
+        # no vehicle speed, no encoder, or a wheel that rolls freely: its slip is noise
+        ({"kinds": ("wheel_encoder", "signal")}, False),
+        ({"kinds": ("signal", "vehicle_speed")}, False),
+        ({"stretches": ((0.0, 0.0),) * 5, "noise": 0.1}, False),
     ],
 )
-def test_revolutions_know_no_slip_that_the_log_does_not_tell(given):
-    """No vehicle speed, no encoder, or a wheel that rolls freely: its slip is noise."""
-    recording, _ = drive(**given)
-    found = conditions_of(recording, np.array([4.0, 20.0]), np.full(2, 15.0), np.zeros(2)).slip
-    assert np.isnan(found).all()
+def test_revolutions_know_the_slip_that_the_log_tells(given, known):
+    recording, true = drive(**given)
+    time_s = np.array([4.0, 12.0, 20.0, 28.0, 36.0])
+    found = conditions_of(recording, time_s, np.full(5, 15.0), np.zeros(5)).slip
+    np.testing.assert_allclose(found, true(time_s) if known else np.full(5, np.nan), atol=2e-3)
 
 
 def test_its_error_is_that_of_the_speed():
@@ -188,14 +175,19 @@ def test_its_error_is_that_of_the_speed():
     assert np.sqrt(np.mean(rolls.slip_se**2)) == pytest.approx(rolls.slip.std(), rel=0.35)
 
 
-def test_without_free_rolling_the_setup_has_to_say_the_radius():
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"stretches": ((1.0, -0.02), (1.0, -0.02))}, "no rolling radius"),
+        ({"kinds": ("wheel_encoder", "signal")}, "no vehicle speed"),
+    ],
+)
+def test_what_tells_no_slip_is_refused(given, told):
+    with pytest.raises(UsageError, match=told):
+        tirelog.slip(drive(**given)[0])
+
+
+def test_without_free_rolling_the_setups_radius_counts():
     pulling = ((1.0, -0.02), (1.0, -0.02))
-    with pytest.raises(UsageError, match="no rolling radius"):
-        tirelog.slip(drive(stretches=pulling)[0])
     given = tirelog.slip(drive(stretches=pulling, radius="rolling_radius_m = 0.31")[0])
     assert given.slip.median() == pytest.approx(-0.02, abs=2e-4)
-
-
-def test_a_log_without_the_vehicles_speed_is_refused():
-    with pytest.raises(UsageError, match="no vehicle speed"):
-        tirelog.slip(drive(kinds=("wheel_encoder", "signal"))[0])

@@ -1,7 +1,7 @@
-"""From counted passages to the knots of the wheel angle, piece by piece.
+"""From counted teeth to the wheel angle as a function of time, piece by piece.
 
-    pieces of times, counts, stretches (n,)
-        --local cubic least squares--> knots, one in KNOT_STEP_S while the wheel turns quickly
+    pieces of TEETH (n,)
+        --local cubic least squares--> KNOT, one in KNOT_STEP_S while the wheel turns quickly
         --scatter about the cubics---> noise of a passage
     knots, pitch errors learnt meanwhile --> AngleFunction
 
@@ -16,17 +16,18 @@ follows them instead of averaging: what the cubics leave of that size tells how 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.dsp.encoder import SUMS, AngleFunction
-from tirelog.dsp.filters import sliding_mean
-from tirelog.dsp.teeth import Integers
+from tirelog.dsp.filters import runs, sliding_mean
+from tirelog.dsp.teeth import TEETH, Integers, finite
 from tirelog.kernels import compiled
-from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
 
 # ---- The pitch error of a tone wheel, learnt from the log itself while it streams by.
 #
@@ -35,7 +36,7 @@ from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records
 #         --means over turns, a stretch at a time--> which way and by how many teeth the stretches
 #         lie
 #                                                    against each other
-#         --all together--> table (2 steps,)
+#         --all together--> table (turn,)
 #
 # The time of count n is the smooth motion's plus the pitch error over the speed. Smoothing by B
 # (2 -
@@ -51,22 +52,22 @@ from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records
 # an uneven tone wheel shows its direction.
 
 
+#: deviations of passages [rad] that were summed: how many, their sum, the sum of their squares
+SUMS = np.dtype([("number", "f8"), ("total", "f8"), ("squares", "f8")])
+
 #: turns that a table needs; fewer leave it zero; twice as many leave short drives with the steps
 #: of the pattern in their speed
 LEAST_TURNS = 4
 #: tables that explain more of their deviations than this can be laid on one another, if one place
 #: is so much better than any other
 CLEAR, BETTER_PLACE = 0.5, 1.2
-#: passages of the longest stretch that are kept to doubt the number of steps, in turns; twice as
-#: many take twice the memory
-KEPT_TURNS = 200
 
 
 @dataclass(frozen=True)
 class PitchTable:
     """The pitch errors of a tone wheel, learnt from a log.
 
-    `error_rad` (2 steps,) true angle of a passage minus its nominal angle, zero mean; `se_rad` its
+    `error_rad` (turn,) true angle of a passage minus its nominal angle, zero mean; `se_rad` its
     standard error (a number); `turns` it was learnt from; `scatter_rad` standard deviation of one
     passage about the table; `repeats` the share of the deviations' variance that the table explains
     beyond chance, in [0, 1].
@@ -79,8 +80,8 @@ class PitchTable:
     repeats: float
 
     @classmethod
-    def zero(cls, steps: int) -> PitchTable:
-        return cls(np.zeros(2 * steps), 0.0, 0, 0.0, 0.0)
+    def zero(cls, turn: int) -> PitchTable:
+        return cls(np.zeros(turn), 0.0, 0, 0.0, 0.0)
 
 
 def _window_mean(x: FloatArray, turn: int) -> FloatArray:
@@ -94,10 +95,11 @@ def _window_mean(x: FloatArray, turn: int) -> FloatArray:
 def _deviation_sums(
     time: FloatArray, seen: BoolArray, first: int, turn: int, limit: float, sums: Records
 ) -> None:
-    """Adds the deviations of the passages of one stretch to `sums` (turn,) of SUMS.
+    """Adds the deviations of the passages of one stretch to `sums` (counts per turn,) of SUMS.
 
-    By the count modulo the turn, without the turn at each end and without uneven turns; none above
-    `limit` [rad]. `time` (n,) [s] of the counts `first`, `first` + 1, ..., of those `seen` only.
+    By the count modulo the turn, without uneven turns and without the window at each end: `turn`
+    counts, of one turn or, as they must be even, of two; none above `limit` [rad]. `time` (n,) [s]
+    of the counts `first`, `first` + 1, ..., of those `seen` only.
     """
     half, inner = turn // 2, slice(turn, -turn)
     bent = time - np.linspace(time[0], time[-1], time.size)
@@ -105,155 +107,101 @@ def _deviation_sums(
     lap = (time[turn:] - time[:-turn])[half:-half]
     change = time[2 * turn :] - 2 * time[inner] + time[: -2 * turn]
     deviation = bent[inner] - 2 * once[half:-half] + _window_mean(once, turn)
-    deviation *= 2 * np.pi / lap
+    deviation *= 2 * np.pi * turn / sums.size / lap
     used = seen[inner] & (np.abs(change) < 0.1 * lap) & (np.abs(deviation) < limit)
-    place, deviation = (first + np.flatnonzero(used)) % turn, deviation[used]
+    place, deviation = (first + np.flatnonzero(used)) % sums.size, deviation[used]
     for power, name in enumerate(("number", "total", "squares")):
-        sums[name] += np.bincount(place, deviation**power, turn)
+        sums[name] += np.bincount(place, deviation**power, sums.size)
 
 
-@dataclass
-class StretchSums:
-    """What a stretch showed of the tone wheel.
-
-    Its number, first and last count and their times, whether it was counted forwards, the sums of
-    its deviations.
-    """
-
-    number: int
-    first: int
-    last: int
-    begin_s: float
-    end_s: float
-    forward: bool
-    sums: Records
+#: a stretch of passages between two losses of the count, and where it lies on the wheel: its first
+#: and last count and their times, whether it was counted forwards; count x `sign` + `offset` half
+#: teeth is the wheel's count, and whether anything `showed` that
+STRETCH = np.dtype(
+    [("first", "i8"), ("last", "i8"), ("begin_s", "f8"), ("end_s", "f8"), ("forward", "?"),
+     ("sign", "i8"), ("offset", "i8"), ("showed", "?")]
+)  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Placing:
-    """Where a stretch lies on the wheel: count x `sign` + `offset` half teeth.
-
-    `told`: the pattern showed it.
-    """
-
-    sign: int
-    offset: int
-    told: bool
-
-
-@dataclass
 class PitchLearner:
-    """Takes passages piece by piece; `stretches` in order of time."""
+    """Takes teeth piece by piece; what each stretch showed of a wheel of `turn` counts a turn."""
 
-    steps: int
-    stretches: list[StretchSums] = field(default_factory=list)
-    sample: tuple[FloatArray, Integers] = field(
-        default_factory=lambda: (np.zeros(0), np.zeros(0, np.int64))
-    )
-    _held: tuple[FloatArray, Integers] = field(
-        default_factory=lambda: (np.zeros(0), np.zeros(0, np.int64))
-    )
-    _begin: tuple[FloatArray, Integers] = field(
-        default_factory=lambda: (np.zeros(0), np.zeros(0, np.int64))
-    )
+    def __init__(self, turn: int) -> None:
+        self.turn = turn
+        self._stretches: list[Records] = []
+        self._sums: list[Records] = []
+        self._held = np.zeros(0, TEETH)
 
-    def add(
-        self, time_s: FloatArray, count: Integers, stretch: Integers, forward: np.ndarray
-    ) -> None:
-        """The next passages, shape (n,) each."""
-        if time_s.size == 0:
-            return
-        ends = np.flatnonzero(np.diff(stretch)) + 1
-        for low, high in zip([0, *ends.tolist()], [*ends.tolist(), time_s.size], strict=True):
-            number = int(stretch[low])
-            if not self.stretches or self.stretches[-1].number != number:
-                sums = np.zeros(2 * self.steps, SUMS)
-                begin = float(time_s[low])
-                self.stretches.append(
-                    StretchSums(
-                        number,
-                        int(count[low]),
-                        int(count[low]),
-                        begin,
-                        begin,
-                        bool(forward[low]),
-                        sums,
-                    )
-                )
-                self._held = self._begin = (np.zeros(0), np.zeros(0, np.int64))
-            self.stretches[-1].last, self.stretches[-1].end_s = (
-                int(count[high - 1]),
-                float(time_s[high - 1]),
-            )
-            if self.stretches[-1].forward:
-                self._learn(time_s[low:high], count[low:high])
+    @property
+    def stretches(self) -> Records:
+        """The stretches in order of time, (k,) of STRETCH, as they were counted."""
+        return np.concatenate([np.zeros(0, STRETCH), *self._stretches])
 
-    def _learn(self, time_s: FloatArray, count: Integers) -> None:
-        """Add passages of the last stretch to its sums; those near its end wait for the next."""
-        turn = 2 * self.steps
-        time, at = (
-            np.concatenate([a, b]) for a, b in zip(self._held, (time_s, count), strict=True)
-        )
-        if self._begin[0].size < KEPT_TURNS * turn:
-            begin, first = (
-                np.concatenate([a, b])[: KEPT_TURNS * turn]
-                for a, b in zip(self._begin, (time_s, count), strict=True)
-            )
-            self._begin = begin, first
-            self.sample = max(self.sample, self._begin, key=lambda kept: kept[0].size)
-        if at[-1] - at[0] >= 4 * turn and at.size >= 3 * turn and bool((np.diff(at) > 0).all()):
+    def add(self, teeth: Records) -> None:
+        """The next teeth, (n,) of TEETH."""
+        for part in np.split(teeth, np.flatnonzero(np.diff(teeth["stretch"])) + 1):
+            if part.size and part["stretch"][0] == len(self._stretches):
+                begin = part[0]
+                row = records(
+                    STRETCH, first=begin["count"], begin_s=begin["time_s"],
+                    forward=begin["forward"], sign=1,
+                )  # fmt: skip
+                self._stretches.append(row)
+                self._sums.append(np.zeros(self.turn, SUMS))
+                self._held = part[:0]
+            if part.size:
+                row = self._stretches[-1]
+                row["last"], row["end_s"] = part["count"][-1], part["time_s"][-1]
+                if row["forward"][0]:
+                    self._learn(part)
+
+    def _learn(self, teeth: Records) -> None:
+        """Add teeth of the last stretch to its sums; those near its end wait for the next."""
+        held = np.concatenate([self._held, teeth])
+        at, time = held["count"], held["time_s"]
+        span, turn = at[-1] - at[0], self.turn * (1 + self.turn % 2)
+        if span >= 4 * turn and at.size >= 0.75 * span and bool((np.diff(at) > 0).all()):
             whole = np.arange(at[0], at[-1] + 1)
             seen, every = np.isin(whole, at), np.interp(whole, at, time)
-            limit, sums = np.pi / self.steps, self.stretches[-1].sums
-            _deviation_sums(every, seen, int(at[0]), turn, limit, sums)
-            late = int(np.searchsorted(at, at[-1] + 1 - 2 * turn))
-            time, at = time[late:], at[late:]
-        self._held = time, at
+            _deviation_sums(every, seen, int(at[0]), turn, 2 * np.pi / self.turn, self._sums[-1])
+            held = held[np.searchsorted(at, at[-1] + 1 - 2 * turn) :]
+        self._held = held
 
-    def placings(self, ways: dict[int, int] | None = None) -> list[Placing]:
-        """Where each stretch lies against the one with the most turns.
+    def placed(self, ways: IntArray) -> Records:
+        """The stretches, each with its place against the one with the most turns.
 
         By their patterns, and after the stretch before it.
 
         After a standstill or a hole the count may have lost teeth, and the wheel may roll the other
         way; the tone wheel's own pattern tells. A stretch that is too short, or whose pattern is
-        too faint, keeps its counts. `ways`: the direction (1 or -1) of stretches of which it is
-        known otherwise.
+        too faint, keeps its counts. `ways` (k,): the direction (1 or -1) of stretches of which it
+        is known otherwise, else 0.
         """
-        ways = ways or {}
-        tables = [_table(stretch.sums) for stretch in self.stretches]
-        best = max(range(len(tables)), key=lambda k: tables[k].turns, default=0)
-        placed: list[Placing] = []
-        turned_back = any(not stretch.forward for stretch in self.stretches)
-        end = -1
-        for stretch, table in zip(self.stretches, tables, strict=True):
-            placing = _placing(tables[best], table) if stretch.forward else Placing(1, 0, True)
-            way = ways.get(stretch.number, 0)
-            if way and way != placing.sign * (
-                1 if stretch.forward else -1
-            ):  # turned, the parity of rising passages changes
-                placing = Placing(-placing.sign, end + 1 + placing.sign * stretch.first, True)
-                placing = replace(placing, offset=placing.offset - (placing.offset + 1) % 2)
-            elif way:
-                placing = replace(placing, told=True)
-            turned_back |= placing.sign < 0
-            first = placing.sign * stretch.first + placing.offset
-            if placed and not turned_back and first <= end:  # the wheel did not roll back
-                turns = -(-(end + 1 - first) // (2 * self.steps))
-                placing = Placing(
-                    placing.sign, placing.offset + turns * 2 * self.steps, placing.told
-                )
-            placed.append(placing)
-            end = placing.sign * stretch.last + placing.offset
-        return placed
+        stretches, tables = self.stretches, [_table(sums) for sums in self._sums]
+        best = max(tables, key=attrgetter("turns"))
+        turned_back, end = not stretches["forward"].all(), -1
+        for number, (row, table, way) in enumerate(zip(stretches, tables, ways, strict=True)):
+            counted = 1 if row["forward"] else -1
+            sign, offset, showed = _placing(best, table) if row["forward"] else (1, 0, True)
+            if way == -sign * counted:  # turned, the parity of rising passages changes
+                sign = -sign
+                offset = end + 1 - sign * int(row["first"])
+                offset -= (offset + 1) % 2
+            turned_back |= sign < 0
+            first = sign * int(row["first"]) + offset
+            if number and not turned_back and first <= end:  # the wheel did not roll back
+                offset += -(-(end + 1 - first) // self.turn) * self.turn
+            row["sign"], row["offset"], row["showed"] = sign, offset, showed or way != 0
+            end = sign * int(row["last"]) + offset
+        return stretches
 
-    def table(self, placings: list[Placing]) -> PitchTable:
-        """The table of all stretches that roll forward, laid on one another."""
-        total = np.zeros(2 * self.steps, SUMS)
-        for stretch, placing in zip(self.stretches, placings, strict=True):
-            if placing.sign > 0 and stretch.forward:
+    def table(self, stretches: Records) -> PitchTable:
+        """The table of all `stretches` that roll forward, laid on one another."""
+        total = np.zeros(self.turn, SUMS)
+        for sums, row in zip(self._sums, stretches, strict=True):
+            if row["sign"] > 0 and row["forward"]:
                 for name in SUMS.names or ():
-                    total[name] += np.roll(stretch.sums[name], placing.offset)
+                    total[name] += np.roll(sums[name], row["offset"])
         return _table(total)
 
 
@@ -262,7 +210,7 @@ def _table(sums: Records) -> PitchTable:
     number, total, squares = (sums[name].copy() for name in ("number", "total", "squares"))
     turns, size, square = float(np.median(number)), number.size, float(squares.sum())
     if turns < LEAST_TURNS:
-        return PitchTable.zero(size // 2)
+        return PitchTable.zero(size)
     mean = total / np.maximum(number, 1.0)
     explained = float(number @ mean**2)
     left = max(square - explained, 0.0) / max(number.sum() - size, 1.0)
@@ -271,11 +219,14 @@ def _table(sums: Records) -> PitchTable:
     return PitchTable(error, float(np.sqrt(left / turns)), int(turns), float(np.sqrt(left)), share)
 
 
-def _placing(reference: PitchTable, table: PitchTable) -> Placing:
-    """How a stretch whose passages were counted forwards lies against the reference."""
-    if not (table.turns and table.repeats > CLEAR and reference.repeats > CLEAR):
-        return Placing(1, 0, False)
-    size = table.error_rad.size
+def _placing(reference: PitchTable, table: PitchTable) -> tuple[int, int, bool]:
+    """(sign, offset, whether the pattern showed it) of a stretch against the reference.
+
+    Its passages were counted forwards.
+    """
+    size, clear = table.error_rad.size, min(table.repeats, reference.repeats) > CLEAR
+    if size % 2 or not (table.turns and clear):  # odd: a counter's, which has one stretch
+        return 1, 0, False
     # a passage that is late at count c, seen backwards, is early at count -1 - c: the parity of
     # rising passages changes
     forth, back = (
@@ -286,12 +237,12 @@ def _placing(reference: PitchTable, table: PitchTable) -> Placing:
     place = int(np.argmax(best))
     other = float(np.max(np.delete(best, place), initial=0.0))
     if best[place] < BETTER_PLACE * other:
-        return Placing(1, 0, False)
-    told = best[place] > BETTER_PLACE * max(min(forth.max(), back.max()), 0.0)
-    if best is forth or not told:
-        place = int(np.argmax(forth))
-        return Placing(1, 2 * place - (size if 2 * place > size // 2 else 0), told)
-    return Placing(-1, -1 - 2 * place, True)
+        return 1, 0, False
+    showed = best[place] > BETTER_PLACE * max(min(forth.max(), back.max()), 0.0)
+    if best is back and showed:
+        return -1, -1 - 2 * place, True
+    place = int(np.argmax(forth))
+    return 1, 2 * place - (size if 2 * place > size // 2 else 0), bool(showed)
 
 
 def _match(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -308,9 +259,11 @@ def _match(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def steps_that_repeat(
-    sample: tuple[FloatArray, Integers], steps: int, grid_s: float = 0.0, most: int = 256
+    teeth: Records, steps: int, turn: int, grid_s: float = 0.0, most: int = 256
 ) -> tuple[int, float, float]:
     """(steps per turn that repeat best, their share of the variance, that of `steps`).
+
+    Of the longest run of `teeth` (n,) of TEETH without a loss, if `turn` are those of `steps`.
 
     The deviations repeat best with them; the shares of their variance are what is explained beyond
     chance. The passages are smoothed over a few teeth only, so that the turn of the setup is not
@@ -320,29 +273,164 @@ def steps_that_repeat(
     At a constant speed errors of edges between samples, of standard deviation `grid_s` [s], repeat
     with any number of steps. The best one's share is what they cannot have made.
     """
-    time_s, count = sample
-    if count.size < 64 or count[-1] - count[0] != count.size - 1:
+    starts, stops = runs(np.diff(teeth["count"]) == 1)
+    longest = int(np.argmax(stops - starts)) if starts.size else 0
+    time_s = teeth["time_s"][starts[longest] : stops[longest] + 1] if starts.size else np.zeros(0)
+    if time_s.size < 64:
         return steps, 0.0, 0.0
     pace = np.gradient(time_s)
     deviation = ((time_s - sliding_mean(time_s, 9)) / pace)[16:-16]
-    grid = float(np.sum((grid_s / pace[16:-16]) ** 2))
-    deviation = deviation - np.mean(deviation)
-    squares = float(deviation @ deviation)
+    deviation -= np.mean(deviation)
+    squares = max(float(deviation @ deviation), np.finfo(float).tiny)
     shares = np.zeros(most + 1)
-    for candidate in range(4, most + 1):
-        size = 2 * candidate
-        if deviation.size < 4 * size:
-            break
+    for candidate in range(4, min(most, deviation.size // 8) + 1):
+        size = candidate * turn // steps
         at = np.mod(np.arange(deviation.size), size)
-        explained = float(
-            np.sum(np.bincount(at, deviation, size) ** 2 / np.bincount(at, minlength=size))
-        )
-        shares[candidate] = (explained - squares * size / deviation.size) / max(
-            squares, np.finfo(float).tiny
-        )
+        explained = np.bincount(at, deviation, size) ** 2 / np.bincount(at, minlength=size)
+        shares[candidate] = float(np.sum(explained)) / squares - size / deviation.size
     best = int(np.argmax(shares > shares.max() - 0.03))
-    share = shares[best] - grid / max(squares, np.finfo(float).tiny)
+    share = shares[best] - float(np.sum((grid_s / pace[16:-16]) ** 2)) / squares
     return best, float(share), float(shares[steps]) if steps <= most else 0.0
+
+
+# ---- The wheel angle as a smooth function of time.
+#
+#     knots (n,) with angle and rate
+#         --Hermite--> angle at any time, time at any angle, mean rate over a window
+#
+# Angles grow in the direction of rolling. Between knots the angle is the cubic that has both knots'
+# angles and rates, so it is continuous with its rate.
+
+
+@compiled
+def _hermite(
+    at: FloatArray, time: FloatArray, count: Any, rate: Any, unit: float, result: FloatArray
+) -> None:
+    """Fills `result` (n,) with the cubics' angles [rad] at the times `at` (n,) [s].
+
+    These are in any order; NaN outside of the knots. Ascending times are quickest. Knots (k,):
+    `time` [s], ascending, `count` times `unit` [rad], `rate` [rad/s].
+    """
+    n, k = time.size, 0
+    low = high = np.nan
+    start = first = second = third = angle = 0.0
+    for i in range(at.size):
+        t = at[i]
+        if not low <= t < high:
+            if not time[0] <= t <= time[n - 1]:
+                result[i] = np.nan
+                continue
+            if k + 2 < n and time[k + 1] <= t < time[k + 2]:
+                k += 1
+            else:
+                k = min(np.searchsorted(time, t, side="right") - 1, n - 2)
+            low, high = time[k], time[k + 1]
+            start, angle, first, last = (
+                low,
+                count[k] * unit,
+                np.float64(rate[k]),
+                np.float64(rate[k + 1]),
+            )
+            h = high - low if high > low else 1.0
+            mean = (count[k + 1] - count[k]) * unit / h
+            second, third = (3 * mean - 2 * first - last) / h, (first + last - 2 * mean) / h**2
+        s = t - start
+        result[i] = angle + s * (first + s * (second + s * third))
+
+
+@dataclass(frozen=True)
+class AngleFunction:
+    """Knots of the wheel angle, shape (n,).
+
+    `time_s` ascending, `count` in units of `unit_rad`, `rate_rad_s`, `stretch` the run without a
+    loss of the count; `noise_rad` standard deviation of an angle read from it. The types are small:
+    an hour has millions of knots.
+
+    The edges of pulses and counts lie between two samples, so such errors grow with the speed and
+    are alike from tooth to tooth: `grid_rad` has their standard deviation at each knot, `noise_rad`
+    is their median. It is empty for other sensors.
+    """
+
+    time_s: FloatArray
+    count: NDArray[np.int32] | FloatArray
+    unit_rad: float
+    rate_rad_s: NDArray[np.float32]
+    stretch: NDArray[np.int32]
+    noise_rad: float
+    grid_rad: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+
+    def _knot_at(self, time_s: FloatArray) -> IntArray:
+        """The knot before each time, or the first one; NaN counts as the end."""
+        at = np.searchsorted(self.time_s, time_s, side="right") - 1
+        return np.clip(at, 0, self.time_s.size - 1)
+
+    def noise_at(self, time_s: FloatArray) -> FloatArray:
+        """Standard deviation [rad] of the angles at times, of which NaN counts as the end."""
+        if not self.grid_rad.size:
+            return np.full(time_s.shape, self.noise_rad)
+        return self.grid_rad[self._knot_at(time_s)].astype(np.float64)
+
+    def shared_noise_at(self, time_s: FloatArray) -> FloatArray:
+        """The part of `noise_at` [rad] that angles a patch apart have in common, at times."""
+        return self.noise_at(time_s) if self.grid_rad.size else np.zeros(time_s.shape)
+
+    def stretch_at(self, time_s: FloatArray) -> IntArray:
+        """Number of the stretch at times, of which NaN counts as the end."""
+        return self.stretch[self._knot_at(time_s)].astype(np.int64)
+
+    @cached_property
+    def _climbing(self) -> NDArray[np.int32] | FloatArray:
+        """The counts, none below one before it.
+
+        A wheel that has rolled back has its angles again later.
+        """
+        return np.maximum.accumulate(self.count)
+
+    def coarse(self, time_s: FloatArray) -> FloatArray:
+        """Angle [rad] at ascending times, straight between the knots; NaN outside of them."""
+        first, last = np.searchsorted(self.time_s, time_s[[0, -1]])
+        near = slice(max(first - 1, 0), last + 1)
+        angle = self.count[near] * self.unit_rad
+        return np.interp(time_s, self.time_s[near], angle, left=np.nan, right=np.nan)
+
+    def at(self, time_s: FloatArray) -> FloatArray:
+        """Angle [rad] at the times, NaN outside of the knots, shape as given."""
+        result = np.empty(time_s.shape)
+        if result.size and self.time_s.size > 1:
+            _hermite(
+                finite(time_s).ravel(),
+                self.time_s,
+                self.count,
+                self.rate_rad_s,
+                self.unit_rad,
+                result.reshape(-1),
+            )
+        elif result.size:
+            result.fill(np.nan)
+        return result
+
+    def time_at(self, angle_rad: FloatArray) -> FloatArray:
+        """Time [s] at which a forward-rolling wheel has the angles; NaN outside of the knots."""
+        climbing, wanted = self._climbing, angle_rad / self.unit_rad
+        # counts up to a whole number are those up to what is wanted; a search for floats would copy
+        # millions of counts
+        last = (
+            np.floor(np.nan_to_num(np.clip(wanted, -2e9, 2e9))).astype(np.int32)
+            if climbing.dtype == np.int32
+            else wanted
+        )
+        k = np.clip(np.searchsorted(climbing, last, side="right") - 1, 0, climbing.size - 2)
+        start, rise = climbing[k], (climbing[k + 1] - climbing[k]).astype(np.float64)
+        u = np.where(rise > 0, (wanted - start) / np.where(rise > 0, rise, 1.0), 0.0)
+        h = self.time_s[k + 1] - self.time_s[k]
+        inside = (u > -1e-9) & (u < 1 + 1e-9)
+        near = np.where(inside, self.time_s[k] + np.clip(u, 0.0, 1.0) * h, self.time_s[0])
+        rate = np.where(rise > 0, rise * self.unit_rad / np.where(h > 0, h, 1.0), np.inf)
+        for _ in range(2):
+            near = np.clip(
+                near - (self.at(near) - angle_rad) / rate, self.time_s[k], self.time_s[k + 1]
+            )
+        return np.where(inside, near, np.nan)
 
 
 #: knots lie at least so far apart while the motion is even: a cubic follows a wheel that shakes at
@@ -383,6 +471,15 @@ VALUE, SLOPE = _cubic_weights()
 PIECE = 1 << 14
 
 
+#: knots of the wheel angle: time, count, rate [rad/s], stretch and direction as of `TEETH`, the
+#: `reach` of the cubic that was laid through it, 0 for none, and how much its passage was behind
+#: the cubic, NaN without one
+KNOT = np.dtype(
+    [("time_s", "f8"), ("count", "i4"), ("rate_rad_s", "f4"), ("stretch", "i4"), ("late_s", "f4"),
+     ("forward", "?"), ("reach", "i1")]
+)  # fmt: skip
+
+
 @compiled
 def _even_runs(time: FloatArray, count: Integers, stretch: Integers) -> Integers:
     """How many passages before each one, in a row, are even with it.
@@ -394,9 +491,8 @@ def _even_runs(time: FloatArray, count: Integers, stretch: Integers) -> Integers
         if stretch[i] != stretch[i - 1] or abs(count[i] - count[i - 1]) != 1:
             continue
         run[i] = run[i - 1] + 1
-        if (
-            i >= 3 and run[i] >= 3
-        ):  # from rising to rising passage: their offset from the falling ones is no unevenness
+        if run[i] >= 3:
+            # from rising to rising passage: their offset from the falling ones is no unevenness
             now, last = time[i] - time[i - 2], time[i - 1] - time[i - 3]
             if (
                 not (now < EVEN * last and last < EVEN * now)
@@ -408,33 +504,19 @@ def _even_runs(time: FloatArray, count: Integers, stretch: Integers) -> Integers
 
 @compiled
 def _local_cubics(
-    time: FloatArray,
-    count: Integers,
-    stretch: Integers,
-    unit: float,
-    first: int,
-    stop: int,
-    last: float,
-    sums: Records,
-) -> tuple[IntArray, FloatArray, FloatArray, NDArray[np.int8], FloatArray]:
-    """Which passages become knots (k,); their times, rates [rad/s], reaches, and lateness [s].
+    teeth: Records, unit: float, first: int, stop: int, last: float, knots: Records, sums: Records
+) -> int:
+    """Fills `knots` of KNOT and gives their number: those of the `teeth` [first, stop).
 
-    Of the passages [first, stop) those KNOT_STEP_S after the one before them, which is at `last`
-    [s], and all beside uneven ones. Late is the passage behind its cubic. Reach 0: no cubic could
-    be laid, the rate is the neighbours', and the lateness NaN.
+    They are those KNOT_STEP_S after the one before them, which is at `last` [s], and all beside
+    uneven ones. Late is the passage behind its cubic. Where no cubic can be laid the rate is the
+    neighbours'.
 
-    `time` (n,) [s], `count` and `stretch` (n,); `unit` per count [rad]. Added to: what the cubics
-    of each reach left of the passages, `sums` (MOST_REACH + 1, classes) of SUMS, by the count
-    modulo the classes.
+    `teeth` (n,) of TEETH; `unit` per count [rad]. Added to: what the cubics of each reach left of
+    the passages, `sums` (MOST_REACH + 1, classes) of SUMS, by the count modulo the classes.
     """
+    time, count, stretch = teeth["time_s"], teeth["count"], teeth["stretch"]
     n, run, classes = time.size, _even_runs(time, count, stretch), sums.shape[1]
-    knot, smooth, rate, reaches, late = (
-        np.empty(stop - first, np.int64),
-        np.empty(n),
-        np.empty(n),
-        np.zeros(n, np.int8),
-        np.empty(n),
-    )
     k = 0
     for i in range(first, stop):
         high = i + LEAST_REACH
@@ -446,128 +528,69 @@ def _local_cubics(
         )
         if time[i] - last < KNOT_STEP_S and not beside:
             continue
-        knot[k] = i
-        reach = 0
+        knot = knots[k]
+        knot["count"], knot["stretch"], knot["forward"] = count[i], stretch[i], teeth[i]["forward"]
+        knot["time_s"], knot["late_s"] = time[i], np.nan
         if even:
             pace = (time[high] - time[i - LEAST_REACH]) / (2 * LEAST_REACH)
             reach = min(max(int(0.5 * SPAN_S / pace), LEAST_REACH), MOST_REACH)
             while reach > LEAST_REACH and (i + reach >= n or run[i + reach] < 2 * reach):
                 reach -= 1
-            here, at, steepness = time[i], 0.0, 0.0
+            at, steepness = 0.0, 0.0
             for j in range(-reach, reach + 1):
-                at += VALUE[reach, MOST_REACH + j] * (time[i + j] - here)
-                steepness += SLOPE[reach, MOST_REACH + j] * (time[i + j] - here)
-            begin, end = (
-                time[i - reach + 2] - time[i - reach],
-                time[i + reach] - time[i + reach - 2],
-            )
+                at += VALUE[reach, MOST_REACH + j] * (time[i + j] - time[i])
+                steepness += SLOPE[reach, MOST_REACH + j] * (time[i + j] - time[i])
+            begin = time[i - reach + 2] - time[i - reach]
+            end = time[i + reach] - time[i + reach - 2]
             if steepness > 0 and begin < EVEN * end and end < EVEN * begin:
-                smooth[k], reaches[k], late[k] = here + at, reach, -at
-                rate[k] = (count[i + 1] - count[i]) * unit / steepness
-                residual = -at * rate[k]
-                if abs(residual) < 0.2 * unit:
-                    place = count[i] % classes
-                    left = sums[reach, place]
+                rate = (count[i + 1] - count[i]) * unit / steepness
+                knot["time_s"], knot["late_s"], knot["reach"] = time[i] + at, -at, reach
+                knot["rate_rad_s"] = rate
+                if abs(at * rate) < 0.2 * unit:
+                    left = sums[reach, count[i] % classes]
                     left["number"] += 1
-                    left["total"] += residual
-                    left["squares"] += residual * residual
-        if reaches[k] == 0:
+                    left["total"] -= at * rate
+                    left["squares"] += (at * rate) ** 2
+        if knot["reach"] == 0:
             before = i - 1 if i > 0 and stretch[i - 1] == stretch[i] else i
             after = i + 1 if i + 1 < n and stretch[i + 1] == stretch[i] else i
-            span = time[after] - time[before]
-            smooth[k], rate[k], late[k] = (
-                time[i],
-                (count[after] - count[before]) * unit / span if span > 0 else 0.0,
-                np.nan,
-            )
-        last = smooth[k]
+            if time[after] > time[before]:
+                span = time[after] - time[before]
+                knot["rate_rad_s"] = (count[after] - count[before]) * unit / span
+        last = knot["time_s"]
         k += 1
-    return (
-        knot[:k],
-        smooth[:k].copy(),
-        rate[:k],
-        reaches[:k].copy(),
-        late[:k],
-    )  # views would keep the whole arrays alive
-
-
-@dataclass(frozen=True)
-class Knots:
-    """Knots of a piece or of a log, arrays of shape (n,).
-
-    What `TEETH` says of them, `rate_rad_s`, the `reach` of the cubic that was laid through it, 0
-    for none, and how much `late_s` its passage was behind the cubic, empty if it does not matter.
-    """
-
-    time_s: FloatArray
-    count: NDArray[np.int32]
-    rate_rad_s: NDArray[np.float32]
-    stretch: NDArray[np.int32]
-    forward: BoolArray
-    reach: NDArray[np.int8]
-    late_s: NDArray[np.float32]
+    return k
 
 
 class KnotBuilder:
-    """Takes passages piece by piece, and gives their knots.
+    """Takes teeth piece by piece, and gives the knots of a wheel of `turn` counts a turn."""
 
-    `unit_rad` per count and `classes` counts per turn (1 if the counts have no pitch errors);
-    `edges` if the passages are edges between two samples.
-    """
-
-    def __init__(self, unit_rad: float, classes: int, edges: bool = False) -> None:
-        self.unit_rad, self.classes, self.edges = unit_rad, classes, edges
-        self._parts: list[Knots] = []
-        self._held: tuple[Any, ...] | None = None
-        self._first = 0  # of the held passages, the first that is not a knot yet
+    def __init__(self, turn: int) -> None:
+        self.turn = turn
+        self._parts = [np.zeros(0, KNOT)]
+        self._held, self._first = np.zeros(0, TEETH), 0  # the first of them that is no knot yet
         self._last = -np.inf
         self._variance, self._freedom = 0.0, 0.0
-        self._kept = np.zeros(MOST_REACH + 1)
+        self._laid = np.zeros(MOST_REACH + 1)  # cubics of each reach
 
-    def add(
-        self, time_s: FloatArray, count: Integers, stretch: Integers, forward: np.ndarray
-    ) -> None:
-        """The next passages, shape (n,) each."""
-        for start in range(0, time_s.size, PIECE):
-            piece = slice(start, start + PIECE)
-            self._add(
-                (
-                    time_s[piece],
-                    count[piece].astype(np.int64),
-                    stretch[piece].astype(np.int64),
-                    forward[piece],
-                ),
-                last=False,
-            )
+    def add(self, teeth: Records) -> None:
+        """The next teeth, (n,) of TEETH."""
+        for start in range(0, teeth.size, PIECE):
+            self._add(teeth[start : start + PIECE], MOST_REACH + 4)
 
-    def _add(self, new: tuple[Any, ...], last: bool) -> None:
-        margin = MOST_REACH + 4
-        parts: tuple[Any, ...] = (
-            new
-            if self._held is None
-            else tuple(np.concatenate([a, b]) for a, b in zip(self._held, new, strict=True))
-        )
-        time, count, stretch, forward = parts
-        first, stop = self._first, time.size if last else time.size - margin
-        if stop <= first:
-            self._held = parts
-            return
-        sums = np.zeros((MOST_REACH + 1, self.classes), SUMS)
-        at, smooth, rate, reach, late = _local_cubics(
-            time, count, stretch, self.unit_rad, first, stop, self._last, sums
-        )
+    def _add(self, new: Records, margin: int) -> None:
+        """Knots of what is held and `new`, but for the last `margin`."""
+        teeth = np.concatenate([self._held, new])
+        stop = max(teeth.size - margin, self._first)
+        unit_rad, knots = 2 * np.pi / self.turn, np.zeros(stop - self._first, KNOT)
+        sums = np.zeros((MOST_REACH + 1, self.turn), SUMS)
+        number = _local_cubics(teeth, unit_rad, self._first, stop, self._last, knots, sums)
         self._note_scatter(sums)
-        if at.size:
-            self._last = float(smooth[-1])
-            small = (
-                count[at].astype(np.int32),
-                rate.astype(np.float32),
-                stretch[at].astype(np.int32),
-            )
-            kept = late.astype(np.float32) if self.edges else np.zeros(0, np.float32)
-            self._parts.append(Knots(smooth, *small, forward[at], reach, kept))
+        if number:
+            self._last = float(knots["time_s"][number - 1])
+            self._parts.append(knots[:number].copy())  # a view would keep the whole array alive
         begin = max(stop - margin, 0)
-        self._held, self._first = tuple(p[begin:] for p in parts), stop - begin
+        self._held, self._first = teeth[begin:], stop - begin
 
     def _note_scatter(self, sums: Records) -> None:
         """Notes what the cubics of each reach left.
@@ -575,19 +598,15 @@ class KnotBuilder:
         Each class of counts about its own mean: a cubic that keeps w of a passage leaves 1 - w.
         """
         number, total, squares = (sums[name].copy() for name in ("number", "total", "squares"))
-        kept = VALUE[:, MOST_REACH]
         left = (squares - total**2 / np.maximum(number, 1.0)).sum(axis=1)[LEAST_REACH:]
-        freedom = (number.sum(axis=1) - (number > 0).sum(axis=1))[LEAST_REACH:]
-        self._variance += float(np.sum(left / (1 - kept[LEAST_REACH:])))
-        self._freedom += float(freedom.sum())
-        self._kept += number.sum(axis=1) * kept
+        self._variance += float(np.sum(left / (1 - VALUE[LEAST_REACH:, MOST_REACH])))
+        self._freedom += float((number - (number > 0))[LEAST_REACH:].sum())
+        self._laid += number.sum(axis=1)
 
-    def knots(self) -> Knots:
-        """All knots; nothing can be added after."""
-        if self._held is not None:
-            self._add(tuple(p[:0] for p in self._held), last=True)
-        fields = zip(*(vars(part).values() for part in self._parts), strict=True)
-        return Knots(*(np.concatenate(pieces) for pieces in fields))
+    def knots(self) -> Records:
+        """All knots, (n,) of KNOT; nothing can be added after."""
+        self._add(self._held[:0], 0)
+        return np.concatenate(self._parts)
 
     def noise_rad(self, otherwise: float) -> float:
         """Standard deviation of a knot: from what the cubics leave.
@@ -596,59 +615,49 @@ class KnotBuilder:
         """
         if self._freedom < 100:
             return otherwise
-        number = float(
-            self._kept.sum() / max(float((self._kept / VALUE[:, MOST_REACH]).sum()), 1.0)
-        )
-        return float(np.sqrt(self._variance / self._freedom * number))
+        kept = float(np.average(VALUE[:, MOST_REACH], weights=self._laid))
+        return float(np.sqrt(self._variance / self._freedom * kept))
 
 
 def angle_function(
-    knots: Knots,
+    knots: Records,
     error_rad: FloatArray,
-    sign: Integers,
-    offset: Integers,
-    unit_rad: float,
+    stretches: Records,
     noise_rad: float,
-    sample_s: float = 0.0,
+    edge_s: float = 0.0,
 ) -> AngleFunction:
-    """The wheel angle through `knots`, whose arrays it keeps and changes.
+    """The wheel angle through `knots` (n,) of KNOT, which it changes.
 
-    `error_rad` the pitch error of each count modulo its size; `sign`, `offset` of shape
-    (stretches,): what makes the counts of a stretch those of the wheel; `noise_rad` standard
-    deviation of a knot; `sample_s` the time between two samples, for knots of edges.
+    `error_rad` (turn,) the pitch error of each count of a turn; `stretches` of STRETCH: what makes
+    their counts those of the wheel; `noise_rad` standard deviation of a knot; `edge_s` that of the
+    time of an edge between two samples, 0 if passages are no edges.
     """
     value, slope = (
         np.stack([_around(error_rad, row) for row in weights]) for weights in (VALUE, SLOPE)
     )
-    time, latest = knots.time_s, -np.inf
-    for start in range(0, time.size, PIECE):
-        piece = slice(start, start + PIECE)
-        count, rate, stretch, reach = (
-            knots.count[piece],
-            knots.rate_rad_s[piece],
-            knots.stretch[piece],
-            knots.reach[piece],
-        )
-        count[:] = sign[stretch] * count + offset[stretch]
-        rate *= sign[stretch]
-        place = np.mod(count, error_rad.size)
-        pace = np.where(rate == 0, np.inf, rate)
+    unit_rad, latest = 2 * np.pi / error_rad.size, -np.inf
+    for start in range(0, knots.size, PIECE):
+        piece = knots[start : start + PIECE]
+        stretch, reach = stretches[piece["stretch"]], piece["reach"]
+        piece["count"] = stretch["sign"] * piece["count"] + stretch["offset"]
+        piece["rate_rad_s"] *= stretch["sign"]
+        place = np.mod(piece["count"], error_rad.size)
+        pace = np.where(piece["rate_rad_s"] == 0, np.inf, piece["rate_rad_s"])
         late = value[reach, place] / pace
-        if knots.late_s.size:
-            knots.late_s[piece] -= (error_rad[place] - value[reach, place]) / pace
-        rate /= 1 - slope[reach, place] / unit_rad
-        time[piece] = np.maximum.accumulate(np.maximum(time[piece] - late, latest))
-        latest = float(time[piece][-1])
-    grid = np.zeros(0, np.float32)
-    if knots.late_s.size:
-        grid = np.abs(knots.rate_rad_s) * _grid_s(knots, sample_s).astype(np.float32)
+        piece["late_s"] -= error_rad[place] / pace - late
+        piece["rate_rad_s"] /= 1 - slope[reach, place] / unit_rad
+        time = np.maximum.accumulate(np.maximum(piece["time_s"] - late, latest))
+        piece["time_s"], latest = time, float(time[-1])
+    rate, grid = knots["rate_rad_s"].copy(), np.zeros(0, np.float32)
+    if edge_s:
+        grid = np.abs(rate) * _grid_s(knots, edge_s).astype(np.float32)
         noise_rad = float(np.median(grid))
-    return AngleFunction(
-        time, knots.count, unit_rad, knots.rate_rad_s, knots.stretch, noise_rad, grid
-    )
+    columns = (knots[name].copy() for name in ("time_s", "count", "stretch"))
+    time, count, stretch = columns
+    return AngleFunction(time, count, unit_rad, rate, stretch, noise_rad, grid)
 
 
-def _grid_s(knots: Knots, sample_s: float) -> FloatArray:
+def _grid_s(knots: Records, edge_s: float) -> FloatArray:
     """Standard deviation [s] of the times of knots of edges, shape (n,).
 
     An edge is uniform between two samples: its variance is known. A cubic that keeps w of its
@@ -656,15 +665,14 @@ def _grid_s(knots: Knots, sample_s: float) -> FloatArray:
     knot has the rest. Whatever is left, the knot has w / (1 - w) of it at least: chance of any
     other kind is independent from edge to edge.
     """
-    laid = knots.reach > 0
+    laid = knots["reach"] > 0
     share = np.maximum(sliding_mean(laid.astype(np.float64), GRID_KNOTS), 0.5 / GRID_KNOTS)
     left, kept = (
         sliding_mean(np.where(laid, values, 0.0), GRID_KNOTS) / share
-        for values in (knots.late_s.astype(np.float64) ** 2, VALUE[knots.reach, MOST_REACH])
+        for values in (knots["late_s"].astype(np.float64) ** 2, VALUE[knots["reach"], MOST_REACH])
     )
-    alone = sample_s**2 / 12
-    variance = np.maximum(alone - left, kept / (1 - kept) * left)
-    return np.sqrt(np.where(laid, variance, alone))
+    variance = np.maximum(edge_s**2 - left, kept / (1 - kept) * left)
+    return np.sqrt(np.where(laid, variance, edge_s**2))
 
 
 def _around(error_rad: FloatArray, weights: FloatArray) -> FloatArray:

@@ -1,12 +1,11 @@
-"""From tooth passages to counted teeth.
+"""From an encoder's samples to counted teeth, pieces (n,) of one table, TEETH.
 
-What is missing, what is too many, where the count was lost.
-
-    pieces of indices (n,)
-        --intervals that no smooth motion explains are joined-->
-        indices, half teeth of each interval
-        --standstills, holes, turning points--> pieces of TEETH: counts (n,) in half teeth,
-                                                stretches between losses of the count
+    samples --probe--> its form: sine, square, counter or dead
+    sine, square --crossings--> places of the passages, rising and falling in turn
+        --intervals that no smooth motion explains are joined--> half teeth of each interval
+        --standstills, holes, turning points--> counts in half teeth, stretches between losses of
+                                                the count
+    counter --its changes, unwrapped--> times and counts
 
 A passage through the middle level is half a tooth; a rising one has an even count. Rising and
 falling passages take turns, so an interval between neighbours is an odd number of half teeth. A
@@ -19,25 +18,148 @@ where they are cut.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.dsp.encoder import (
-    AROUND,
-    CHUNK,
-    changes,
-    extremes,
-    finite,
-    places,
-    sliding_maximum,
-    without_spikes,
-)
+from tirelog.data.recording import Channel
 from tirelog.dsp.filters import runs, sliding_mean, sliding_median
-from tirelog.vocabulary.arrays import FloatArray, IntArray, Records, records
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
+
+#: whole numbers of whatever size
+Integers = NDArray[np.integer[Any]]
+
+# ---- The tooth finder: what is done once per sample, and once per tooth.
+#
+#     samples (size,)
+#         --extremes of chunks, sliding--> upper, lower (chunks,): the sides of the hysteresis
+#         --hysteresis--> changes of side
+#         --sums over windows--> sub-sample places (n,)
+#
+# Samples are finite.  Thresholds hold for a chunk of CHUNK samples.
+
+#: samples whose extremes are taken together
+CHUNK = 64
+#: half width of the window, in half periods (the least variance of a sum's zero is at tan m = 2 m,
+#: m = 1.17 rad)
+WINDOW = 0.35
+#: periods on each side whose mean is the middle level; twice as many follow a level that drifts
+#: half as quickly
+AROUND = 2
+
+
+def without_spikes(high: FloatArray) -> FloatArray:
+    """Maxima of chunks without those of glitches.
+
+    None is above all of the chunks two and three places away: a glitch lies in one chunk or two,
+    not so a tooth.
+    """
+    around = np.pad(high, 3, mode="edge")
+    far = np.max([around[:-6], around[1:-5], around[5:-1], around[6:]], axis=0)
+    return np.asarray(np.minimum(high, far), np.float64)
+
+
+def sliding_maximum(values: FloatArray, reach: int) -> FloatArray:
+    """Largest value within `reach` places on both sides, shape as given."""
+    largest, size = np.pad(values, reach, constant_values=-np.inf), 1
+    while size <= reach:  # the windows double as long as two of them make a larger one
+        largest, size = np.maximum(largest[:-size], largest[size:]), 2 * size
+    rest = 2 * reach + 1 - size
+    return np.maximum(largest[: largest.size - rest], largest[rest:])
+
+
+def changes(
+    x: FloatArray, upper: FloatArray, lower: FloatArray, at: int, last: int
+) -> tuple[IntArray, IntArray, BoolArray]:
+    """Every change of side of the samples: last on the old side, first on the new one, rising.
+
+    Shape (n,) each. A sample is on a side if it is above its chunk's `upper` or below its `lower`.
+    `last` is the side before the first sample (1 or -1, 0 if it is not known), `at` (negative)
+    when it was taken.
+    """
+    high, low = (np.repeat(level, CHUNK)[: x.size] for level in (upper, lower))
+    side = (x > high).astype(np.int8) - (x < low)
+    sure = np.flatnonzero(side)
+    place, side = np.append(at, sure), np.append(last, side[sure])
+    turned = np.flatnonzero(side[1:] * side[:-1] < 0)
+    return place[turned], place[turned + 1], side[turned + 1] > 0
+
+
+def places(
+    x: FloatArray, before: IntArray, after: IntArray, slow: float, square: bool
+) -> FloatArray:
+    """Fractional index in `x` of each change of side, shape (n,).
+
+    The change lies between the samples `before` and `after`. Half a sample ahead of `after` if the
+    change took `slow` samples or longer; half way if the signal is square or there are too few
+    changes; else the zero of the sine whose samples around it have the same sum, and the same
+    difference between the k samples after the middle one and the k before it. For A sin(omega (i -
+    t)) the sum over its factor is A sin, the difference over its factor A cos of omega (centre -
+    t); the quotient of the factors is 2 / (cot(k omega / 2) + cot((k + 1) omega / 2)).
+    """
+    quick = (before >= 0) & (after - before < slow)
+    coarse = np.where(quick, 0.5 * (before + after), after - 0.5)
+    if square or coarse.size <= 2 * AROUND:
+        return coarse
+    total = np.concatenate([[0.0], np.cumsum(x)])
+    level = _middles(x, total, coarse, before, after, slow)
+    low, high = x[np.maximum(before, 0)], x[after]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.clip((level - low) / (high - low), 0.0, 1.0)
+    place = np.where(quick & (high != low), before + share * (after - before), coarse)
+    step = np.diff(place)
+    sides = np.stack([np.append(step[0], step), np.append(step, step[-1])])
+    least, most = sides.min(axis=0), sides.max(axis=0)
+    half = np.where(most <= 1.8 * least, 0.5 * (least + most), least)
+    centre = (place + 0.5).astype(np.int64)
+    reach = np.maximum((WINDOW * half).astype(np.int64), 1)
+    inside = (centre >= reach) & (centre < x.size - reach)
+    row = np.flatnonzero(quick & (half > 2.0) & (half < slow) & inside)
+    centre, k, omega = centre[row], reach[row], np.pi / half[row]
+    earlier, later = total[centre] - total[centre - k], total[centre + k + 1] - total[centre + 1]
+    area = earlier + later + x[centre] - (2 * k + 1) * level[row]
+    near, far = np.tan(0.5 * k * omega), np.tan(0.5 * (k + 1) * omega)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        tangent = area / (later - earlier) * (2 * near * far / (near + far))
+    shift = np.arctan(tangent) / omega
+    place[row] = np.where(np.abs(shift) < 0.5 * np.pi / omega, centre - shift, place[row])
+    return place
+
+
+def _middles(
+    x: FloatArray,
+    total: FloatArray,
+    coarse: FloatArray,
+    before: IntArray,
+    after: IntArray,
+    slow: float,
+) -> FloatArray:
+    """Middle level at each crossing (n,), in the unit of `x` (size,).
+
+    `total` (size + 1,) sums of the first samples. The mean over the whole periods within AROUND on
+    both sides, from crossing to crossing; half way between the samples `before` and `after` if they
+    are slow.
+    """
+    place = coarse + 0.5
+    whole = np.clip(place.astype(np.int64), 0, x.size - 1)
+    below = total[whole] + (place - whole) * x[whole]
+    number = np.arange(coarse.size)
+    first = np.maximum(number - 2 * AROUND, 0)
+    last = np.minimum(number + 2 * AROUND, coarse.size - 1)
+    last -= (last - first) % 2
+    span = coarse[last] - coarse[first]
+    periods = (span > 0) & (span < 8 * slow)
+    mean = (below[last] - below[first]) / np.where(periods, span, 1.0)
+    return np.where(periods, mean, 0.5 * (x[np.maximum(before, 0)] + x[after]))
+
+
+def finite(x: Any) -> FloatArray:
+    """`x` as the kernels take it: float64, contiguous, writable (a copy if it is not)."""
+    return np.require(x, np.float64, ["C", "W"])
+
 
 # ---- From an encoder's samples to the times at which its teeth pass, block by block.
 #
@@ -77,10 +199,6 @@ STEADY_AMPLITUDE, LEAST_SWINGS = 0.6, 6
 #: than this share of its samples there is square. Twice the distance takes a sine for one
 ON_LEVEL, SQUARE_SHARE = 0.2, 0.7
 
-Read = Callable[[int, int], FloatArray]
-#: whole numbers of whatever size
-Integers = NDArray[np.integer[Any]]
-
 
 @dataclass(frozen=True)
 class Probe:
@@ -100,54 +218,37 @@ class Probe:
     follow_s: float = 0.3
 
 
-class Crossings(NamedTuple):
-    """Tooth passages of one block.
+#: a tooth passage: fractional sample, ascending, and its time; whether the signal rises; whether a
+#: hole of more than a few samples lies before it, over which a tooth may have gone unseen.  By
+#: `count_teeth`: position in half teeth, even if the signal rises, which falls while the wheel
+#: rolls backwards; number of the stretch without a loss of the count, from 0, between which any
+#: whole number of teeth may be missing; False if the wheel was inferred to roll backwards; half
+#: teeth to the passage after it, and whether that interval is not even or not forwards; passages
+#: that were filled in and left out before it
+TEETH = np.dtype(
+    [("index", "f8"), ("time_s", "f8"), ("rising", "?"), ("hole", "?"), ("count", "i8"),
+     ("stretch", "i8"), ("forward", "?"), ("halves", "i8"), ("uneven", "?"), ("missing", "i4"),
+     ("extra", "i4")]
+)  # fmt: skip
 
-    `index` (n,) fractional sample, `rising` (n,) direction of the signal, `breaks` (m,) sample
-    indices of holes in the signal, longer than a few samples, over which a tooth may have gone
-    unseen.
-    """
 
-    index: FloatArray  # type: ignore[assignment]  # a tuple's own is not used
-    rising: np.ndarray
-    breaks: IntArray
-
-
-def probe(read: Read, size: int, pieces: int = 24, length: int = 2048) -> Probe:
-    """Form, amplitude and noise of a channel of `size` samples.
-
-    From `pieces` short pieces of it, evenly spread.
-    """
-    starts = np.unique(np.linspace(0, max(size - length, 0), pieces).astype(np.int64))
-    amplitudes, noises, squares, swings, steps = [], [], [], [], []
-    ways: list[tuple[float, float]] = []
-    lowest, highest = np.inf, -np.inf
-    for start in starts:
-        x = read(int(start), int(min(start + length, size)))
-        x = x[np.isfinite(x)]
-        if x.size < 16:
-            continue
-        low, high = float(x.min()), float(x.max())
-        lowest, highest = min(low, lowest), max(high, highest)
-        amplitudes.append((high - low) / 2)
-        square = _level_share(x, low, high)
-        squares.append(square)
-        noises.append(_noise(x, square > SQUARE_SHARE))
-        swings.append(_swings(x, low, high))
-        if high > low:
-            change = np.diff(x)
-            ways.append((float(np.mean(change >= 0)), float(np.mean(change <= 0))))
-            steps.append(float(np.median(np.abs(change[change != 0]))))
-    if not amplitudes:
+def probe(channel: Channel, pieces: int = 24, length: int = 2048) -> Probe:
+    """Form, amplitude and noise of a channel, from `pieces` short pieces of it, evenly spread."""
+    starts = np.linspace(0, max(channel.size - length, 0), pieces).astype(np.int64)
+    read = [channel.read(int(start), int(start) + length) for start in np.unique(starts)]
+    rows = [_piece(x[np.isfinite(x)]) for x in read if np.isfinite(x).sum() >= 16]
+    if not rows:
         return Probe("dead", 0.0, 0.0)
+    low, high, noises, on_level, swings, up, down, steps = np.array(rows).T
+    amplitudes, moves = (high - low) / 2, high > low
     amplitude, noise = float(np.quantile(amplitudes, 0.9)), float(np.quantile(noises, 0.2))
     # slow pulses also go one way within a piece, but never on from there
     # a count goes one way in more than this share of a piece's samples, and over more than so many
     # of its own steps in the log; twice as many do not know a counter that has just begun
     if (
-        ways
-        and float(np.median(ways, axis=0).max()) > 0.998
-        and highest - lowest > 2.5 * float(np.median(steps))
+        moves.any()
+        and max(np.median(up[moves]), np.median(down[moves])) > 0.998
+        and high.max() - low.min() > 2.5 * float(np.median(steps[moves]))
     ):
         return Probe("counter", amplitude, noise)
     if (
@@ -155,21 +256,39 @@ def probe(read: Read, size: int, pieces: int = 24, length: int = 2048) -> Probe:
     ):  # also numbers too large to be squared
         return Probe("dead", amplitude, noise)
     # a piece with several swings shows a whole one, however slowly the wheel turns
-    turning = (np.array(swings) >= LEAST_SWINGS) & (np.array(amplitudes) > STILL_SIGMA * noise)
-    moving = turning if turning.any() else np.array(amplitudes) > 0.3 * amplitude
-    usual = float(np.quantile(np.array(amplitudes)[moving], 0.25))
-    steady = float(np.min(np.array(amplitudes)[moving])) > STEADY_AMPLITUDE * amplitude
+    turning = (swings >= LEAST_SWINGS) & (amplitudes > STILL_SIGMA * noise)
+    moving = turning if turning.any() else amplitudes > 0.3 * amplitude
+    usual = float(np.quantile(amplitudes[moving], 0.25))
+    steady = float(np.min(amplitudes[moving])) > STEADY_AMPLITUDE * amplitude
     least = max(STILL_SIGMA * noise, 0.7 * usual if steady else 0.01 * amplitude)
-    form = "square" if np.median(np.array(squares)[moving]) > SQUARE_SHARE else "sine"
+    form = "square" if np.median(on_level[moving]) > SQUARE_SHARE else "sine"
     # longer if the amplitude does not follow the speed, so that a wheel that begins to turn shows a
     # whole swing; twice as long follows half as well
     return Probe(form, amplitude, noise, least, 1.2 if steady else FOLLOW_S)
 
 
-def _level_share(x: FloatArray, low: float, high: float) -> float:
-    """Share of the samples (n,) that are on the levels `low` or `high`; 0 if these are equal."""
-    half = 0.5 * (high - low)
-    return float(np.mean(np.abs(x - low - half) > (1 - ON_LEVEL) * half)) if half > 0 else 0.0
+def _piece(x: FloatArray) -> tuple[float, ...]:
+    """What finite samples (n,) of a piece show, as numbers.
+
+    Least and largest, noise, share on the two levels, how often the signal goes from the upper to
+    the lower quarter of its range and back, shares of the steps that do not fall and do not rise,
+    median of those that are any.
+    """
+    low, high, step = float(x.min()), float(x.max()), np.diff(x)
+    away, half = x - 0.5 * (low + high), 0.5 * (high - low)
+    on_level = float(np.mean(np.abs(away) > (1 - ON_LEVEL) * half))
+    side = away[np.abs(away) > 0.5 * half] > 0
+    moved = np.abs(step[step != 0])
+    return (
+        low,
+        high,
+        _noise(x, on_level > SQUARE_SHARE),
+        on_level,
+        float(np.sum(side[1:] != side[:-1])),
+        float(np.mean(step >= 0)),
+        float(np.mean(step <= 0)),
+        float(np.median(moved)) if moved.size else 0.0,
+    )
 
 
 def _noise(x: FloatArray, square: bool) -> float:
@@ -192,29 +311,19 @@ def _noise(x: FloatArray, square: bool) -> float:
     return float(np.median(away) / 0.6745)
 
 
-def _swings(x: FloatArray, low: float, high: float) -> int:
-    """How often the signal goes from the upper to the lower quarter of its range and back."""
-    side = np.sign(x - 0.5 * (high + low)) * (np.abs(x - 0.5 * (high + low)) > 0.25 * (high - low))
-    side = side[side != 0]
-    return int(np.sum(side[1:] != side[:-1]))
-
-
-def crossings(
-    read: Read, size: int, rate_Hz: float, found: Probe, block: int | None = None
-) -> Iterator[Crossings]:
-    """Tooth passages of a 'sine' or 'square' channel, block by block.
-
-    Of `size` samples at `rate_Hz`.
-    """
+def crossings(channel: Channel, found: Probe, block: int | None = None) -> Iterator[Records]:
+    """Tooth passages of a 'sine' or 'square' channel, block by block, (n,) of TEETH."""
+    rate_Hz, size = channel.axis.rate_Hz, channel.size
     # eight slow half periods, half of the time that the levels follow, and the chunks in which
     # spikes are sought
     margin = CHUNK * (int((0.6 + 0.5 * found.follow_s) * rate_Hz) // CHUNK + 8)
     block = max((block or BLOCK) // CHUNK, 1) * CHUNK
     slow = 0.5 * FOLLOW_S * rate_Hz
     at, last = -1, 0  # the last change: a wheel may stand longer than a block's margin
+    pending = np.zeros(0, np.int64)  # holes after the last passage
     for start in range(0, size, block):
         low, stop = max(start - margin, 0), min(start + block, size)
-        x, holes = _filled(read(low, min(stop + margin, size)))
+        x, holes = _filled(channel.read(low, min(stop + margin, size)))
         before, after, rising = changes(
             x, *_hysteresis(x, rate_Hz, found), min(at - low, -1), last if at < low else 0
         )
@@ -223,12 +332,14 @@ def crossings(
         place = places(x, before[near], after[near], slow, found.form == "square")[
             first - near.start : end - near.start
         ]
-        core = slice(first, end)
-        if after[core].size:
-            at, last = int(after[core][-1]) + low, 1 if rising[core][-1] else -1
-        yield Crossings(
-            place + low, rising[core], holes[(holes >= start - low) & (holes < stop - low)] + low
-        )
+        if end > first:
+            at, last = int(after[end - 1]) + low, 1 if rising[end - 1] else -1
+        teeth = records(TEETH, index=place + low, rising=rising[first:end])
+        holes = holes[(holes >= start - low) & (holes < stop - low)]
+        behind = np.concatenate([pending, np.searchsorted(place, holes)])
+        teeth["hole"][behind[behind < place.size]] = True
+        pending = 0 * behind[behind >= place.size]
+        yield teeth
 
 
 def _filled(x: FloatArray) -> tuple[FloatArray, IntArray]:
@@ -252,14 +363,77 @@ def _hysteresis(x: FloatArray, rate_Hz: float, found: Probe) -> tuple[FloatArray
     Infinite if the signal does not move.
     """
     reach = int(np.ceil(0.5 * found.follow_s * rate_Hz / CHUNK))
-    high, low = extremes(x)
-    high, low = (
-        sliding_maximum(without_spikes(high), reach),
-        -sliding_maximum(without_spikes(-low), reach),
+    starts = np.arange(0, x.size, CHUNK)
+    high, below = (
+        sliding_maximum(without_spikes(np.maximum.reduceat(one, starts)), reach) for one in (x, -x)
     )
+    low = -below
     half, middle = (high - low) / 2, (high + low) / 2
     half = np.where(half > found.least, HYSTERESIS * half, np.inf)
     return middle + half, middle - half
+
+
+# ---- Counters and angle channels.
+#
+# The wheel angle is already there, and only its steps must become passages in time.
+#
+# samples (size,) of counts or angles --changes, unwrapped--> times (n,) [s] and turns (n,) [1]
+
+
+#: times per second that an angle channel keeps; twice as many follow twice as quick a shake in
+#: twice the memory
+ANGLE_KNOTS_Hz = 500.0
+
+
+def turns_of_counts(
+    channel: Channel, size: float, is_angle: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """(times [s], turns), (n,) each, of a channel that counts `size` per turn.
+
+    A counter that jumps from c to d between two samples has passed (c + d + 1) / 2 in their middle.
+    A counter that jumps by more than half of the next power of two has wrapped; one that has been
+    below zero has a sign, and twice as many numbers. An angle wraps at a turn.
+    """
+    times, counts = [np.zeros(0)], [np.zeros(0)]
+    wrap, offset, last = size if is_angle else 0.0, 0.0, np.nan
+    every = max(int(channel.axis.rate_Hz / ANGLE_KNOTS_Hz), 1)
+    for start, block in channel.blocks():
+        known = np.flatnonzero(np.isfinite(block))
+        x, index = block[known], (start + known).astype(np.float64)
+        if x.size == 0:
+            continue
+        if not is_angle:
+            low, high = float(x.min()), float(x.max())
+            bits = max(np.ceil(np.log2(max(high + 1.0, -low, 2.0))), 7 if low < 0 else 8)
+            wrap = max(wrap, 2.0 ** (bits + (low < 0)))
+        step = np.diff(x, prepend=last if np.isfinite(last) else x[0])
+        turned = np.where(step < -wrap / 2, wrap, 0.0) - np.where(step > wrap / 2, wrap, 0.0)
+        step, unwrapped = step + turned, x + offset + np.cumsum(turned)
+        offset, last = float(unwrapped[-1] - x[-1]), float(x[-1])
+        if is_angle:
+            pick = np.arange((-start) % every, x.size, every)
+            times.append(channel.axis.at(index[pick]))
+            counts.append(unwrapped[pick])
+        else:
+            change = np.flatnonzero(step)
+            times.append(channel.axis.at(index[change] - 0.5))
+            counts.append((unwrapped - 0.5 * step + 0.5)[change])
+    turns = np.concatenate(counts) / size
+    # a count may fall as the wheel rolls forward
+    return np.concatenate(times), -turns if turns.size and turns[-1] < turns[0] else turns
+
+
+def teeth_of_counter(channel: Channel, steps: int) -> tuple[Records, int]:
+    """(passages (n,) of TEETH, counts per turn) of a counter of `steps` per turn.
+
+    If it jumps from one sample to the next it passes halves of its numbers.
+    """
+    time_s, turns = turns_of_counts(channel, float(steps))
+    count = np.rint(2 * steps * turns).astype(np.int64)
+    turn = 2 * steps if (count % 2).any() else steps
+    count = count * turn // (2 * steps)
+    forward = np.diff(count, prepend=count[:1]) >= 0
+    return records(TEETH, time_s=time_s, count=count, forward=forward), turn
 
 
 #: a turning wheel shows less than this share of the peak between two passages of the same tooth
@@ -282,43 +456,22 @@ NEIGHBOURS = 3
 SHORT, LONG = 0.65, 1.5
 
 
-#: a counted tooth passage: fractional sample, ascending; position in half teeth, even if the signal
-#: rises, which falls while the wheel rolls backwards; number of the stretch without a loss of the
-#: count, between which any whole number of teeth may be missing; False if the wheel was inferred to
-#: roll backwards; whether the interval after it is not even or not forwards; passages that were
-#: filled in and left out before it
-TEETH = np.dtype(
-    [("index", "f8"), ("count", "i8"), ("stretch", "i8"), ("forward", "?"), ("uneven", "?"),
-     ("missing", "i4"), ("extra", "i4")]
-)  # fmt: skip
-
-
-def count_teeth(
-    read: Read, found: Probe, passages: Iterator[Crossings], rate_Hz: float, steps: int
-) -> Iterator[Records]:
-    """Teeth (n,) of TEETH from `passages` of an encoder of `steps` per turn, piece by piece.
-
-    `read` gives the signal again, around standstills only.
-    """
-    held = Crossings(np.zeros(0), np.zeros(0, bool), np.zeros(0, np.int64))
-    last, wanted = None, PIECE
-    for new in passages:
-        held = Crossings(*(np.concatenate([a, b]) for a, b in zip(held, new, strict=True)))
-        if held.index.size < wanted:
+def count_teeth(channel: Channel, found: Probe, steps: int) -> Iterator[Records]:
+    """Counted teeth (n,) of TEETH of an encoder of `steps` per turn, piece by piece."""
+    held, last, wanted = np.zeros(0, TEETH), None, PIECE
+    for new in crossings(channel, found) if found.form != "dead" else ():
+        held = np.concatenate([held, new])
+        if held.size < wanted:
             continue
-        teeth, open_from = _count(read, found, held, rate_Hz, steps)
+        teeth, open_from = _count(channel, found, held, steps)
         cut = _last_cut(teeth["uneven"], open_from)
-        wanted = 2 * held.index.size
+        wanted = 2 * held.size
         if cut > CONTEXT:
-            teeth = _continued(teeth[:cut], last)
-            yield teeth[0 if last is None else CONTEXT + 1 :]
-            last, begin = teeth, teeth["index"][-1 - CONTEXT]
-            near = held.index >= begin
-            breaks = held.breaks[held.breaks >= begin]
-            held = Crossings(held.index[near], held.rising[near], breaks)
-            wanted = held.index.size + PIECE
-    teeth = _continued(_count(read, found, held, rate_Hz, steps)[0], last)
-    yield teeth[0 if last is None else CONTEXT + 1 :]
+            yield _continued(teeth[:cut], last)
+            last = teeth[:cut]
+            held = held[held["index"] >= last["index"][-1 - CONTEXT]]
+            wanted = held.size + PIECE
+    yield _continued(_count(channel, found, held, steps)[0], last)
 
 
 def _last_cut(uneven: np.ndarray, open_from: int) -> int:
@@ -333,46 +486,36 @@ def _last_cut(uneven: np.ndarray, open_from: int) -> int:
 
 
 def _continued(teeth: Records, last: Records | None) -> Records:
-    """The `teeth` (n,) of a piece, counted on from the piece before.
+    """The `teeth` (n,) of a piece, counted on from the `last` piece, without those of that.
 
-    They begin with the last CONTEXT + 1 passages of that.
+    They begin with the last CONTEXT + 1 passages of it.
     """
-    if last is not None:
-        for name in ("count", "stretch"):
-            teeth[name] += last[name][-1 - CONTEXT] - teeth[name][0]
-    return teeth
+    if last is None:
+        return teeth
+    for name in ("count", "stretch"):
+        teeth[name] += last[name][-1 - CONTEXT] - teeth[name][0]
+    return teeth[CONTEXT + 1 :]
 
 
-def _count(
-    read: Read, found: Probe, passages: Crossings, rate_Hz: float, steps: int
-) -> tuple[Records, int]:
+def _count(channel: Channel, found: Probe, passages: Records, steps: int) -> tuple[Records, int]:
     """(counted teeth of a piece of the log, passage from which the direction is not settled yet).
 
-    Counts and stretches begin anywhere.
+    Counts and stretches begin anywhere. A gap in the time axis ends a stretch.
     """
-    index, rising, halves, uneven, repairs = _regular(
-        passages.index, passages.rising, SLOW_S * rate_Hz
-    )
-    n, intervals = index.size, np.diff(index)
-    teeth = records(TEETH, index=index, forward=True, uneven=uneven)
-    for place, missing, extra in repairs:
-        teeth["missing"][place + 1], teeth["extra"][place + 1] = missing, extra
+    rate_Hz = channel.axis.rate_Hz
+    teeth = _regular(passages.copy(), SLOW_S * rate_Hz)
+    index, halves, n = teeth["index"].copy(), teeth["halves"][:-1], teeth.size
+    teeth["time_s"] = channel.axis.at(index)
+    teeth["forward"] = True
     if n < 2:
         return teeth, n
-    if not uneven.any() and not passages.breaks.size and intervals.max() <= SLOW_S * rate_Hz:
-        teeth["count"] = np.arange(n) + (not rising[0])
-        return teeth, n
+    intervals, hole = np.diff(index), teeth["hole"][1:]
     still = intervals > 0.5 * FOLLOW_S * rate_Hz
-    hole = np.zeros(n - 1, bool)
-    if passages.breaks.size:
-        broken = np.clip(np.searchsorted(index, passages.breaks) - 1, 0, n - 2)
-        # half teeth shorter than this on both sides of a long interval: the wheel did not stand
-        _bridge(halves, intervals, broken[still[broken]], 0.02 * rate_Hz)
-        hole[broken[halves[broken] != 1]] = True
-        uneven[broken] = True
+    # half teeth shorter than this on both sides of a long interval: the wheel did not stand
+    _bridge(halves, intervals, np.flatnonzero(hole & still), 0.02 * rate_Hz)
     fastest = FASTEST_BACK_Hz / rate_Hz * 2 * steps
     slow = np.flatnonzero(intervals > SLOW_S * rate_Hz)
-    turned = _turning_points(read, found, index, slow)
+    turned = _turning_points(channel, found, index, slow)
     sign, turns = _directions(index, slow, turned, fastest)
     unsettled = [
         at
@@ -380,17 +523,16 @@ def _count(
         if not (slow > at + SAME_PLACE).any()
         and intervals[at + 1 :].min(initial=np.inf) >= 1 / fastest
     ]
-    lost = still | hole | (halves > 2 * steps)
+    gap = np.diff(np.searchsorted(channel.axis.first[1:], index, side="right")) > 0
+    lost = still | gap | (hole & (halves != 1)) | (halves > 2 * steps)
     lost[turns] = True
-    teeth["forward"] = np.append(sign > 0, True)
+    teeth["forward"][:-1] = sign > 0
     teeth["stretch"][1:], teeth["count"][1:] = np.cumsum(lost), np.cumsum(halves * sign)
     # rolling forwards a rising passage is even, backwards a falling one
     heads = np.append(0, np.flatnonzero(lost) + 1)
-    wrong = np.mod(teeth["count"][heads], 2) != (rising[heads] != teeth["forward"][heads])
+    wrong = np.mod(teeth["count"][heads], 2) != (teeth["rising"] != teeth["forward"])[heads]
     teeth["count"] += wrong[teeth["stretch"]]
-    uneven[slow] = True
-    uneven[:-1] |= lost | (sign < 0)
-    teeth["uneven"] = uneven
+    teeth["uneven"][:-1] |= hole | lost | (sign < 0) | (intervals > SLOW_S * rate_Hz)
     return teeth, min(unsettled, default=n)
 
 
@@ -434,45 +576,46 @@ def _directions(
     return sign, np.array(changes, np.int64)
 
 
-def _regular(
-    index: FloatArray, rising: np.ndarray, slowest: float
-) -> tuple[FloatArray, np.ndarray, Integers, np.ndarray, list[tuple[int, int, int]]]:
-    """(indices, rising, half teeth of each interval, uneven intervals, repairs).
+def _regular(teeth: Records, slowest: float) -> Records:
+    """The `teeth` (n,) with their half teeth, uneven intervals and repairs; fewer than were given.
 
-    Shapes (n,), (n,), (n - 1,), (n,); a repair is the passage before it, missing and extra teeth. A
-    run of intervals that are too long or too short for the motion around it becomes one interval:
+    A run of intervals that are too long or too short for the motion around it becomes one interval:
     of as many half teeth as its length has, odd or even as the passages in it were. If the
     intervals before and after a run disagree (near standstill), it stays.
     """
-    steps = np.diff(index)
-    halves, uneven = np.ones(steps.size, np.int64), np.zeros(index.size, bool)
-    if steps.size >= 4 * NEIGHBOURS and _all_regular(steps):
-        return index, rising, halves, uneven, []
+    steps = np.diff(teeth["index"])
+    teeth["halves"] = 1
     if steps.size < 4 * NEIGHBOURS:
-        return index, rising, halves, ~uneven, []
+        teeth["uneven"] = True
+        return teeth
+    if _all_regular(steps):
+        return teeth
     ratio = steps / sliding_median(steps, 9)
     odd = ratio < SHORT
     odd[1:] |= ratio[:-1] < SHORT  # the tooth beside a glitch lost what the glitch took
     odd[:-1] |= ratio[1:] < SHORT
     odd |= ratio > LONG
-    uneven[:-1] = odd
+    teeth["uneven"][:-1] = odd
     odd &= steps < slowest
-    keep, repairs = np.ones(index.size, bool), []
+    keep = np.ones(teeth.size, bool)
     for start, stop in zip(*runs(odd), strict=True):
         before, after = steps[max(start - NEIGHBOURS, 0) : start], steps[stop : stop + NEIGHBOURS]
-        if before.size == 0 or after.size == 0 or index[stop] - index[start] > 2 * slowest:
+        taken = float(teeth["index"][stop] - teeth["index"][start])
+        if before.size == 0 or after.size == 0 or taken > 2 * slowest:
             continue
         left, right = float(np.median(before)), float(np.median(after))
         if max(left, right) > 1.6 * min(left, right):
             continue
-        n, length = stop - start, float(index[stop] - index[start]) / (0.5 * (left + right))
-        whole = max(n + 2 * round((length - n) / 2), 2 - n % 2)
+        n = stop - start
+        whole = max(n + 2 * round((taken / (0.5 * (left + right)) - n) / 2), 2 - n % 2)
         keep[start + 1 : stop] = False
-        halves[start] = whole
-        repairs.append((start, max(whole - n, 0) // 2, max(n - whole, 0) // 2))
-    place = np.cumsum(keep) - 1
-    told = [(int(place[start]), missing, extra) for start, missing, extra in repairs]
-    return index[keep], rising[keep], halves[keep[:-1]], uneven[keep], told
+        teeth["halves"][start] = whole
+        teeth["hole"][stop] = teeth["hole"][start + 1 : stop + 1].any()
+        teeth["missing"][stop], teeth["extra"][stop] = (
+            max(whole - n, 0) // 2,
+            max(n - whole, 0) // 2,
+        )
+    return teeth[keep]
 
 
 def _all_regular(steps: FloatArray) -> bool:
@@ -485,7 +628,7 @@ def _all_regular(steps: FloatArray) -> bool:
     return bool(np.all((SHORT * usual < steps) & (steps < LONG * usual)))
 
 
-def _turning_points(read: Read, found: Probe, index: FloatArray, slow: Integers) -> list[int]:
+def _turning_points(channel: Channel, found: Probe, index: FloatArray, slow: Integers) -> list[int]:
     """The intervals of `slow` in which the signal turned.
 
     It came back before its peak, or passed it, came back and passed it again. A turn within a sixth
@@ -495,17 +638,14 @@ def _turning_points(read: Read, found: Probe, index: FloatArray, slow: Integers)
     turned = []
     for at in slow:
         before, after = int(index[max(at - 2, 0)]), int(index[min(at + 3, index.size - 1)]) + 1
-        x = read(before, min(after, before + (1 << 20)))
+        x = channel.read(before, min(after, before + (1 << 20)))
         edges = (np.array([index[at], index[at + 1]]) - before).astype(np.int64)
         if edges[1] + 3 > x.size or edges[0] < 2 or np.isnan(x).any():
             continue
         size = max(int(edges[1] - edges[0]) // 20, 1)
         away = np.abs(sliding_mean(x, size) - 0.5 * float(x.max() + x.min()))
-        inner, around = (
-            away[edges[0] : edges[1]],
-            np.concatenate([away[: edges[0]], away[edges[1] :]]),
-        )
-        peak = float(around.max())
+        inner = away[edges[0] : edges[1]]
+        peak = float(np.delete(away, slice(*edges)).max())
         if peak < 0.7 * found.amplitude:
             continue
         passed = np.flatnonzero(inner > PASSED_PEAK * peak)

@@ -52,7 +52,7 @@ from tirelog.strain.footprint.refine import PatchWindows, gather_windows
 from tirelog.strain.inflation import InflationOfChannel
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import OK, good
-from tirelog.wheel.calibration import Calibration, Cleaned, clean_passages
+from tirelog.wheel.calibration import Calibration, clean_passages
 from tirelog.wheel.phase_shift import EdgeTimes
 
 # ---- The footprint as one page (P2 Figs. 17 to 22).
@@ -534,7 +534,7 @@ _SINCE = "strain since the start [microstrain]"
 def _stops(recording: Recording, found: InflationOfChannel) -> Panel:
     """Strain over time; its stops are shaded, with what is lost in each."""
     s, test = found.series, found.inflation
-    marks = [line(s.time_s, MICRO * (s.strain - s.strain[0]), width=1.4)]
+    marks = [line(s["time_s"], MICRO * (s["strain"] - s["strain"][0]), width=1.4)]
     for stretch, start, duration, leak in zip(
         test["stretch"], test["time_s"], test["duration_s"], test["leak"], strict=True
     ):
@@ -553,17 +553,17 @@ def _ramps(recording: Recording, found: InflationOfChannel) -> Panel:
     """Strain over the inflation pressure, with its straight line."""
     s, test = found.series, found.inflation
     marks = []
-    if np.isfinite(s.pressure_Pa).any():
-        ends = np.array([np.nanmin(s.pressure_Pa), np.nanmax(s.pressure_Pa)])
-        rise = test["slope_1_Pa"][0] * (ends - np.nanmean(s.pressure_Pa))
+    if np.isfinite(s["pressure_Pa"]).any():
+        ends = np.array([np.nanmin(s["pressure_Pa"]), np.nanmax(s["pressure_Pa"])])
+        rise = test["slope_1_Pa"][0] * (ends - np.nanmean(s["pressure_Pa"]))
         se = 1e11 * test["slope_se_1_Pa"][0]
         text = (
             f"{1e11 * test['slope_1_Pa'][0]:.1f}{f' ± {se:.1g}' if np.isfinite(se) else ''} "
             f"microstrain/bar, straight to {100 * test['nonlinearity'][0]:.1f} %"
         )
-        strain = MICRO * (s.strain.mean() - s.strain[0] + rise)
+        strain = MICRO * (s["strain"].mean() - s["strain"][0] + rise)
         marks = [
-            dots(1e-5 * s.pressure_Pa, MICRO * (s.strain - s.strain[0]), size=3),
+            dots(1e-5 * s["pressure_Pa"], MICRO * (s["strain"] - s["strain"][0]), size=3),
             line(1e-5 * ends, strain, text, MARK, width=1.5),
         ]
     static = recording.setup.tire.static_footprint_length_m
@@ -669,7 +669,7 @@ def _points(
     return dots(x, y, name, colour, error=error, size=3, elinewidth=0.6, **more)
 
 
-def _times(p: EdgeTimes, cleaned: Cleaned | None) -> list[Panel]:
+def _times(p: EdgeTimes, cleaned: Mapping[str, FloatArray] | None) -> list[Panel]:
     """P4 Figs. 8, 10 to 13: speed, shift and width over time."""
     time, good = p.time_s[p.good], p.good
     shifts = [level(0.0, "", "0.8", width=0.8, zorder=0)]
@@ -678,10 +678,10 @@ def _times(p: EdgeTimes, cleaned: Cleaned | None) -> list[Panel]:
         values, se = getattr(p, f"{what}_deg")[good], getattr(p, f"{what}_se_deg")[good]
         marks.append(_points(time, values, se, RAW_SHIFTS, "measured (Fig. 8)"))
         if cleaned is not None:
-            clean = getattr(cleaned, f"{what}_deg")[good]
+            clean = cleaned[f"{what}_deg"][good]
             marks.append(_points(time, clean, se, DETRENDED, "detrended (Fig. 10)"))
-    if cleaned is not None and np.isfinite(cleaned.corrected_deg).any():
-        shift, se = cleaned.corrected_deg[good], p.shift_se_deg[good]
+    if cleaned is not None and np.isfinite(cleaned["corrected_deg"]).any():
+        shift, se = cleaned["corrected_deg"][good], p.shift_se_deg[good]
         shifts.append(_points(time, shift, se, CORRECTED, "corrected (Figs. 11-13)"))
     driven = {True: ", driven", False: ", undriven", None: ""}[p.driven]
     return [

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,14 @@ from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.errors import UsageError
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import strain_channels
-from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, TableRows
+from tirelog.vocabulary.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    Records,
+    TableRows,
+    records,
+)
 from tirelog.vocabulary.quality import Quality, marked, quality_column
 
 #: length of a mean [s], half width of the window that tells the rate [means], shortest ramp or stop
@@ -45,17 +53,11 @@ BESIDE = 30
 NEAR_MEANS = (-3, 0, 3)
 
 
-@dataclass(frozen=True)
-class InflationSeries:
-    """Means of MEAN_S: times, strain and pressure, shape (n,).
-
-    `time_s`, `strain`, `pressure_Pa` (NaN without); `noise` of a mean of the strain.
-    """
-
-    time_s: FloatArray
-    strain: FloatArray
-    pressure_Pa: FloatArray
-    noise: float
+#: a mean of MEAN_S: time, strain and pressure, NaN without; `noise` of a mean of the strain, the
+#: same for all
+MEANS = np.dtype(
+    [("time_s", "f8"), ("strain", "f8"), ("pressure_Pa", "f8"), ("noise", "f8")]
+)  # fmt: skip
 
 
 #: columns (k,) of the stretches, the whole first:
@@ -84,35 +86,26 @@ def means(channel: Channel, step_s: float = MEAN_S) -> tuple[FloatArray, FloatAr
             do="give the log of the test alone, or mend its stamps",
         )
     cells = max(int(np.ceil((channel.axis.duration_s + 1.0 / channel.axis.rate_Hz) / step_s)), 1)
-    total, square, count = np.zeros(cells), np.zeros(cells), np.zeros(cells)
-    origin = None
+    sums, origin = np.zeros((3, cells)), np.nan
     for first, values in channel.blocks(BLOCK_SAMPLES):
-        cell = np.clip(
-            ((channel.axis.time(first, first + values.size) - start) / step_s).astype(np.int64),
-            0,
-            cells - 1,
-        )
         good = np.isfinite(values)
-        if origin is None and good.any():
-            origin = float(values[good][0])
-        shifted = values[good] - (origin or 0.0)
-        total += np.bincount(cell[good], shifted, cells)
-        square += np.bincount(cell[good], shifted**2, cells)
-        count += np.bincount(cell[good], minlength=cells)
+        time, values = channel.axis.time(first, first + values.size)[good], values[good]
+        cell = np.clip(((time - start) / step_s).astype(np.int64), 0, cells - 1)
+        origin = values[0] if np.isnan(origin) and values.size else origin
+        for power in range(3):  # of small numbers, which keep the digits of the squares
+            sums[power] += np.bincount(cell, (values - origin) ** power, cells)
+    count, total, square = sums
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = total / count
         spread = np.sqrt(np.maximum(square / count - mean**2, 0.0))
-    return (
-        start + (np.arange(float(cells)) + 0.5) * step_s,
-        mean + (origin or 0.0),
-        spread / np.sqrt(np.maximum(count, 1)),
-    )
+    error = spread / np.sqrt(np.maximum(count, 1))
+    return start + (np.arange(float(cells)) + 0.5) * step_s, mean + np.nan_to_num(origin), error
 
 
 def series(
     strain: Channel, pressure: Channel | None, ends_Pa: tuple[float, float] | None = None
-) -> InflationSeries:
-    """The means of a strain channel with the pressure at the same times.
+) -> Records:
+    """The means of a strain channel with the pressure at the same times, (n,) of MEANS.
 
     `ends_Pa`: pressures at begin and end if there is no channel. With `ends_Pa` the pressure is
     taken to follow the strain from one to the other, so only the whole's slope has a meaning.
@@ -125,47 +118,43 @@ def series(
             allowed="an inflation test lasts seconds",
             do="give the whole log",
         )
+    time, values = time[known], values[known]
+    found = records(
+        MEANS, time_s=time, strain=values, pressure_Pa=np.nan, noise=np.median(error[known])
+    )
     if pressure is not None:
         when, level, _ = means(pressure)
         told = np.isfinite(level)
-        pressures = (
-            np.interp(time, when[told], level[told]) if told.any() else np.full(time.size, np.nan)
-        )
-    elif ends_Pa is not None:
-        low, high = values[known][0], values[known][-1]
-        pressures = (
-            ends_Pa[0] + (values - low) / (high - low) * (ends_Pa[1] - ends_Pa[0])
-            if high != low
-            else np.full(time.size, np.nan)
-        )
-    else:
-        pressures = np.full(time.size, np.nan)
-    return InflationSeries(
-        time[known], values[known], pressures[known], float(np.median(error[known]))
-    )
+        if told.any():
+            found["pressure_Pa"] = np.interp(time, when[told], level[told])
+    elif ends_Pa is not None and values[-1] != values[0]:
+        share = (values - values[0]) / (values[-1] - values[0])
+        found["pressure_Pa"] = ends_Pa[0] + share * (ends_Pa[1] - ends_Pa[0])
+    return found
 
 
-def _rates(values: InflationSeries, reach: int) -> FloatArray:
+def _rates(values: Records, reach: int) -> FloatArray:
     """Rate of the strain at each mean [1/s], over `reach` means to either side."""
-    padded = np.pad(values.strain, reach, mode="edge")
-    when = np.pad(values.time_s, reach, mode="edge")
-    width = 2 * reach
-    return (padded[width:] - padded[:-width]) / np.maximum(when[width:] - when[:-width], 1e-9)
+    rise, lasting = (
+        one[2 * reach :] - one[: -2 * reach]
+        for one in (np.pad(values[name], reach, mode="edge") for name in ("strain", "time_s"))
+    )
+    return np.asarray(rise / np.maximum(lasting, 1e-9), np.float64)
 
 
-def inflation_stretches(values: InflationSeries) -> tuple[BoolArray, IntArray]:
+def inflation_stretches(values: Records) -> tuple[BoolArray, IntArray]:
     """Whether each stretch is a ramp, and the first mean of each, plus the end.
 
     Short ones go to their neighbours.
     """
-    direction = np.sign(values.strain[-1] - values.strain[0]) or 1.0
+    direction = np.sign(values["strain"][-1] - values["strain"][0]) or 1.0
     reach = RATE_MEANS
     for _ in range(2):  # the fast rate is told better by the wider window
         rate = _rates(values, reach)
         fast = float(np.quantile(direction * rate, 0.8))
         # standard errors of a rate that the border between ramp and stop is above: the rate is told
         # over as many means as that takes.  With half as many noise makes ramps of stops
-        wider = 5.0 * values.noise / (np.sqrt(2.0) * MEAN_S * RAMP_SHARE * max(fast, 1e-300))
+        wider = 5.0 * values["noise"][0] / (np.sqrt(2.0) * MEAN_S * RAMP_SHARE * max(fast, 1e-300))
         reach = int(np.clip(np.ceil(wider), RATE_MEANS, max(rate.size // 8, RATE_MEANS)))
     ramp = direction * rate > RAMP_SHARE * fast if fast > 0 else np.zeros(rate.size, bool)
     while True:
@@ -197,111 +186,99 @@ def _line(x: FloatArray, y: FloatArray, noise: float) -> tuple[float, float, flo
     )
 
 
-def _settled(values: InflationSeries, edges: IntArray) -> IntArray:
+def _settled(values: Records, edges: IntArray) -> IntArray:
     """`edges` of stretches put to the kinks of the strain, which a wide window sees late."""
     settled = edges.copy()
     for k in range(1, edges.size - 1):
-        kinks = _Line(values, int(edges[k - 1]), int(edges[k + 1]), [int(edges[k])]).kinks_s
-        place = int(np.searchsorted(values.time_s, kinks[0]))
+        kinks = _kinked(values[edges[k - 1] : edges[k + 1]], values["time_s"][edges[k : k + 1]])[1]
+        place = int(np.searchsorted(values["time_s"], kinks[0]))
         settled[k] = np.clip(place, settled[k - 1] + 1, edges[k + 1] - 1)
     return settled
 
 
-class _Line:
-    """A line with kinks through the means [low, high): straight pieces that hang together.
+#: a line with kinks: its chi-square, the times of its kinks, its level and slope at the first mean
+#: with its bends, the design
+KinkedLine = tuple[float, FloatArray, FloatArray, FloatArray]
 
-    `kinks_s`: the times of its kinks, which start at the means `at`.
+
+def _kinked(values: Records, kinks_s: FloatArray) -> KinkedLine:
+    """A line with kinks through the means `values`: straight pieces that hang together.
+
+    Its kinks start at `kinks_s`. The design has columns for level, slope, bends and places.
     """
-
-    def __init__(self, values: InflationSeries, low: int, high: int, at: list[int]) -> None:
-        time, strain = values.time_s[low:high], values.strain[low:high]
-        self._origin_s, self._values = float(time[0]), values
-        time = time - self._origin_s
-        kinks = np.asarray(values.time_s[at] - self._origin_s, float)
-        margin = 2.0 * MEAN_S
-        # rounds in which the kinks settle; mere numerics
-        for _ in range(20):
-            bends = np.maximum(time[:, None] - kinks, 0.0)
-            design = np.column_stack([np.ones(time.size), time, bends])
-            self._found = np.linalg.lstsq(design, strain, rcond=None)[0]
-            steps = -self._found[2:] * (time[:, None] > kinks)
-            self._design = np.column_stack([design, steps])
-            if not kinks.size:
-                break
-            move = np.linalg.lstsq(self._design, strain, rcond=None)[0][2 + kinks.size :]
-            # no kink passes another, or leaves the means
-            fence = np.concatenate([[margin], 0.5 * (kinks[1:] + kinks[:-1]), [time[-1] - margin]])
-            moved = np.clip(kinks + move, fence[:-1], np.maximum(fence[1:], fence[:-1]))
-            settled = np.abs(moved - kinks).max() < 1e-6
-            kinks = moved
-            if settled:
-                break
-        self._kinks = kinks
-        left = strain - self._design[:, : self._found.size] @ self._found
-        spare = max(time.size - self._design.shape[1], 1)
-        self.chi2 = float(left @ left) / values.noise**2 if values.noise > 0 else 0.0
-        self.scatter = max(values.noise, float(np.sqrt(left @ left / spare)))
-
-    @property
-    def kinks_s(self) -> FloatArray:
-        """Times of the kinks, ascending."""
-        return self._kinks + self._origin_s
-
-    def fall(self, begin_s: float, end_s: float, kinks: tuple[bool, bool]) -> tuple[float, float]:
-        """(how much less it is at `end_s` than at `begin_s`, standard error).
-
-        `kinks`: whether these are its first and its last kink, whose places are fitted, too.
-        """
-        rows = []
-        for when, of_kink, which in ((begin_s, kinks[0], 0), (end_s, kinks[1], -1)):
-            at = when - self._origin_s
-            row = np.concatenate(
-                [
-                    [1.0, at],
-                    np.maximum(at - self._kinks, 0.0),
-                    -self._found[2:] * (at > self._kinks),
-                ]
-            )
-            if of_kink:  # a kink that moves takes the place along at which the line is read
-                before = self._found[1] + self._found[2:] @ (at > self._kinks)
-                place = np.arange(self._kinks.size)[which]
-                row[2 + self._kinks.size + place] += before
-            rows.append(row)
-        fall = rows[0] - rows[1]
-        inverse = np.linalg.pinv(self._design)
-        value = float(fall[: self._found.size] @ self._found)
-        return value, self.scatter * float(np.linalg.norm(fall @ inverse))
+    time, strain = values["time_s"] - values["time_s"][0], values["strain"]
+    kinks, margin = kinks_s - values["time_s"][0], 2.0 * MEAN_S
+    # rounds in which the kinks settle; mere numerics
+    for _ in range(20):
+        beyond = np.maximum(time[:, None] - kinks, 0.0)
+        design = np.column_stack([np.ones(time.size), time, beyond])
+        found = np.linalg.lstsq(design, strain, rcond=None)[0]
+        design = np.column_stack([design, -found[2:] * (beyond > 0.0)])
+        move = np.linalg.lstsq(design, strain, rcond=None)[0][found.size :]
+        # no kink passes another, or leaves the means
+        fence = np.concatenate([[margin], 0.5 * (kinks[1:] + kinks[:-1]), [time[-1] - margin]])
+        moved = np.clip(kinks + move, fence[:-1], np.maximum(fence[1:], fence[:-1]))
+        settled = np.abs(moved - kinks).max(initial=0.0) < 1e-6
+        kinks = moved
+        if settled:
+            break
+    left = strain - design[:, : found.size] @ found
+    noise = float(values["noise"][0])
+    chi2 = float(left @ left) / noise**2 if noise > 0 else 0.0
+    return chi2, kinks + values["time_s"][0], found, design
 
 
-def _lost(
-    values: InflationSeries, before: int, low: int, high: int, after: int
+def _fall(
+    values: Records, line: KinkedLine, ends_s: tuple[float, float], of_kinks: tuple[bool, bool]
 ) -> tuple[float, float]:
+    """(how much less a line is at the second of `ends_s` than at the first, standard error).
+
+    `of_kinks`: whether these are its first and its last kink, whose places are fitted, too.
+    """
+    _, kinks_s, found, design = line
+    at = np.array(ends_s)[:, None]
+    past = at > kinks_s
+    begin = values["time_s"][0]
+    rows = np.hstack(
+        [np.ones((2, 1)), at - begin, np.maximum(at - kinks_s, 0.0), -found[2:] * past]
+    )
+    if kinks_s.size:  # a kink that moves takes the place along at which the line is read
+        slope = (found[1] + past @ found[2:]) * of_kinks
+        rows[0, found.size] += slope[0]
+        rows[1, -1] += slope[1]
+    fall = rows[0] - rows[1]
+    left = values["strain"] - design[:, : found.size] @ found
+    spare = max(len(values) - design.shape[1], 1)
+    scatter = max(float(values["noise"][0]), float(np.sqrt(left @ left / spare)))
+    error = scatter * float(np.linalg.norm(fall @ np.linalg.pinv(design)))
+    return float(fall[: found.size] @ found), error
+
+
+def _lost(values: Records, before: int, low: int, high: int, after: int) -> tuple[float, float]:
     """(strain lost at the stop [low, high), its standard error); 0 if it is not sure.
 
     From the kink at which the ramp before ends to that at which the one after begins.  `before` and
     `after` are where the stretches beside the stop begin and end, `low` and `high` without one.
     """
-    direction = np.sign(values.strain[-1] - values.strain[0]) or 1.0
+    time, direction = values["time_s"], np.sign(values["strain"][-1] - values["strain"][0]) or 1.0
     # the far ends of the ramps may be some means of the next stop
     off = [min(NEAR_MEANS[-1], many // 3) for many in (low - before, after - high)]
     first, stop = max(before + off[0], low - BESIDE), min(after - off[1], high + BESIDE)
-    edges = [k for k, beside in ((low, before < low), (high, after > high)) if beside]
-    line = min(
-        (_Line(values, first, stop, begins) for begins in _begins(edges, first, stop)),
-        key=lambda one: one.chi2,
-    )
+    beside = (before < low, after > high)
+    edges = [k for k, there in zip((low, high), beside, strict=True) if there]
+    part = values[first:stop]
+    lines = [_kinked(part, time[begins]) for begins in _begins(edges, first, stop)]
+    line = min(lines, key=itemgetter(0))
     if high - low >= 2 * SHORTEST:  # what falls at once and stands then is no straight line
         middles = range(low + 2, high - 1, max((high - low) // SHORTEST, 1))
-        bent = min(
-            (_Line(values, first, stop, sorted([*edges, k])) for k in middles),
-            key=lambda one: one.chi2,
-        )
+        lines = [_kinked(part, time[sorted([*edges, k])]) for k in middles]
+        bent = min(lines, key=itemgetter(0))
         # what a further kink within a stop must take off chi-square: chance does so once in 10^5
         # stops; half as much, once in 1000
-        line = bent if bent.chi2 < line.chi2 - 25.0 else line
-    begin = float(line.kinks_s[0]) if before < low else float(values.time_s[low])
-    end = float(line.kinks_s[-1]) if after > high else float(values.time_s[high - 1])
-    lost, error = line.fall(begin, end, (before < low, after > high))
+        line = bent if bent[0] < line[0] - 25.0 else line
+    begin = float(line[1][0]) if beside[0] else float(time[low])
+    end = float(line[1][-1]) if beside[1] else float(time[high - 1])
+    lost, error = _fall(part, line, (begin, end), beside)
     # a leak is one that exceeds so many of its standard errors: chance makes none in a million
     # stops; with twice as many, leaks up to twice as large are said to be 0
     return (lost if direction * lost > 5.0 * error else 0.0), error
@@ -314,50 +291,46 @@ def _begins(edges: list[int], first: int, stop: int) -> list[list[int]]:
 
 
 def _row(
-    values: InflationSeries, name: str, low: int, high: int, around: tuple[int, int], measured: bool
+    values: Records, name: str, low: int, high: int, around: tuple[int, int], measured: bool
 ) -> dict[str, float | str]:
     """One stretch of the means [low, high); `measured`: the pressure was recorded.
 
     `around`: where the stretches beside it begin and end.
     """
-    part = slice(low, high)
-    time, strain, pressure = values.time_s[part], values.strain[part], values.pressure_Pa[part]
-    rate, _, against_time = _line(time, strain, values.noise)
-    still = not measured and name != "whole"
-    slope, slope_se, against_pressure = (
-        _line(pressure, strain, values.noise) if name != "stop" and not still else (np.nan,) * 3
-    )
+    part, noise = values[low:high], float(values["noise"][0])
+    time, strain, pressure = part["time_s"], part["strain"], part["pressure_Pa"].copy()
+    if not measured and name != "whole":
+        pressure[:] = np.nan
+    rate, _, against_time = _line(time, strain, noise)
+    slope, slope_se, bent = _line(pressure, strain, noise) if name != "stop" else (np.nan,) * 3
     if not measured:
-        slope_se, against_pressure = np.nan, against_time
-    leak, leak_se = float("nan"), float("nan")
-    if name == "stop":
-        leak, leak_se = _lost(values, around[0], low, high, around[1])
+        slope_se, bent = np.nan, against_time if name != "stop" else np.nan
+    leak = _lost(values, around[0], low, high, around[1]) if name == "stop" else (np.nan, np.nan)
     return {
         "stretch": name,
         "time_s": float(time[0] - 0.5 * MEAN_S),
         "duration_s": float(time[-1] - time[0] + MEAN_S),
         "strain": float(strain.mean()),
-        "strain_se": values.noise / np.sqrt(strain.size),
-        "pressure_Pa": float(pressure.mean()) if not still else float("nan"),
+        "strain_se": noise / np.sqrt(strain.size),
+        "pressure_Pa": float(pressure.mean()),
         "strain_change": float(strain[-1] - strain[0]),
-        "pressure_change_Pa": float(pressure[-1] - pressure[0]) if not still else float("nan"),
+        "pressure_change_Pa": float(pressure[-1] - pressure[0]),
         "slope_1_Pa": slope,
         "slope_se_1_Pa": slope_se,
         "rate_1_s": rate,
-        "nonlinearity": float("nan") if name == "stop" else against_pressure,
-        "leak": leak,
-        "leak_se": leak_se,
+        "nonlinearity": bent,
+        "leak": leak[0],
+        "leak_se": leak[1],
     }
 
 
 def inflation(
     strain: Channel, pressure: Channel | None, ends_Pa: tuple[float, float] | None = None
-) -> tuple[Inflation, InflationSeries]:
+) -> tuple[Inflation, Records]:
     """The static test of one strain channel: its stretches, and the means they come from."""
     values = series(strain, pressure, ends_Pa)
     ramps, edges = inflation_stretches(values)
-    measured = pressure is not None
-    size = values.strain.size
+    measured, size = pressure is not None, values.size
     rows = [_row(values, "whole", 0, size, (0, size), measured)]
     fences = [0, *edges.tolist(), size]
     for k, ramp in enumerate(ramps.tolist()):
@@ -378,7 +351,7 @@ class InflationOfChannel(TableRows):
 
     channel: Channel
     inflation: Inflation
-    series: InflationSeries
+    series: Records
 
 
 def refuse_one_end(from_Pa: float | None = None, to_Pa: float | None = None) -> None:

@@ -267,11 +267,9 @@ def grip_columns(
         share = np.clip(raw, 0.0, 1.0)
         share_se = np.hypot(onset_se, onset / length * length_se) / length
         used = friction_used(share, static_friction, sliding_friction)
-        step = 1e-4
-        slope = (
-            friction_used(share + step, static_friction, sliding_friction)
-            - friction_used(share - step, static_friction, sliding_friction)
-        ) / (2.0 * step)
+        u = 2.0 * share - 1.0
+        stick, slide = 3.0 * static_friction, sliding_friction
+        slope = stick * share * (2.0 - 3.0 * share) + 1.5 * slide * (u**2 - 1.0)
         by_sliding = friction_used(share, 0.0, 1.0) * sliding_se
         every = np.linspace(0.0, 1.0, 1001)
         most = friction_used(every, static_friction, sliding_friction)

@@ -10,28 +10,34 @@ square pulses, counters and angles are taken as they come.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from tirelog.data.plausibility import doubt_of_vehicle
 from tirelog.data.recording import Channel, Recording
-from tirelog.dsp.encoder import AngleFunction, counter_knots
 from tirelog.dsp.pitch import (
+    KNOT_STEP_S,
     LEAST_TURNS,
+    AngleFunction,
     KnotBuilder,
     PitchLearner,
     PitchTable,
-    Placing,
-    StretchSums,
     angle_function,
     steps_that_repeat,
 )
-from tirelog.dsp.teeth import FASTEST_BACK_Hz, Probe, count_teeth, crossings, probe
+from tirelog.dsp.teeth import (
+    TEETH,
+    FASTEST_BACK_Hz,
+    Probe,
+    count_teeth,
+    probe,
+    teeth_of_counter,
+    turns_of_counts,
+)
 from tirelog.errors import DataLoss, SetupError
 from tirelog.vocabulary import units
-from tirelog.vocabulary.arrays import FloatArray, Records
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 from tirelog.wheel.rolling import WheelTurns, rolling
 
@@ -50,36 +56,42 @@ from tirelog.wheel.rolling import WheelTurns, rolling
 PIECE = 1 << 17
 
 
-def ways_of(stretches: Sequence[StretchSums], vehicle: Channel | None) -> dict[int, int]:
-    """The direction of stretches, by number, that a vehicle speed [m/s] tells.
+def means_between(channel: Channel, begin_s: FloatArray, end_s: FloatArray) -> FloatArray:
+    """Means of a channel over stretches of time (n,); NaN if one has no sample, or no end."""
+    means = np.full(begin_s.size, np.nan)
+    for k, ends in enumerate(np.stack([begin_s, end_s], axis=1)):
+        if not np.isfinite(ends).all():
+            continue
+        first, last = (int(index) for index in np.ceil(channel.axis.index(ends)))
+        total, known = 0.0, 0
+        for at in range(first, max(last, first + 1), PIECE):
+            values = channel.read(at, min(at + PIECE, max(last, first + 1)))
+            total, known = total + float(np.nansum(values)), known + int(np.isfinite(values).sum())
+        means[k] = total / known if known else np.nan
+    return means
+
+
+def ways_of(stretches: Records, vehicle: Channel | None) -> IntArray:
+    """The direction of stretches (k,) of STRETCH that a vehicle speed [m/s] tells: 1, -1 or 0.
 
     None of them if it never falls below zero: it has no sign.
     """
-    ways: dict[int, int] = {}
-    if vehicle is None or len(stretches) < 2:
-        return ways
-    for stretch in stretches:
-        first, last = (
-            int(i) for i in vehicle.axis.index(np.array([stretch.begin_s, stretch.end_s]))
-        )
-        total, known = 0.0, 0
-        for at in range(first, last + 1, PIECE):
-            values = vehicle.read(at, min(at + PIECE, last + 1))
-            total, known = total + float(np.nansum(values)), known + int(np.isfinite(values).sum())
-        # a mean speed below this [m/s] tells no direction; doubled, a car that creeps at 0.3 m/s
-        # has none
-        if abs(total) > 0.15 * known:
-            ways[stretch.number] = 1 if total > 0 else -1
-    return ways if -1 in ways.values() else {}
+    if vehicle is None or stretches.size < 2:
+        return np.zeros(stretches.size, np.int64)
+    speed = np.nan_to_num(means_between(vehicle, stretches["begin_s"], stretches["end_s"]))
+    # a mean speed below this [m/s] tells no direction; doubled, a car that creeps at 0.3 m/s has
+    # none
+    ways = np.sign(speed).astype(np.int64) * (np.abs(speed) > 0.15)
+    return ways * bool((ways < 0).any())
 
 
-def untold_stretches(angle: AngleFunction, placings: Sequence[Placing]) -> np.ndarray:
+def untold_stretches(angle: AngleFunction, stretches: Records) -> BoolArray:
     """Stretches after a standstill whose direction nothing tells, shape (n,).
 
     Neither the tone wheel, nor the vehicle, nor the speed.
     """
-    untold = np.zeros(len(placings), bool)
-    for number in range(1, len(placings)):
+    untold = np.zeros(len(stretches), bool)
+    for number in range(1, len(stretches)):
         low, high = np.searchsorted(angle.stretch, [number, number + 1])
         beside = np.abs(angle.rate_rad_s[[max(low - 1, 0), min(low, angle.stretch.size - 1)]])
         # a wheel that turns this fast, in turns per second, on both sides of a hole in its signal
@@ -89,7 +101,7 @@ def untold_stretches(angle: AngleFunction, placings: Sequence[Placing]) -> np.nd
             untold[number] = untold[number - 1]
             continue
         fast = bool(np.any(np.abs(angle.rate_rad_s[low:high]) > FASTEST_BACK_Hz * 2 * np.pi))
-        untold[number] = not (placings[number].told or fast)
+        untold[number] = not (stretches["showed"][number] or fast)
     return untold
 
 
@@ -137,7 +149,7 @@ class WheelAngle:
         last = np.clip(np.searchsorted(knots, stop_s), 0, knots.size - 1)
         # slower than this, in turns per second, the wheel counts as standing: 0.2 m/s on a car;
         # doubled, what creeps at 0.4 m/s stands
-        slow = np.flatnonzero(np.diff(knots) > 1 / 0.1 / max(self.steps, 1))
+        slow = np.flatnonzero(np.diff(knots) > max(1 / 0.1 / self.steps, 2 * KNOT_STEP_S))
         back = np.flatnonzero(self.backward)
         still = np.searchsorted(slow, last) > np.searchsorted(slow, first)
         reversing = np.searchsorted(back, last, side="right") > np.searchsorted(back, first)
@@ -159,44 +171,41 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
 
     SetupError: the channel has no `steps`.  DataLoss: it shows no teeth.
     """
-    quantity = units.UNITS[units.canonical(unit) or "1"][0]
     steps = int(channel.settings.get("steps") or 0)
-    if steps < 1 and quantity != "angle":
+    if units.UNITS[units.canonical(unit) or "1"][0] == "angle":
+        return _by_angle(channel, steps or 360)
+    if steps < 1:
         raise SetupError(
             f"channel {channel.name}: no steps",
             allowed="an encoder has a whole number of steps a turn",
             do="add steps = 48 or what it has",
         )
-    found = probe(channel.read, channel.size)
-    if quantity == "angle" or found.form == "counter":
-        return _counted(channel, quantity == "angle", steps)
-    edges = found.form == "square"
-    learner, builder = PitchLearner(steps), KnotBuilder(np.pi / steps, 2 * steps, edges)
-    passages, missing, extra = 0, 0, 0
-    for teeth in _teeth(channel, found, steps):
-        time = channel.axis.at(teeth["index"])
-        for each in (learner, builder):
-            each.add(time, teeth["count"], teeth["stretch"], teeth["forward"])
-        passages, missing, extra = (
-            passages + time.size,
-            missing + int(teeth["missing"].sum()),
-            extra + int(teeth["extra"].sum()),
-        )
-    if passages < 4 * steps:
-        raise _too_few(channel, passages, steps)
-    placings = learner.placings(ways_of(learner.stretches, vehicle))
-    pitch = learner.table(placings)
-    knots = builder.knots()
-    sign, offset = (
-        np.array([getattr(p, name) for p in placings], np.int32) for name in ("sign", "offset")
-    )
+    found = probe(channel)
+    turn, pieces = 2 * steps, count_teeth(channel, found, steps)
+    if found.form == "counter":
+        counted, turn = teeth_of_counter(channel, steps)
+        pieces = iter([counted])
+    learner, builder = PitchLearner(turn), KnotBuilder(turn)
+    passages, missing, extra, sample = 0, 0, 0, np.zeros(0, TEETH)
+    for teeth in pieces:
+        learner.add(teeth)
+        builder.add(teeth)
+        passages += teeth.size
+        missing += int(teeth["missing"].sum())
+        extra += int(teeth["extra"].sum())
+        sample = max(sample, teeth, key=len)
+    if passages < (16 if found.form == "counter" else 4 * steps):
+        raise _too_few(channel, found.form, passages, steps)
+    stretches = learner.placed(ways_of(learner.stretches, vehicle))
+    pitch, knots = learner.table(stretches), builder.knots()
+    # an edge lies anywhere between two samples
+    edge_s = 0.0 if found.form == "sine" else 1.0 / channel.axis.rate_Hz / np.sqrt(12.0)
     noise = builder.noise_rad(otherwise=_noise(found, steps))
-    sample_s = 1.0 / channel.axis.rate_Hz
-    function = angle_function(knots, pitch.error_rad, sign, offset, np.pi / steps, noise, sample_s)
-    backward = ~knots.forward | (sign[knots.stretch] < 0)
-    untold = untold_stretches(function, placings)
-    grid_s = sample_s / np.sqrt(12.0) if edges else 0.0
-    remarks = _remarks(channel, (missing, extra), (backward, untold), pitch, learner, grid_s)
+    function = angle_function(knots, pitch.error_rad, stretches, noise, edge_s)
+    backward = ~knots["forward"] | (stretches["sign"][knots["stretch"]] < 0)
+    untold = untold_stretches(function, stretches)
+    remarks = _remarks(channel, (missing, extra), (backward, untold))
+    remarks += _pitch_remarks(channel, found.form, steps, pitch, sample, edge_s)
     return WheelAngle(
         channel.name, steps, found.form, function, pitch, backward, untold, tuple(remarks)
     )
@@ -210,29 +219,14 @@ def _noise(found: Probe, steps: int) -> float:
     return float(found.noise / max(found.amplitude, np.finfo(float).tiny) / steps / np.sqrt(5.0))
 
 
-def _teeth(channel: Channel, found: Probe, steps: int) -> Iterator[Records]:
-    """Counted teeth of a sine or square channel, piece by piece.
-
-    Stretches are numbered 0, 1, ..., and gaps in the time axis end one.
-    """
-    if found.form == "dead":
-        raise _too_few(channel, 0, steps)
-    rate, holes = channel.axis.rate_Hz, channel.axis.first[1:]
-    last, number = -1, -1
-    for teeth in count_teeth(
-        channel.read, found, crossings(channel.read, channel.size, rate, found), rate, steps
-    ):
-        stretch = teeth["stretch"] + np.searchsorted(holes, teeth["index"], side="right")
-        if stretch.size:
-            order = np.cumsum(np.diff(stretch, prepend=last) != 0) + number
-            last, number = int(stretch[-1]), int(order[-1])
-            told = teeth.copy()
-            told["stretch"] = order
-            yield told
-
-
-def _too_few(channel: Channel, passages: int, steps: int) -> DataLoss:
+def _too_few(channel: Channel, form: str, passages: int, steps: float) -> DataLoss:
     """What is said of a channel with fewer than two turns."""
+    if form in ("counter", "angle"):
+        return DataLoss(
+            f"channel {channel.name}: the count hardly changes",
+            allowed=f"a counter climbs by {steps:g} a turn",
+            do="check the source",
+        )
     if passages:
         return DataLoss(
             f"channel {channel.name}: {passages} tooth passages, fewer than two turns",
@@ -246,38 +240,17 @@ def _too_few(channel: Channel, passages: int, steps: int) -> DataLoss:
     )
 
 
-def _counted(channel: Channel, is_angle: bool, steps: int) -> WheelAngle:
-    """The wheel angle of a counter (of `steps` counts per turn) or of an angle channel."""
-    size = 2 * np.pi if is_angle else float(steps)
-    time, turns, backward = counter_knots(channel, size, is_angle)
+def _by_angle(channel: Channel, steps: int) -> WheelAngle:
+    """The wheel angle of an angle channel, as it is."""
+    time, turns = turns_of_counts(channel, 2 * np.pi, is_angle=True)
     if time.size < 16:
-        raise DataLoss(
-            f"channel {channel.name}: the count hardly changes",
-            allowed=f"a counter climbs by {size:g} a turn",
-            do="check the source",
-        )
-    steps, sample_s = steps or 360, 1.0 / channel.axis.rate_Hz
-    rate = np.gradient(2 * np.pi * turns, time)
-    grid = np.zeros(0, np.float32)
-    if is_angle:
-        noise = max(2.0 * np.pi * _scatter(turns), channel.resolution / np.sqrt(12.0))
-    else:
-        grid = (np.abs(rate) * sample_s / np.sqrt(12.0)).astype(np.float32)
-        noise = float(np.median(grid))
-    count = np.rint(turns * size).astype(np.int64)
-    stretch = np.zeros(time.size, np.int32)
-    form = "angle" if is_angle else "counter"
-    if is_angle or np.any(np.abs(turns * size - count) > 1e-6):
-        slope = rate.astype(np.float32)
-        function = AngleFunction(time, turns, 2 * np.pi, slope, stretch, noise, grid)
-    else:
-        builder = KnotBuilder(2 * np.pi / size, 1, edges=True)
-        builder.add(time, count, stretch, ~backward)
-        knots, one, unit = builder.knots(), np.ones(1, np.int32), 2 * np.pi / size
-        function = angle_function(knots, np.zeros(1), one, 0 * one, unit, noise, sample_s)
-        backward = ~knots.forward
-    untold, pitch = np.zeros(1, bool), PitchTable.zero(steps)
-    return WheelAngle(channel.name, steps, form, function, pitch, backward, untold, ())
+        raise _too_few(channel, "angle", time.size, 2 * np.pi)
+    noise = max(2.0 * np.pi * _scatter(turns), channel.resolution / np.sqrt(12.0))
+    rate = np.gradient(2 * np.pi * turns, time).astype(np.float32)
+    function = AngleFunction(time, turns, 2 * np.pi, rate, np.zeros(time.size, np.int32), noise)
+    backward, untold = np.diff(turns, prepend=turns[0]) < 0, np.zeros(1, bool)
+    pitch = PitchTable.zero(2 * steps)
+    return WheelAngle(channel.name, steps, "angle", function, pitch, backward, untold, ())
 
 
 def _scatter(turns: FloatArray) -> float:
@@ -293,15 +266,10 @@ def _scatter(turns: FloatArray) -> float:
 
 
 def _remarks(
-    channel: Channel,
-    repaired: tuple[int, int],
-    ways: tuple[np.ndarray, np.ndarray],
-    pitch: PitchTable,
-    learner: PitchLearner,
-    grid_s: float,
+    channel: Channel, repaired: tuple[int, int], ways: tuple[BoolArray, BoolArray]
 ) -> list[str]:
-    """Sentences on the encoder of this log; `grid_s` [s] the error of an edge between samples."""
-    said, steps = [], learner.steps
+    """Sentences on the teeth and the direction of this log."""
+    said = []
     if any(repaired):
         said.append(
             f"channel {channel.name}: {repaired[0]} missing and {repaired[1]} extra teeth were "
@@ -318,20 +286,27 @@ def _remarks(
             f"channel {channel.name}: after {untold.sum()} standstills nothing tells which way "
             "the wheel rolled (direction_unknown); a vehicle_speed with a sign would"
         )
+    return said
+
+
+def _pitch_remarks(
+    channel: Channel, form: str, steps: int, pitch: PitchTable, sample: Records, edge_s: float
+) -> list[str]:
+    """Sentences on the pitch table; `edge_s` [s] the error of an edge between samples."""
+    if pitch.repeats >= REPEATS or (form == "counter" and pitch.turns == 0):
+        return []
     if pitch.turns == 0:
         return [
-            *said,
             f"channel {channel.name}: fewer than {LEAST_TURNS} even turns, so the tone wheel's "
-            "pitch errors are not learnt",
+            "pitch errors are not learnt"
         ]
-    if pitch.repeats < REPEATS:
-        other, share, own = steps_that_repeat(learner.sample, steps, grid_s)
-        if share > own + BETTER and steps % other:
-            said.append(
-                f"channel {channel.name}: the learnt pitch table does not repeat with {steps} "
-                f"steps, it does with {other}; mend steps in the setup"
-            )
-    return said
+    other, share, own = steps_that_repeat(sample, steps, pitch.error_rad.size, edge_s)
+    if not (share > own + BETTER and steps % other):
+        return []
+    return [
+        f"channel {channel.name}: the learnt pitch table does not repeat with {steps} steps, it "
+        f"does with {other}; mend steps in the setup"
+    ]
 
 
 @dataclass(frozen=True)
@@ -393,17 +368,22 @@ def _radius_of_turns(
 
 
 def turns_of(wheel: WheelAngle, radius_m: float) -> tuple[FloatArray, WheelTurns]:
-    """(times of the middles, the turns) of the wheel.
-
-    Accelerations are those of the durations of a turn's halves.
-    """
+    """(times of the middles, the turns) of the wheel, from its first angle on."""
     lowest, highest = (
         float(c) * wheel.angle.unit_rad for c in (wheel.angle.count[0], np.max(wheel.angle.count))
     )
-    middles = lowest + np.pi * np.arange(
-        1.0, 2.0 * max(int((highest - lowest) / (2 * np.pi)), 0), 2.0
-    )
-    start, time, stop = (wheel.angle.time_at(middles + shift) for shift in (-np.pi, 0.0, np.pi))
+    number = max(int((highest - lowest) / (2 * np.pi)), 0)
+    return turns_about(wheel, lowest + np.pi * np.arange(1.0, 2.0 * number, 2.0), radius_m)
+
+
+def turns_about(
+    wheel: WheelAngle, middle_rad: FloatArray, radius_m: float
+) -> tuple[FloatArray, WheelTurns]:
+    """(times of the middles, the turns) about wheel angles, (n,) each.
+
+    Accelerations are those of the durations of a turn's halves.
+    """
+    start, time, stop = (wheel.angle.time_at(middle_rad + shift) for shift in (-np.pi, 0.0, np.pi))
     with np.errstate(
         divide="ignore", invalid="ignore", over="ignore"
     ):  # half a turn between two equal stamps

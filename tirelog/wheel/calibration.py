@@ -73,41 +73,29 @@ def fit_force(
     logs: Sequence[EdgeTimes], regressors: Sequence[FloatArray], kind: str
 ) -> ForceMap | None:
     """The map of one force; None if the logs have no such channel, or too few passages."""
-    xs, ys = [], []
+    parts = [np.zeros((2, 0))]
     for p, x in zip(logs, regressors, strict=True):
         if kind in p.forces_N:
-            rows = p.good & np.isfinite(x) & np.isfinite(p.forces_N[kind])
-            xs.append(x[rows])
-            ys.append(p.forces_N[kind][rows])
-    x, y = (np.concatenate(part) if part else np.zeros(0) for part in (xs, ys))
+            part = np.stack([x, p.forces_N[kind]])
+            parts.append(part[:, p.good & np.isfinite(part).all(axis=0)])
+    x, y = np.concatenate(parts, axis=1)
     if x.size < LEAST:
         return None
     centre = float(np.mean(x))
     fold = np.arange(x.size) * FOLDS * 4 // x.size % FOLDS
-    errors = {}
-    for degree in (1, 2):
-        design = np.vander(x - centre, degree + 1, increasing=True)
-        held = np.empty(x.size)
+    designs = [np.vander(x - centre, degree + 1, increasing=True) for degree in (1, 2)]
+    held = np.empty((2, x.size))
+    for design, left in zip(designs, held, strict=True):
         for k in range(FOLDS):
-            train = fold != k
-            held[~train] = (
-                y[~train] - design[~train] @ np.linalg.lstsq(design[train], y[train], rcond=None)[0]
-            )
-        errors[degree] = float(np.sqrt(np.mean(held**2)))
-    degree = 2 if errors[2] < 0.98 * errors[1] else 1
-    design = np.vander(x - centre, degree + 1, increasing=True)
-    solved = np.asarray(np.linalg.lstsq(design, y, rcond=None)[0], dtype=np.float64)
-    residual = y - design @ solved
-    rho = float(
-        np.clip(
-            np.sum(residual[1:] * residual[:-1]) / max(float(residual @ residual), 1e-300),
-            0.0,
-            0.95,
-        )
-    )
-    variance = float(residual @ residual) / max(x.size - degree - 1, 1) * (1 + rho) / (1 - rho)
-    covariance = np.asarray(variance * np.linalg.pinv(design.T @ design), dtype=np.float64)
-    return ForceMap(centre, solved, covariance, float(x.min()), float(x.max()), errors[degree])
+            out = fold == k
+            solved = np.linalg.lstsq(design[~out], y[~out], rcond=None)[0]
+            left[out] = y[out] - design[out] @ solved
+    errors = np.sqrt(np.mean(held**2, axis=1))
+    bent = int(errors[1] < 0.98 * errors[0])
+    # the scatter is above a thousandth of a newton, and tells the errors
+    se = np.full(x.size, 1e-3)
+    solved, covariance, _ = _least_squares(designs[bent], y, se, wild=np.inf)
+    return ForceMap(centre, solved, covariance, float(x.min()), float(x.max()), float(errors[bent]))
 
 
 def predict_force(
@@ -205,6 +193,11 @@ class Calibration:
         return bool(np.isfinite(self.delay_s) and abs(self.delay_s) > 3.0 * self.delay_se_s)
 
     @property
+    def force_column(self) -> str:
+        """The column of `clean_passages` that the longitudinal force follows."""
+        return "corrected_deg" if np.isfinite(self.crosstalk) else "shift_deg"
+
+    @property
     def delay_remark(self) -> str:
         """What the rows' word `delay_removed` means, and what cannot be told from a delay."""
         delay, se = 1e3 * self.delay_s, 1e3 * self.delay_se_s
@@ -235,19 +228,6 @@ class Calibration:
             if force is not None:
                 said.append(f"{name} force: {force.rms_N:.0f} N rms on held-out parts of the logs")
         return tuple(said)
-
-
-@dataclass(frozen=True)
-class Cleaned:
-    """Regressors of one accelerometer without trend and cross-talk, shape (n,) [deg].
-
-    `extrapolated` (n,): speed outside of the maps.
-    """
-
-    width_deg: FloatArray
-    shift_deg: FloatArray
-    corrected_deg: FloatArray
-    extrapolated: np.ndarray
 
 
 def calibrate(logs: Sequence[EdgeTimes], forces: bool = False) -> Calibration:
@@ -317,25 +297,13 @@ def _speed_map(
     by_force = what == "shift" and _force_of_all(logs)
     parts = []
     for log, p in enumerate(logs):
-        values, se = (
-            (p.shift_deg, p.shift_se_deg) if what == "shift" else (p.width_deg, p.width_se_deg)
-        )
+        values, se = getattr(p, f"{what}_deg"), getattr(p, f"{what}_se_deg")
         rows = quasi_static(p) & np.isfinite(values)
         force = p.forces_N[FORCE] if by_force and rows.any() else np.zeros(values.size)
-        rows &= np.isfinite(force)
-        parts.append(
-            np.stack(
-                [
-                    values,
-                    se,
-                    p.speed_m_s,
-                    p.acceleration_m_s2,
-                    force,
-                    np.full(values.size, float(log)),
-                    np.full(values.size, float(p.driven is not False)),
-                ]
-            )[:, rows]
-        )
+        part = np.zeros((7, values.size))
+        part[:5] = values, se, p.speed_m_s, p.acceleration_m_s2, force
+        part[5], part[6] = log, p.driven is not False
+        parts.append(part[:, rows & np.isfinite(force)])
     y, se, v, a, force, group, driven = np.concatenate(parts, axis=1)
     thirds = np.histogram(v, 3)[0]  # of the range of speed: without one no curve is known
     if y.size < LEAST_PASSAGES or np.ptp(v) < LEAST_RANGE_M_S or not thirds.all():
@@ -370,11 +338,12 @@ def _speed_map(
 
 
 def _least_squares(
-    design: FloatArray, y: FloatArray, se: FloatArray
+    design: FloatArray, y: FloatArray, se: FloatArray, wild: float = 5.0
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(solution, covariance, residuals) of weighted least squares.
 
-    Wild values are left out, the covariance is widened by scatter and correlation.
+    Values that lie off by more than `wild` times the usual residual are left out, the covariance
+    is widened by scatter and correlation.
     """
     keep = np.isfinite(y) & np.isfinite(se) & (se > 0)
     scale = np.sqrt(np.mean(design**2, axis=0))
@@ -386,7 +355,7 @@ def _least_squares(
         residual = y - x @ solved
         z = residual * weight
         spread = float(np.median(np.abs(z[keep]))) / 0.6745
-        keep &= np.abs(z) < 5 * max(spread, 1e-12)
+        keep &= np.abs(z) < wild * max(spread, 1e-12)
     z = z[keep]
     chi2 = float(z @ z) / max(z.size - design.shape[1], 1)
     rho = float(np.clip(np.sum(z[1:] * z[:-1]) / max(float(z @ z), 1e-300), 0.0, 0.95))
@@ -409,8 +378,12 @@ def _delay(shift: SpeedMap, reference: float, radius: float) -> tuple[float, flo
     return float(late) * to_s, float(np.sqrt(variance)) * to_s
 
 
-def clean_passages(p: EdgeTimes, calibration: Calibration) -> Cleaned:
-    """The passages' regressors by the calibration: detrended with the maps, corrected by P4 (3)."""
+def clean_passages(p: EdgeTimes, calibration: Calibration) -> dict[str, np.ndarray]:
+    """Columns (n,): regressors [deg] without trend (P4 (1), (2)) and cross-talk (3).
+
+    `width_deg`, `shift_deg` detrended with the maps, `corrected_deg` the shift by (3),
+    `extrapolated`: speed outside of the maps.
+    """
     c = calibration
     zero = p.zero_speed_m_s if np.isfinite(p.zero_speed_m_s) else c.reference_speed_m_s
     shift = (
@@ -424,7 +397,13 @@ def clean_passages(p: EdgeTimes, calibration: Calibration) -> Cleaned:
     low, high = max(c.shift.low_m_s, c.width.low_m_s), min(c.shift.high_m_s, c.width.high_m_s)
     with np.errstate(invalid="ignore"):
         outside = (p.speed_m_s < low - 0.5) | (p.speed_m_s > high + 0.5)
-    return Cleaned(width, shift, shift + c.crosstalk * (width - usual), outside)
+    corrected = shift + c.crosstalk * (width - usual)
+    return {
+        "width_deg": width,
+        "shift_deg": shift,
+        "corrected_deg": corrected,
+        "extrapolated": outside,
+    }
 
 
 def _crosstalk(logs: Sequence[EdgeTimes], calibration: Calibration) -> tuple[float, float]:
@@ -433,7 +412,7 @@ def _crosstalk(logs: Sequence[EdgeTimes], calibration: Calibration) -> tuple[flo
     k leaves no phase shift on undriven wheels while the car drives off. The width's own noise would
     pull k towards zero; its known variance is taken off.
     """
-    shifts, widths, noise = [], [], []
+    parts = []
     for p in logs:
         if p.driven is not False:
             continue
@@ -443,16 +422,15 @@ def _crosstalk(logs: Sequence[EdgeTimes], calibration: Calibration) -> tuple[flo
             # driving off is an acceleration [m/s^2] above this: an undriven wheel then carries no
             # longitudinal force, and load transfer moves its width; twice as much leaves hard
             # driving alone to learn it from
-            rows = p.good & (p.acceleration_m_s2 > 0.8) & np.isfinite(cleaned.shift_deg)
+            rows = p.good & (p.acceleration_m_s2 > 0.8) & np.isfinite(cleaned["shift_deg"])
         if calm.sum() < 8 or rows.sum() < 8:
             continue
-        shifts.append(cleaned.shift_deg[rows] - np.mean(cleaned.shift_deg[calm]))
-        widths.append(cleaned.width_deg[rows] - np.mean(cleaned.width_deg[calm]))
-        noise.append(p.width_se_deg[rows] ** 2)
-    if not shifts:
+        s, d = (x[rows] - np.mean(x[calm]) for x in (cleaned["shift_deg"], cleaned["width_deg"]))
+        parts.append(np.stack([s, d, p.width_se_deg[rows]]))
+    if not parts:
         return float("nan"), float("nan")
-    s, d = np.concatenate(shifts), np.concatenate(widths)
-    signal = float(d @ d) - float(np.concatenate(noise).sum())
+    s, d, se = np.concatenate(parts, axis=1)
+    signal = float(d @ d - se @ se)
     if signal <= 0.1 * float(d @ d):
         return float("nan"), float("nan")
     k = -float(s @ d) / signal
@@ -463,10 +441,8 @@ def _crosstalk(logs: Sequence[EdgeTimes], calibration: Calibration) -> tuple[flo
 def _with_forces(logs: Sequence[EdgeTimes], c: Calibration) -> Calibration:
     """The calibration with force maps from the logs' force channels. UsageError: no log has one."""
     cleaned = [clean_passages(p, c) for p in logs]
-    known = np.isfinite(c.crosstalk)
-    shifts = [one.corrected_deg if known else one.shift_deg for one in cleaned]
-    vertical = fit_force(logs, [one.width_deg for one in cleaned], "vertical_load")
-    longitudinal = fit_force(logs, shifts, "longitudinal_force")
+    vertical = fit_force(logs, [one["width_deg"] for one in cleaned], "vertical_load")
+    longitudinal = fit_force(logs, [one[c.force_column] for one in cleaned], FORCE)
     if vertical is None and longitudinal is None:
         raise UsageError(
             "--fit-forces, and no log has a vertical_load or longitudinal_force channel with a "
@@ -519,8 +495,9 @@ _COEFFICIENTS = ValueKind(
     lambda value: _is_array(1, value) and len(value) in (2, 3),
     partial(np.array, dtype=float),
 )
-_SLOPE, _BOUND, _SMALL = number(-1e3, 1e3), number(-1e4, 1e4), number(0.0, 1e3)
-_ANGLE = number(0.0, 360.0)
+_SLOPE, _BOUND, _SMALL, _ANGLE = (
+    number(low, high) for low, high in ((-1e3, 1e3), (-1e4, 1e4), (0.0, 1e3), (0.0, 360.0))
+)
 _MAP: dict[str, KeyKind] = {
     "linear_deg_s_m": _SLOPE,
     "quadratic_deg_s2_m2": _SLOPE,
@@ -608,9 +585,12 @@ def read_calibration(path: Path) -> Calibration:
     document = Document(text, SetupError, "a calibration", path, again)
     data = document.read(_CALIBRATION)
     place = FilePlace(document)
-    shift, width = (_speed_map_in(data[n], place / n) for n in ("phase_shift", "patch_width"))
+    shift, width = (
+        SpeedMap(*_fields(data[n], _MAP, place / n)) for n in ("phase_shift", "patch_width")
+    )
     vertical, longitudinal = (
-        _force_map_in(data.get(n), place / n) for n in ("vertical_force", "longitudinal_force")
+        ForceMap(*_fields(data[n], _FORCE, place / n)) if n in data else None
+        for n in ("vertical_force", "longitudinal_force")
     )
     nan = float("nan")
     crosstalk = data.get("crosstalk", {"k": nan, "se": nan})
@@ -630,25 +610,17 @@ def read_calibration(path: Path) -> Calibration:
     )
 
 
-def _speed_map_in(table: Mapping[str, Any], place: FilePlace) -> SpeedMap:
-    """The map in a table."""
-    _refuse_map(table, 2, "low_m_s", "high_m_s", place)
-    return SpeedMap(*(table[name] for name in _MAP))
+def _fields(table: Mapping[str, Any], keys: Mapping[str, KeyKind], place: FilePlace) -> list[Any]:
+    """The fields of a map from its table, by the file's keys.
 
-
-def _force_map_in(table: Mapping[str, Any] | None, place: FilePlace) -> ForceMap | None:
-    """The map in a table; None without one."""
-    if table is None:
-        return None
-    _refuse_map(table, table["coefficients_N"].size, "low_deg", "high_deg", place)
-    return ForceMap(*(table[name] for name in _FORCE))
-
-
-def _refuse_map(table: Mapping[str, Any], size: int, low: str, high: str, place: FilePlace) -> None:
-    """SetupError: a range without extent, or a covariance of another size than the numbers."""
+    SetupError: a range without extent, or a covariance of another size than the numbers.
+    """
+    size = len(table["coefficients_N"]) if "coefficients_N" in keys else 2
     if len(table["covariance"]) != size:
         raise (place / "covariance").wrong(
             table["covariance"].tolist(), f"allowed are finite numbers of shape {(size, size)}"
         )
+    low, high = (key for key in keys if key.startswith(("low_", "high_")))
     if table[low] >= table[high]:
         raise (place / high).wrong(table[high], f"allowed is more than {low} = {table[low]:g}")
+    return [table[key] for key in keys]

@@ -20,8 +20,8 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from tirelog.data.recording import Channel
-from tirelog.dsp.encoder import AngleFunction
 from tirelog.dsp.filters import runs, sliding_mean
+from tirelog.dsp.pitch import AngleFunction
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records, records
 from tirelog.wheel.angle import WheelAngle
 
@@ -67,20 +67,16 @@ def binned(channel: Channel, angle: AngleFunction) -> Iterator[Records]:
     for start, values in channel.blocks(PIECE):
         time = channel.axis.time(start, start + values.size)
         theta = angle.coarse(time) / DEGREE
-        good = np.isfinite(values) & np.isfinite(theta)
-        values, time, theta = values[good], time[good], theta[good]
-        if values.size == 0:
-            continue
-        climbing = np.maximum.accumulate(np.maximum(theta, highest))
+        climbing = np.fmax.accumulate(np.append(highest, theta))[1:]
         highest = float(climbing[-1])
-        forward = theta > climbing - 0.5
-        values, time, k = values[forward], time[forward], np.floor(theta[forward]).astype(np.int64)
+        kept = np.isfinite(values) & (theta > climbing - 0.5)
+        values, time, k = values[kept], time[kept], np.floor(theta[kept]).astype(np.int64)
+        if k.size == 0:
+            continue
         if held.shape[1] == 0:
             first, offset = int(k[0]), float(values[0])
-        k -= first
+        k = np.maximum(k - first, 0)
         size = max(int(k.max()) + 1, held.shape[1])
-        late = k >= 0
-        k, values, time = k[late], values[late], time[late]
         x = values - offset  # small numbers keep the digits of the squares
         sums = np.stack([np.bincount(k, w, size) for w in (None, x, x * x, time)]).astype(
             np.float64
@@ -95,16 +91,16 @@ def binned(channel: Channel, angle: AngleFunction) -> Iterator[Records]:
 
 
 def _bins(first: int, sums: FloatArray, offset: float) -> Records:
-    count, total, squares, time = sums
-    n = np.where(count > 0, count, np.nan)
-    mean = total / n
+    """The bins (m,) of BIN from `first` on: their samples, sums, squares and times (4, m)."""
+    count = sums[0]
+    mean, squares, time = sums[1:] / np.where(count > 0, count, np.nan)
     return records(
         BIN,
         degree=first + np.arange(count.size),
         mean=mean + offset,
         count=count,
-        squares=np.maximum(squares - total * mean, 0.0),
-        time_s=time / n,
+        squares=np.maximum(squares - mean**2, 0.0) * count,
+        time_s=time,
     )
 
 
@@ -161,7 +157,7 @@ def _bridged_runs(mask: np.ndarray) -> tuple[IntArray, IntArray]:
     """[start, stop) of the runs of `mask`, with holes of up to two closed."""
     starts, stops = runs(mask)
     apart = starts[1:] - stops[:-1] > 2
-    return starts[np.append(True, apart)[: starts.size]], stops[
+    return starts[np.insert(apart, 0, True)[: starts.size]], stops[
         np.append(apart, True)[: stops.size]
     ]
 
@@ -192,14 +188,9 @@ def _levels(
     weight = np.where(inside & ~lost[at], bins["count"][at], 0.0)
     phi = (at - middle[:, None]) * DEGREE
     square = rate[at] ** 2
-    specific, gravity = mean[at] / square, np.cos(phi) / square
-    w0, w1, w2 = (np.sum(weight * phi**k, axis=1) for k in range(3))
-    determinant = np.maximum(w0 * w2 - w1**2, 1e-12)
-
-    def line(y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        y0, y1 = np.sum(weight * y, axis=1), np.sum(weight * y * phi, axis=1)
-        return (w2 * y0 - w1 * y1) / determinant, (w0 * y1 - w1 * y0) / determinant
-
+    powers, wanted = np.stack([np.ones(at.shape), phi]), np.stack([mean[at], np.cos(phi)]) / square
+    left = np.einsum("ikm,jkm->kij", powers * weight, powers) + 1e-12 * np.eye(2)
+    lines = np.linalg.solve(left, np.einsum("ikm,jkm->kij", powers * weight, wanted))
     within = np.sum(np.where(weight > 1, bins["squares"][at], 0.0), axis=1) / np.maximum(
         np.sum(np.maximum(weight - 1, 0), axis=1), 1.0
     )
@@ -209,17 +200,15 @@ def _levels(
     target = np.concatenate([design, mean[at][..., None]], axis=-1)
     normal = np.einsum("ij,ijk,ijl->ikl", weight, design, target)
     scale = bins["degree"][0] * DEGREE
-    level, tilt = line(specific)
-    gravity_level, gravity_tilt = line(gravity)
     dips = records(
         DIPS,
         entry_rad=(entry + 0.5) * DEGREE + scale,
         exit_rad=(leave + 0.5) * DEGREE + scale,
-        level=level,
-        tilt=tilt,
-        gravity_level=gravity_level,
-        gravity_tilt=gravity_tilt,
-        level_share=np.sqrt(w2 / determinant),
+        level=lines[:, 0, 0],
+        tilt=lines[:, 1, 0],
+        gravity_level=lines[:, 0, 1],
+        gravity_tilt=lines[:, 1, 1],
+        level_share=np.sqrt(np.linalg.inv(left)[:, 0, 0]),
         noise_m_s2=np.sqrt(np.maximum(within, between)),
     )
     dips["normal"] = normal
@@ -232,9 +221,8 @@ def _levels(
 #
 # Dips, WheelAngle --level, tilt, speed, acceleration at each passage--> flanks (entries, then
 # exits)
-# flanks, half widths --pieces of the channel--> groups of fronts whose samples were read together
-#                     --angle, a / level - gravity--> owner (s,), angle from the front (s,) [rad],
-#                                                     level left (s,)
+# flanks, half widths --pieces of the channel, a / level - gravity--> owner (s,), angle from the
+#                                                     front (s,) [rad], level left (s,)
 
 
 #: a front of a passage; n passages have (2 n,), entries first: `angle` at which it is
@@ -292,53 +280,29 @@ def ranges(
     return first, np.clip(last, first, channel.size)
 
 
-def groups(
-    channel: Channel, first: IntArray, last: IntArray
-) -> Iterator[tuple[IntArray, int, FloatArray]]:
-    """(rows, index of the first value, values) of the channel, piece by piece.
+def samples(
+    channel: Channel, wheel: WheelAngle, flanks: Records, first: IntArray, last: IntArray
+) -> Iterator[tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]]:
+    """(rows, owner, angle from its front [rad], signal in levels outside, as recorded), by pieces.
 
-    Around the sample ranges [first, last), shape (k,); rows whose samples are strewn over more than
-    a few pieces are left out.
+    Of the samples [first, last) of each of the `flanks` (n,), (s,) each; owners count in the
+    `rows`. Rows whose samples are strewn over more than a few pieces are left out.
     """
-    order = np.argsort(first, kind="stable")
-    at = 0
+    order, at = np.argsort(first, kind="stable"), 0
     while at < order.size:
         start = int(first[order[at]])
-        until = at + max(int(np.searchsorted(first[order[at:]], start + PIECE)), 1)
-        group = order[at:until]
-        at = until
-        stop = int(last[group].max(initial=start))
-        if stop - start > 4 * PIECE:
-            group = group[last[group] - start <= 4 * PIECE]
-            stop = int(last[group].max(initial=start))
-        if stop > start:
-            yield group, start, channel.read(start, stop)[: stop - start]
-
-
-def normalised(
-    values: FloatArray,
-    start: int,
-    channel: Channel,
-    wheel: WheelAngle,
-    flanks: Records,
-    first: IntArray,
-    last: IntArray,
-) -> tuple[IntArray, FloatArray, FloatArray]:
-    """(owner, angle from the owner's front [rad], signal in levels outside), each (s,).
-
-    Of the samples [first, last) of n fronts, which lie in `values` from index `start`.
-    """
-    sizes = last - first
-    owner = np.repeat(np.arange(first.size), sizes)
-    index = (
-        np.arange(sizes.sum())
-        - np.repeat(np.cumsum(sizes) - sizes, sizes)
-        + np.repeat(first, sizes)
-    )
-    theta = wheel.angle.at(channel.axis.at(index.astype(np.float64)))
-    phi = theta - flanks["middle"][owner]
-    gravity = flanks["gravity"][owner]
-    a = values[index - start] - gravity * np.cos(phi)
-    a -= np.sign(gravity) * flanks["ahead"][owner] * np.sin(phi)
-    level = flanks["level"][owner] + flanks["tilt"][owner] * phi
-    return owner, theta - flanks["angle"][owner], a / (flanks["rate"][owner] ** 2 * level)
+        rows = order[at : at + max(int(np.searchsorted(first[order[at:]], start + PIECE)), 1)]
+        at += rows.size
+        rows = rows[last[rows] - start <= 4 * PIECE]
+        sizes = last[rows] - first[rows]
+        if not sizes.any():
+            continue
+        owner = np.repeat(np.arange(rows.size), sizes)
+        index = np.arange(owner.size) + (first[rows] - np.cumsum(sizes) + sizes)[owner]
+        values = channel.read(start, int(last[rows].max()))[index - start]
+        theta = wheel.angle.at(channel.axis.at(index.astype(np.float64)))
+        own = flanks[rows[owner]]
+        phi, gravity = theta - own["middle"], own["gravity"]
+        a = values - gravity * np.cos(phi) - np.sign(gravity) * own["ahead"] * np.sin(phi)
+        level = own["level"] + own["tilt"] * phi
+        yield rows, owner, theta - own["angle"], a / (own["rate"] ** 2 * level), values

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.polynomial import polynomial
-from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
 from tirelog.dsp.filters import sliding_median
-from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked, none_of
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 from tirelog.wheel.angle import WheelAngle
@@ -21,10 +18,9 @@ from tirelog.wheel.coarse_patch import (
     binned,
     find_dips,
     flanks_of,
-    groups,
     moved,
-    normalised,
     ranges,
+    samples,
 )
 
 # ---- Fronts by the flank's mean form, learnt from the log itself.
@@ -139,10 +135,8 @@ def _samples(
     They lie within `reach` [rad] of the fronts, and a little more; owners count in the `rows`.
     """
     windows = np.full(flanks.size, reach + LONGEST * DEGREE)
-    first, last = ranges(channel, wheel, flanks, windows)
-    for group, start, values in groups(channel, first, last):
-        part = flanks[group]
-        yield group, *normalised(values, start, channel, wheel, part, first[group], last[group])
+    for piece in samples(channel, wheel, flanks, *ranges(channel, wheel, flanks, windows)):
+        yield piece[:4]
 
 
 def _mean_flank(
@@ -260,20 +254,20 @@ def _difference(
     n = flanks.size // 2
     speed, ahead = flanks["rate"][:n], flanks["ahead"][:n]
     columns = np.stack([speed, speed**2, ahead, width], axis=1)
-    result = np.full(2 * n, np.nan)
-    for side in (slice(0, n), slice(n, 2 * n)):
-        y, rows = difference[side], good[side] & np.isfinite(difference[side]) & np.isfinite(width)
+    result = np.full((2, n), np.nan)
+    for side, y, rows in zip(result, difference.reshape(2, n), good.reshape(2, n), strict=True):
+        rows = rows & np.isfinite(y) & np.isfinite(width)
         if rows.sum() < LEAST:
             continue
         middle, size = columns[rows].mean(axis=0), np.maximum(columns[rows].std(axis=0), 1e-12)
         design = np.column_stack([np.ones(n), (columns - middle) / size])
         for _ in range(3):
             solved = np.linalg.lstsq(design[rows], y[rows], rcond=1e-6)[0]
-            left = y - np.nan_to_num(design) @ solved
+            left = np.abs(y - np.nan_to_num(design) @ solved)
             with np.errstate(invalid="ignore"):
-                rows = rows & (np.abs(left) < 4 * 1.4826 * float(np.median(np.abs(left[rows]))))
-        result[side] = design @ solved
-    return result
+                rows = rows & (left < 4 * 1.4826 * float(np.median(left[rows])))
+        side[:] = design @ solved
+    return result.ravel()
 
 
 def _grown(
@@ -305,24 +299,15 @@ def _grown(
     leads = []
     for side in (np.arange(n), n + np.arange(n)):
         rows = _some(side[known])
-        steep = float(np.median(np.abs(slope[rows])))
-        reach = min(FLANK_REACH / steep, 0.5 * usual)
-        u, y, z = _around(channel, wheel, flanks[rows], grown[rows % n], reach)
+        reach = min(FLANK_REACH / float(np.median(np.abs(slope[rows]))), 0.5 * usual)
+        parts = []
+        for group, owner, u, y in _samples(channel, wheel, flanks[rows], 2.0 * reach):
+            inside = np.isfinite(y) & (np.abs(u) < 2.0 * reach)
+            parts.append(np.stack([u, y, grown[rows[group] % n][owner]])[:, inside])
+        u, y, z = np.concatenate(parts, axis=1)
         leads.append(_lead(u, y, z, reach))
     outwards = 0.5 * (leads[1] - leads[0])
     return np.concatenate([-outwards * grown, outwards * grown])
-
-
-def _around(
-    channel: Channel, wheel: WheelAngle, flanks: Records, grown: FloatArray, reach: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(angle from the front [rad], level, how much the patch has grown) of the samples (s,)."""
-    parts: list[tuple[FloatArray, ...]] = []
-    for group, owner, u, y in _samples(channel, wheel, flanks, 2.0 * reach):
-        inside = np.isfinite(y) & (np.abs(u) < 2.0 * reach)
-        parts.append((u[inside], y[inside], grown[group][owner[inside]]))
-    u, y, z = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return u, y, z
 
 
 def _lead(u: FloatArray, y: FloatArray, z: FloatArray, reach: float) -> float:
@@ -342,39 +327,30 @@ def _lead(u: FloatArray, y: FloatArray, z: FloatArray, reach: float) -> float:
         design = np.concatenate([columns, z[inside, None] * columns], axis=1)
         solved = np.linalg.lstsq(design, weight * y[inside], rcond=1e-9)[0]
         usual, change = solved[: powers.size], solved[powers.size :]
-        steepest = _steepest(usual)
-        if steepest is None:
-            return 0.0
-        centre += steepest * reach
-    leads = []
-    for form in (usual - change, usual + change):
-        steepest = _steepest(form)
-        half = None if steepest is None else _half_level(form, steepest)
-        if steepest is None or half is None:
-            return 0.0
-        leads.append(steepest - half)
-    return 0.5 * (leads[1] - leads[0]) * reach
+        centre += np.nan_to_num(_steepest(usual)[0]) * reach
+    leads = [steepest - half for steepest, half in map(_steepest, (usual - change, usual + change))]
+    return float(np.nan_to_num(0.5 * (leads[1] - leads[0]) * reach))
 
 
-def _real_roots(form: NDArray[np.floating[Any]], reach: float) -> FloatArray:
-    """The roots of a polynomial within +-`reach`."""
-    roots = polynomial.polyroots(form)
-    return np.real(roots[(np.abs(np.imag(roots)) < 1e-9) & (np.abs(np.real(roots)) < reach)])
+def _steepest(form: FloatArray) -> tuple[float, float]:
+    """(where a polynomial within +-1 is steepest, where it is half of the level next to that).
 
-
-def _steepest(form: FloatArray) -> float | None:
-    """Where a polynomial in the window is steepest; None if that is near an end."""
-    slope = polynomial.polyder(form)
-    places = _real_roots(polynomial.polyder(slope), 0.9)
-    if not places.size:
-        return None
-    return float(places[np.argmax(np.abs(polynomial.polyval(places, slope)))])
-
-
-def _half_level(form: FloatArray, near: float) -> float | None:
-    """Where a polynomial is half of the level, next to a place; None if it is not."""
-    places = _real_roots(polynomial.polysub(form, [0.5]), 1.0)
-    return float(places[np.argmin(np.abs(places - near))]) if places.size else None
+    NaN if it is steepest near an end, or nowhere half of the level.
+    """
+    place = np.linspace(-1.0, 1.0, 4097)
+    bend, change = (polynomial.polyder(form, k) for k in (2, 3))
+    level, slope = (polynomial.polyval(place, polynomial.polyder(form, k)) for k in (0, 1))
+    steepest = int(np.argmax(np.abs(slope) * (np.abs(place) < 0.9)))
+    crossed = np.flatnonzero((level[1:] > 0.5) != (level[:-1] > 0.5))
+    if abs(place[steepest]) > 0.89 or not crossed.size:
+        return np.nan, np.nan
+    at = place[steepest]
+    near = crossed[np.argmin(np.abs(crossed - steepest))]
+    # a step of Newton from the nearest place of the grid
+    return (
+        at - polynomial.polyval(at, bend) / polynomial.polyval(at, change),
+        place[near] + (0.5 - level[near]) / slope[near],
+    )
 
 
 # ---- Where the flanks of the patch signal cross half of the level outside, each by a cubic of
@@ -386,48 +362,40 @@ def _half_level(form: FloatArray, near: float) -> float | None:
 # The cubic follows the flank's own shape, so nothing is assumed about it.
 
 
-def at_least(channel: Channel, flanks: Records, window: FloatArray) -> FloatArray:
-    """Half width [rad] of each front's window.
-
-    `window` (2,) of entries and of exits, wider if it would hold too few samples.
-    """
-    # samples that a flank has at least: a cubic takes four, and three are left to tell the noise;
-    # twice as many widen windows with few samples, and take more of the front's bend into them
-    least = 0.5 * (7 + 0.5) * flanks["rate"] / channel.axis.rate_Hz
-    return np.maximum(np.repeat(window, flanks.size // 2), least)
-
-
 def crossings(
     channel: Channel,
     wheel: WheelAngle,
     flanks: Records,
-    windows: FloatArray,
+    window: FloatArray,
     limits: tuple[float, float],
 ) -> tuple[FloatArray, FloatArray, FloatArray, QualityFlags]:
     """(angle of the crossing, its standard error, the slope there, quality) of all fronts.
 
-    The crossing of the half level [rad]; the slope in levels/rad.
+    The crossing of the half level [rad]; the slope in levels/rad. `window` (2,): half widths [rad]
+    of entries' and of exits' windows, wider if one would hold too few samples.
     """
+    # samples that a flank has at least: a cubic takes four, and three are left to tell the noise;
+    # twice as many widen windows with few samples, and take more of the front's bend into them
+    least = 0.5 * (7 + 0.5) * flanks["rate"] / channel.axis.rate_Hz
+    windows = np.maximum(np.repeat(window, flanks.size // 2), least)
     # samples are read so much wider, for a place that was a little off [deg]; twice as wide reads
     # that much more
     first, last = ranges(channel, wheel, flanks, windows + 1.0 * DEGREE)
     result = np.full((3, first.size), np.nan)
     quality = none_of(first.size)
-    for group, start, values in groups(channel, first, last):
-        part = flanks[group]
-        entries = group < flanks.size // 2
+    for rows, owner, u, y, values in samples(channel, wheel, flanks, first, last):
+        part, shift = flanks[rows], np.zeros(rows.size)
         for _ in range(2):  # the second time around the place that the first has found
-            low, high = (
-                np.clip(edge, first[group], last[group])
-                for edge in ranges(channel, wheel, part, windows[group])
+            found, lost = _solve(
+                owner, u - shift[owner], y, part, windows[rows], rows < flanks.size // 2
             )
-            result[:, group], lost = _solve(
-                values, start, channel, wheel, part, windows[group], low, high, entries
-            )
-            part = moved(part, result[0, group])
-        beyond = np.concatenate([[0], np.cumsum((values <= limits[0]) | (values >= limits[1]))])
-        clipped = beyond[last[group] - start] > beyond[first[group] - start]
-        quality[group] |= marked(lost, Quality.GAP) | marked(clipped, Quality.CLIPPED)
+            place = shift + found[0]
+            near = np.abs(place - shift) < 3 * DEGREE
+            result[:, rows] = part["angle"] + place, found[1], found[2]
+            shift = np.where(near, place, shift)
+        beyond = (values <= limits[0]) | (values >= limits[1])
+        clipped = np.bincount(owner[beyond], minlength=rows.size) > 0
+        quality[rows] |= marked(lost, Quality.GAP) | marked(clipped, Quality.CLIPPED)
     short = last - first < 5
     at_end = (first < 1) | (last >= channel.size - 1)
     quality |= marked(short & at_end, Quality.EDGE_OF_LOG) | marked(short & ~at_end, Quality.GAP)
@@ -435,23 +403,24 @@ def crossings(
 
 
 def _solve(
-    values: FloatArray, start: int, channel: Channel, wheel: WheelAngle, flanks: Records,
-    windows: FloatArray, first: IntArray, last: IntArray, entries: np.ndarray,
-) -> tuple[FloatArray, np.ndarray]:  # fmt: skip
-    """((3, n) place, standard error and slope, n samples lost) by cubic least squares.
+    owner: IntArray,
+    u: FloatArray,
+    y: FloatArray,
+    flanks: Records,
+    windows: FloatArray,
+    entries: BoolArray,
+) -> tuple[FloatArray, BoolArray]:
+    """((3, n) place [rad], standard error and slope, n samples lost) by cubic least squares.
 
-    Of n fronts, whose samples [first, last) lie in `values` from index `start`; `entries` (n,):
+    Of n fronts whose samples lie at `u` (s,) [rad] and have the levels `y`; `entries` (n,):
     whether the signal leaves its level there.
     """
-    n = first.size
-    owner, u, y = normalised(values, start, channel, wheel, flanks, first, last)
-    u, y = u / windows[owner], y - 0.5
-    good = np.isfinite(y) & np.isfinite(u)
-    lost = np.bincount(owner[~good], minlength=n) > 0
-    owner, u, y = owner[good], u[good], y[good]
-    weight = np.maximum(
-        1.0 - u * u, 0.0
-    )  # a window without edges: which samples fall into it must not matter
+    n = windows.size
+    u = u / windows[owner]
+    inside, known = np.abs(u) < 1.0, np.isfinite(y)
+    lost = np.bincount(owner[inside & ~known], minlength=n) > 0
+    owner, u, y = owner[inside & known], u[inside & known], y[inside & known] - 0.5
+    weight = 1.0 - u * u  # a window without edges: which samples fall into it must not matter
     powers = np.stack([np.bincount(owner, weight * u**k, n) for k in range(7)])
     squares = np.stack([np.bincount(owner, weight**2 * u**k, n) for k in range(7)])
     right = np.stack([np.bincount(owner, weight * y * u**k, n) for k in range(4)], axis=-1)
@@ -473,11 +442,9 @@ def _solve(
     slope = c[:, 1] + root * (2 * c[:, 2] + root * 3 * c[:, 3])
     level = np.abs(flanks["level"]) * flanks["rate"] ** 2
     noise = np.hypot(share, 0.5 * flanks["level_share"]) * flanks["noise"] / level
-    falls = np.where(entries, slope < 0, slope > 0)
-    sure = enough & falls & (np.abs(root) < 1)
+    sure = enough & np.where(entries, slope < 0, slope > 0) & (np.abs(root) < 1)
     se = np.hypot(noise / np.abs(np.where(sure, slope, 1.0)) * windows, flanks["angle_noise"])
-    place = flanks["angle"] + root * windows
-    return np.where(sure, np.stack([place, se, slope / windows]), np.nan), lost
+    return np.where(sure, np.stack([root * windows, se, slope / windows]), np.nan), lost
 
 
 # ---- The two fronts of every passage of an in-tire accelerometer (P4 section IV B).
@@ -512,32 +479,16 @@ LEARN_FROM = 150
 PASSAGES = 8
 
 
-@dataclass(frozen=True)
-class Fronts:
-    """One row per passage, shape (n,), those that were not found included (NaN).
-
-    `entry_rad`, `exit_rad` wheel angles of the fronts, `entry_se_rad`, `exit_se_rad` their standard
-    errors from noise (accelerometer and wheel angle) and misfit, `expected_rad` where the passage's
-    middle was looked for, `quality` its flags. `sign` of the level outside as recorded, `level_m`
-    its median over Omega^2, `gravity` True if the signal holds gravity, `turn_rad` is the wheel
-    angle from passage to passage, 2 pi if the encoder's steps are right; `magnified` how much more
-    of the noise a width has than its fronts.
-    """
-
-    expected_rad: FloatArray
-    entry_rad: FloatArray
-    exit_rad: FloatArray
-    entry_se_rad: FloatArray
-    exit_se_rad: FloatArray
-    quality: QualityFlags
-    sign: int
-    level_m: float
-    gravity: bool
-    turn_rad: float
-    magnified: float = 1.0
-
-    def __len__(self) -> int:
-        return int(self.entry_rad.size)
+#: a passage, NaN if it was not found: where its middle was looked for; wheel angles of its fronts,
+#: their standard errors from noise (accelerometer and wheel angle) and misfit; its flags.  The same
+#: in all rows: level outside over Omega^2 [m], with the sign as recorded; whether the signal holds
+#: gravity; the wheel angle from passage to passage, 2 pi if the encoder's steps are right; how much
+#: more of the noise a width has than its fronts
+FRONTS = np.dtype(
+    [("expected_rad", "f8"), ("entry_rad", "f8"), ("exit_rad", "f8"), ("entry_se_rad", "f8"),
+     ("exit_se_rad", "f8"), ("quality", "u4"), ("level_m", "f8"), ("gravity", "?"),
+     ("turn_rad", "f8"), ("magnified", "f8")]
+)  # fmt: skip
 
 
 def gravity_in(dips: Records, sign: int) -> bool:
@@ -564,8 +515,8 @@ def find_fronts(
     wheel: WheelAngle,
     radius_m: float,
     limits: tuple[float, float] = (-np.inf, np.inf),
-) -> Fronts | None:
-    """All passages of an accelerometer channel; None if it has none.
+) -> Records | None:
+    """All passages of an accelerometer channel, (n,) of FRONTS; None if it has none.
 
     `radius_m` the rolling radius, `limits` at which it clips.
     """
@@ -582,7 +533,7 @@ def find_fronts(
     some = slice(max(n // 2 - LEARN_FROM, 0), n // 2 + LEARN_FROM)
     for _ in range(2):
         part = np.concatenate([flanks[:n][some], flanks[n:][some]])
-        slope = crossings(channel, wheel, part, at_least(channel, part, window), limits)[2]
+        slope = crossings(channel, wheel, part, window, limits)[2]
         window = np.clip(
             [
                 FLANK_SHARE / np.nanmedian(np.abs(s))
@@ -593,23 +544,22 @@ def find_fronts(
             NARROW * DEGREE,
             WIDE * DEGREE,
         )
-    place, se, slope, quality = crossings(
-        channel, wheel, flanks, at_least(channel, flanks, window), limits
-    )
+    place, se, slope, quality = crossings(channel, wheel, flanks, window, limits)
     place, se, magnified = matched(
         channel, wheel, flanks, (place, se, slope), np.flatnonzero(quality)
     )
-    full = np.full((4, expected.size), np.nan)
-    full[:, row] = place[:n], place[n:], se[:n], se[n:]
+    fronts = records(
+        FRONTS, expected_rad=expected, entry_rad=np.nan, exit_rad=np.nan, entry_se_rad=np.nan,
+        exit_se_rad=np.nan, quality=np.uint32(Quality.LOST_PEAK), gravity=gravity, turn_rad=turn,
+        magnified=magnified, level_m=sign * abs(float(np.median(dips["level"]))),
+    )  # fmt: skip
+    for name, both in (("rad", place), ("se_rad", se)):
+        fronts[f"entry_{name}"][row], fronts[f"exit_{name}"][row] = both[:n], both[n:]
     saturated = np.abs(flanks["level"][:n]) * flanks["rate"][:n] ** 2 > 0.95 * min(
         -limits[0], limits[1]
     )
-    flags = marked(np.ones(expected.size, bool), Quality.LOST_PEAK)
-    flags[row] = quality[:n] | quality[n:] | marked(saturated, Quality.CLIPPED)
-    level = abs(float(np.median(dips["level"])))
-    return Fronts(
-        expected, full[0], full[1], full[2], full[3], flags, sign, level, gravity, turn, magnified
-    )
+    fronts["quality"][row] = quality[:n] | quality[n:] | marked(saturated, Quality.CLIPPED)
+    return fronts
 
 
 def patch_turn(channel: Channel, wheel: WheelAngle) -> float:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import islice
 
 import numpy as np
 
@@ -22,10 +23,17 @@ from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.filters import runs
 from tirelog.dsp.teeth import crossings, probe
 from tirelog.errors import DataLoss, SetupError, UsageError
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, Use, good, marked
-from tirelog.wheel.angle import Radius, WheelAngle, encoder_of, rolling_radius
-from tirelog.wheel.fronts import Fronts, find_fronts, patch_turn
+from tirelog.wheel.angle import (
+    Radius,
+    WheelAngle,
+    encoder_of,
+    means_between,
+    rolling_radius,
+    turns_about,
+)
+from tirelog.wheel.fronts import find_fronts, patch_turn
 
 # ---- What an accelerometer channel has to be cleared of before its fronts are sought.
 #
@@ -76,19 +84,17 @@ def limits(channel: Channel) -> tuple[float, float, float]:
 
     Infinite if the extreme of the log is not a pile of equal samples.
     """
-    ends, known = [], 0
+    ends = np.array([np.inf, -np.inf])
+    piles, known = np.zeros(2, np.int64), 0
     for _, block in channel.blocks(PIECE):
         x = block[np.isfinite(block)]
-        known += x.size
-        if x.size:
-            ends.append([(end, np.sum(x == end)) for end in (float(x.min()), float(x.max()))])
-    if not ends:
-        return -np.inf, np.inf, 0.0
-    least, most = np.array(ends).transpose(1, 2, 0)  # of each block, and how many of it
-    low, high = float(least[0].min()), float(most[0].max())
-    piles = [least[1][least[0] == low].sum(), most[1][most[0] == high].sum()]
-    share = sum(n for n in piles if n >= PILED_UP) / known
-    return low if piles[0] >= PILED_UP else -np.inf, high if piles[1] >= PILED_UP else np.inf, share
+        further = np.array([x.min(initial=ends[0]), x.max(initial=ends[1])])
+        piles[further != ends] = 0
+        ends, known = further, known + x.size
+        piles += [np.sum(x == end) for end in ends]
+    piled = piles >= PILED_UP
+    low, high = np.where(piled, ends, [-np.inf, np.inf])
+    return float(low), float(high), float(piles[piled].sum() / max(known, 1))
 
 
 # ---- What makes an encoder or an accelerometer doubtful.
@@ -123,11 +129,11 @@ def _evenness(channel: Channel) -> float:
     The shorter over the longer of two neighbours, the median; 0 if it does not swing. A passage of
     the patch and the rest of its turn are 1 to 20.
     """
-    found = probe(channel.read, channel.size)
+    found = probe(channel)
     if found.form not in ("sine", "square"):
         return 0.0
-    pieces = list(crossings(channel.read, min(channel.size, 1 << 20), channel.axis.rate_Hz, found))
-    steps = np.diff(np.concatenate([piece.index for piece in pieces]))
+    pieces = list(islice(crossings(channel, found), 8))
+    steps = np.diff(np.concatenate([piece["index"] for piece in pieces]))
     if steps.size < 20:
         return 0.0
     return float(
@@ -174,7 +180,7 @@ def doubts(
     recording: Recording,
     channel: Channel,
     wheel: WheelAngle,
-    fronts: Fronts,
+    fronts: Records,
     radius: Radius,
     share: float,
 ) -> list[str]:
@@ -183,8 +189,8 @@ def doubts(
     SetupError: the patch does not come once in `steps` steps, or its level is no rotation's.
     """
     said: list[str] = []
-    refuse_steps(recording, wheel, fronts.turn_rad)
-    ratio = fronts.level_m / radius.radius_m
+    refuse_steps(recording, wheel, float(fronts["turn_rad"][0]))
+    ratio = abs(float(fronts["level_m"][0])) / radius.radius_m
     what = (
         f"the level outside the patch is {ratio:.3g} times Omega^2 R, as of a sampling rate wrong "
         f"by a factor {abs(ratio) ** 0.5:.3g} or a unit by {ratio:.3g}"
@@ -198,8 +204,8 @@ def doubts(
             f"channel {channel.name}: {100 * share:.2g} % of the samples stand at its limits "
             "(clipped)"
         )
-    outward = "outward" if fronts.sign < 0 else "inward"
-    gravity = "with" if fronts.gravity else "without"
+    outward = "outward" if fronts["level_m"][0] < 0 else "inward"
+    gravity = "with" if fronts["gravity"][0] else "without"
     said.append(
         f"channel {channel.name}: {outward} positive by its level outside the patch, {gravity} "
         "gravity"
@@ -309,26 +315,20 @@ def _passages(
     channel: Channel,
     wheel: WheelAngle,
     radius: Radius,
-    fronts: Fronts,
+    fronts: Records,
     zero: str,
     forces: bool,
     said: list[str],
 ) -> EdgeTimes:
     """Fronts as a table's rows."""
-    entry, leave = fronts.entry_rad, fronts.exit_rad
+    entry, leave = fronts["entry_rad"], fronts["exit_rad"]
     found = np.isfinite(entry) & np.isfinite(leave)
-    middle = np.where(found, 0.5 * (entry + leave), fronts.expected_rad)
-    half = np.pi
-    before, time, after = (wheel.angle.time_at(middle + shift) for shift in (-half, 0.0, half))
+    middle = np.where(found, 0.5 * (entry + leave), fronts["expected_rad"])
+    time, turns = turns_about(wheel, middle, radius.radius_m)
     speed = radius.radius_m * wheel.speed_rad_s(time)
-    acceleration = _acceleration(before, time, after, radius.radius_m)
-    margin = 15 / DEG
-    low, high = (
-        wheel.angle.time_at(middle - margin - 0.3),
-        wheel.angle.time_at(middle + margin + 0.3),
-    )
+    low, high = (wheel.angle.time_at(middle + side * (15 / DEG + 0.3)) for side in (-1.0, 1.0))
     quality = (
-        fronts.quality
+        fronts["quality"]
         | wheel.quality(np.nan_to_num(low, nan=-1.0), np.nan_to_num(high, nan=np.inf))
         | marked(~found, Quality.LOST_PEAK)
     )
@@ -347,49 +347,39 @@ def _passages(
             "gave the whole teeth back",
         ]
     without = _without_zero(zero) if np.isnan(offset) else ""
-    se = np.hypot(fronts.entry_se_rad, fronts.exit_se_rad) * DEG
+    se = np.hypot(fronts["entry_se_rad"], fronts["exit_se_rad"]) * DEG
+    width_se = se * fronts["magnified"]
     # what both fronts have in common stays in their middle
     middle_se = np.hypot(se / 2, np.sqrt(0.5) * wheel.angle.shared_noise_at(time) * DEG)
     width = (leave - entry) * DEG
-    means = (
-        {
-            c.kind: _means(c, before, after)
-            for c in recording.of_kind("vertical_load", "longitudinal_force")
-        }
-        if forces
-        else {}
-    )
+    means = {}
+    for force in recording.of_kind("vertical_load", "longitudinal_force") if forces else ():
+        # the mean of a turn in which the wheel stood is no passage's
+        end = np.where(turns.end_s - turns.begin_s < 5.0, turns.end_s, np.nan)
+        means[force.kind] = means_between(force, turns.begin_s, end)
     return EdgeTimes(
         recording.log, channel.name, radius.radius_m, recording.setup.conditions.driven, time,
-        speed, acceleration, turn - width / 2, turn + width / 2, width, se * fronts.magnified,
+        speed, turns.acceleration_m_s2, turn - width / 2, turn + width / 2, width, width_se,
         turn - offset, middle_se,
         steady, quality, zero_speed, tuple(said), without, means,
         _example(channel, wheel, fronts, clean),
     )  # fmt: skip
 
 
-def _example(channel: Channel, wheel: WheelAngle, fronts: Fronts, clean: np.ndarray) -> FloatArray:
+def _example(channel: Channel, wheel: WheelAngle, fronts: Records, clean: np.ndarray) -> FloatArray:
     """The samples within 45 degrees of one good passage; empty if there is none."""
     rows = np.flatnonzero(clean)
     if rows.size == 0:
         return np.zeros((3, 0))
     row = rows[rows.size // 2]
-    entry, leave = fronts.entry_rad[row], fronts.exit_rad[row]
+    entry, leave = fronts["entry_rad"][row], fronts["exit_rad"][row]
     middle = 0.5 * (entry + leave)
     time = wheel.angle.time_at(middle + np.array([-0.8, 0.0, 0.8]))
     first, last = (int(i) for i in channel.axis.index(np.nan_to_num(time))[::2])
     at = channel.axis.time(first, last)
-    level = fronts.sign * fronts.level_m * wheel.speed_rad_s(time[1:2]) ** 2
+    level = fronts["level_m"][row] * wheel.speed_rad_s(time[1:2]) ** 2
     both = np.resize(np.array([entry - middle, leave - middle]), at.size) * DEG
     return np.stack([(wheel.angle.at(at) - middle) * DEG, channel.read(first, last) / level, both])
-
-
-def _acceleration(
-    before: FloatArray, time: FloatArray, after: FloatArray, radius: float
-) -> FloatArray:
-    """Acceleration [m/s^2] from the durations of the half turns around the passage."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return radius * 2 * np.pi * (1 / (after - time) - 1 / (time - before)) / (after - before)
 
 
 def _one_turn(
@@ -466,44 +456,38 @@ def _zero(
 
     UsageError: `zero` is none of the forms.
     """
-    rows = np.zeros(turn.size, bool)
-    if ":" in zero:
-        start, stop = _numbers(zero.split(":", 1), zero)
-        rows = clean & (time >= start) & (time <= stop)
-    elif zero != "none":
-        low, high = (
-            (0.0, LOW_SPEED_M_S)
-            if zero == "auto"
-            else tuple(_numbers([zero], zero)[0] + d for d in (-1.5, 1.5))
-        )
-        for number in range(int(steady.max(initial=-1)) + 1):
-            one = steady == number
-            if low <= float(np.mean(speed[one])) <= high:
-                rows = one & clean
-                break
+    by, low, high = zero_range(zero)
+    rows = clean & (time >= low) & (time <= high) & (by == "time")
+    for number in range(int(steady.max(initial=-1)) + 1 if by == "speed" else 0):
+        one = steady == number
+        if low <= float(np.mean(speed[one])) <= high:
+            rows = one & clean
+            break
     if not rows.any():
         return float("nan"), float("nan")
     return float(np.mean(turn[rows])), float(np.mean(speed[rows]))
 
 
-def refuse_other_zero(zero: str) -> None:
-    """UsageError: `zero` is none of the forms that `measure_phase_shift` takes."""
-    if zero not in ("auto", "none"):
-        _numbers(zero.split(":", 1), zero)
+def zero_range(zero: str) -> tuple[str, float, float]:
+    """('speed', 'time' or 'none', from, to) in which the zero lies, by what was asked for.
 
-
-def _numbers(texts: list[str], zero: str) -> list[float]:
+    UsageError: `zero` is none of the forms that `measure_phase_shift` takes.
+    """
+    if zero in ("auto", "none"):
+        return ("speed" if zero == "auto" else "none"), 0.0, LOW_SPEED_M_S
     try:
-        numbers = [float(t) for t in texts]
+        numbers = [float(text) for text in zero.split(":", 1)]
         if not all(map(math.isfinite, numbers)):
             raise ValueError
-        return numbers
     except ValueError:
         raise UsageError(
             f"--zero {zero}",
             allowed="allowed are auto, none, a speed in m/s, or START:STOP in seconds",
             do="e.g. --zero 10 or --zero 2:8",
         ) from None
+    if len(numbers) == 2:
+        return "time", numbers[0], numbers[1]
+    return "speed", numbers[0] - 1.5, numbers[0] + 1.5
 
 
 def _without_zero(zero: str) -> str:
@@ -517,15 +501,3 @@ def _without_zero(zero: str) -> str:
         "name another with --zero SPEED or --zero START:STOP, or give the --calibration of a log "
         "that has one"
     )
-
-
-def _means(channel: Channel, start_s: FloatArray, stop_s: FloatArray) -> FloatArray:
-    """Mean of a channel over [start, stop] of each passage; NaN if it has no sample."""
-    means = np.full(start_s.size, np.nan)
-    for k, (start, stop) in enumerate(zip(start_s, stop_s, strict=True)):
-        if np.isfinite(start) and np.isfinite(stop) and stop - start < 5.0:
-            first, last = (int(i) for i in np.ceil(channel.axis.index(np.array([start, stop]))))
-            values = channel.read(first, max(last, first + 1))
-            if np.isfinite(values).any():
-                means[k] = np.nanmean(values)
-    return means

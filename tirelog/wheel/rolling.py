@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
-from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, Records, records
 from tirelog.vocabulary.quality import QualityFlags
 
 #: acceleration up to which a turn rolls freely [m/s^2]: at a tire's usual 0.1 of slip per g that is
@@ -255,79 +255,61 @@ def rolling(speed: Channel, wheel: WheelTurns) -> Rolling:
     meter = Odometer.of(speed)
     with np.errstate(invalid="ignore", divide="ignore"):
         period = np.where(wheel.turns > 0, (wheel.end_s - wheel.begin_s) / wheel.turns, np.nan)
-    change = wheel.acceleration_m_s2 * period
-    delay, delay_se = 0.0, _DELAY_S
-    rows = _rows(meter, wheel, period, delay)
+    change, delay = wheel.acceleration_m_s2 * period, 0.0
     for _ in range(_ROUNDS):
+        rows = _rows(meter, wheel, period, delay)
         step, delay_se = _delay_step(wheel, rows, change, period, delay)
         delay += step
-        rows = _rows(meter, wheel, period, delay)
         if abs(step) < _SETTLED_S:
             break
-    free = (wheel.quality == 0) & rows.known & (np.abs(wheel.acceleration_m_s2) < FREE_M_S2)
+    rows = _rows(meter, wheel, period, delay)
+    known = np.isfinite(rows["se"]) & np.isfinite(rows["metres"])
+    free = (wheel.quality == 0) & known & (np.abs(wheel.acceleration_m_s2) < FREE_M_S2)
     radius, radius_se, grows = _radius(rows, period, change * delay_se, free)
-    return Rolling(rows.metres, rows.se, change, radius, radius_se, grows, delay, delay_se, free)
+    return Rolling(
+        rows["metres"], rows["se"], change, radius, radius_se, grows, delay, delay_se, free
+    )
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """Metres per turn (n,) at some delay, and what their errors are made of.
+#: metres per turn at some delay, and what their errors are made of: `noise` of a row alone,
+#: `rounding` of a reading that does not change, which the rows of one `group` share, `se` of both;
+#: `turns` of a row, which it shares with its neighbours
+ROWS = np.dtype(
+    [("metres", "f8"), ("noise", "f8"), ("rounding", "f8"), ("se", "f8"), ("group", "i8"),
+     ("turns", "f8")]
+)  # fmt: skip
 
-    `noise` of a row alone, `rounding` of a reading that does not change, which the rows of one
-    `group` share; `turns` of a row, which it shares with its neighbours.
+
+def _error(rows: Records, share: FloatArray, left: FloatArray) -> float:
+    """Standard error of the sum of the `rows` (n,), each with its `share`.
+
+    By their errors, or by what they `left` of a fit if that is more: its own neighbours tell
+    whether it comes in waves.
     """
-
-    metres: FloatArray
-    noise: FloatArray
-    rounding: FloatArray
-    group: IntArray
-    turns: FloatArray
-
-    @property
-    def known(self) -> BoolArray:
-        """Rows with a distance and an error."""
-        return np.isfinite(self.metres) & np.isfinite(self.se)
-
-    @property
-    def se(self) -> FloatArray:
-        """Standard error of each row."""
-        return np.hypot(self.noise, self.rounding)
-
-    def error(self, share: FloatArray, used: BoolArray, left: FloatArray) -> float:
-        """Standard error of the sum of the `used` rows, each with its `share`.
-
-        By their errors, or by what they `left` of a fit if that is more: its own neighbours tell
-        whether it comes in waves.
-        """
-        noise, turns = self.noise[used], self.turns[used]
-        by_group = np.bincount(self.group[used], share * self.rounding[used])
-        told = float(np.sum(share**2 * noise**2 * turns) + np.sum(by_group**2))
-        part, seen = share * left, 0.0
-        for lag in range(min(_WAVES, part.size)):
-            both = float(part[lag:] @ part[: part.size - lag])
-            seen += (1.0 if lag == 0 else 2.0 * (1.0 - lag / _WAVES)) * both
-        return float(np.sqrt(max(told, seen)))
+    by_group = np.bincount(rows["group"], share * rows["rounding"])
+    told = float(np.sum((share * rows["noise"]) ** 2 * rows["turns"]) + np.sum(by_group**2))
+    part, seen = share * left, 0.0
+    for lag in range(min(_WAVES, part.size)):
+        both = float(part[lag:] @ part[: part.size - lag])
+        seen += (1.0 if lag == 0 else 2.0 * (1.0 - lag / _WAVES)) * both
+    return float(np.sqrt(max(told, seen)))
 
 
-def _rows(meter: Odometer, wheel: WheelTurns, period: FloatArray, delay: float) -> _Rows:
-    """The metres per turn if the vehicle's speed is late by `delay`."""
+def _rows(meter: Odometer, wheel: WheelTurns, period: FloatArray, delay: float) -> Records:
+    """The metres per turn (n,) of ROWS if the vehicle's speed is late by `delay`."""
     begin, end = wheel.begin_s + delay, wheel.end_s + delay
     with np.errstate(invalid="ignore", divide="ignore"):
         metres = np.where(wheel.turns > 0, meter.between(begin, end) / wheel.turns, np.nan)
+        bend = meter.bend(begin, end) / wheel.turns
     metres = np.where(metres > 0.0, metres, np.nan)
     changes = np.nan_to_num(meter.changed(end) - meter.changed(begin))
+    noise = np.hypot(_noise(metres, period), bend)
     rounding = meter.step_m_s / np.sqrt(12.0) * period / np.sqrt(1.0 + changes)
     middle = np.floor(np.nan_to_num(meter.changed(0.5 * (begin + end))))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        bend = meter.bend(begin, end) / wheel.turns
-    group = np.unique(middle, return_inverse=True)[1]
-    return _Rows(
-        metres,
-        np.hypot(_noise(metres, period), bend),
-        rounding,
-        group,
-        np.maximum(wheel.turns, 1.0),
-    )
+    return records(
+        ROWS, metres=metres, noise=noise, rounding=rounding, se=np.hypot(noise, rounding),
+        group=np.unique(middle, return_inverse=True)[1], turns=np.maximum(wheel.turns, 1.0),
+    )  # fmt: skip
 
 
 def _noise(metres: FloatArray, period: FloatArray) -> FloatArray:
@@ -336,31 +318,32 @@ def _noise(metres: FloatArray, period: FloatArray) -> FloatArray:
     That of all rows, as the root of the time that a turn takes, or its own if that stands out.
     """
     off = np.full(metres.size, np.nan)
-    if metres.size > 4:
-        off[2:-2] = metres[2:-2] - 0.5 * (metres[:-4] + metres[4:])
+    off[2:-2] = (metres[2:-2] - 0.5 * (metres[:-4] + metres[4:])) if metres.size > 4 else np.nan
     off /= np.sqrt(1.5 * period)
     known = np.isfinite(off)
     if not known.any():
-        return np.full(metres.size, np.nan)
+        return off
     usual = float(np.median(np.abs(off[known]))) / 0.6745
-    square = np.convolve(np.where(known, off**2, 0.0), np.ones(3), "same")
-    count = np.convolve(known.astype(float), np.ones(3), "same")
+    square, count = (
+        np.convolve(one, np.ones(3), "same")
+        for one in (np.where(known, off**2, 0.0), known.astype(float))
+    )
     own = np.sqrt(square / np.maximum(count, 1.0))
     return np.where(own > _OUTLYING * usual, own, usual) * np.sqrt(period)
 
 
 def _delay_step(
-    wheel: WheelTurns, rows: _Rows, change: FloatArray, period: FloatArray, delay: float
+    wheel: WheelTurns, rows: Records, change: FloatArray, period: FloatArray, delay: float
 ) -> tuple[float, float]:
     """(what the delay is more than `delay`, its standard error) [s].
 
     Least squares of the metres per turn on what a longer belt, slip and a delay make of them.
     """
-    used = (wheel.quality == 0) & rows.known & np.isfinite(change)
+    used = (wheel.quality == 0) & np.isfinite(rows["metres"] + rows["se"] + change)
     if used.sum() < LEAST_TURNS:
         return -delay, _DELAY_S
-    metres, a = rows.metres[used], wheel.acceleration_m_s2[used]
-    speed = metres / period[used]
+    rows, a = rows[used], wheel.acceleration_m_s2[used]
+    metres, speed = rows["metres"], rows["metres"] / period[used]
     turn = float(np.median(metres))
     drives, brakes = (a > FREE_M_S2).astype(float), (a < -FREE_M_S2).astype(float)
     design = turn * np.stack(
@@ -370,7 +353,7 @@ def _delay_step(
     # what is thought of slip: 0 give or take so much, and per acceleration [s^2/m]; a tire's usual
     # is a tenth of either. Doubled, hardly anything moves: it only bounds what a log does not tell
     prior = np.array([0.0, 1 / _GROWTH, *[1 / 0.1] * 2, *[1 / 0.1] * 2, 1 / _DELAY_S])
-    weight = 1.0 / np.maximum(rows.se[used], _LEAST_SHARE * turn)
+    weight = 1.0 / np.maximum(rows["se"], _LEAST_SHARE * turn)
     whole = np.concatenate([design * weight[:, None], np.diag(prior)])
     wanted = np.concatenate([metres * weight, np.zeros(6), [-delay / _DELAY_S]])
     inverse = np.linalg.pinv(whole)
@@ -378,46 +361,37 @@ def _delay_step(
     share = inverse[-1, : a.size] * weight
     slips = design[:, 2:6] @ found[2:6]
     bent = _SLIP_BY_SPEED * slips * (speed - speed.mean()) / max(float(np.ptp(speed)), 1e-9)
-    error = np.array(
-        [
-            rows.error(share, used, metres - design @ found),
-            *inverse[-1, a.size :],
-            float(share @ bent),
-        ]
-    )
-    return float(found[-1]), float(np.sqrt(np.sum(error**2)))
+    error = _error(rows, share, metres - design @ found)
+    squares = error**2 + np.sum(inverse[-1, a.size :] ** 2) + (share @ bent) ** 2
+    return float(found[-1]), float(np.sqrt(squares))
 
 
 def _radius(
-    rows: _Rows, period: FloatArray, delayed: FloatArray, free: BoolArray
+    rows: Records, period: FloatArray, delayed: FloatArray, free: BoolArray
 ) -> tuple[FloatArray, FloatArray, bool]:
     """(radius, its standard error [m] at each row, whether it grows) by the `free` turns.
 
     R = a + b V^2 if b is sure, else a.  `delayed`: what the delay's error makes of each row [m].
     """
     size, turn = free.size, 2.0 * np.pi
-    square = (rows.metres / period / _GROWTH_M_S) ** 2
+    square = (rows["metres"] / period / _GROWTH_M_S) ** 2
     for grows in (True, False):
         used = free.copy()
         for _ in range(2):
             if used.sum() < LEAST_TURNS:
                 return np.full(size, np.nan), np.full(size, np.nan), False
-            least = _LEAST_SHARE * float(np.median(rows.metres[used]))
-            weight = 1.0 / np.maximum(rows.se[used], least)
+            least = _LEAST_SHARE * float(np.median(rows["metres"][used]))
+            weight = 1.0 / np.maximum(rows["se"][used], least)
             # about the mean, so that the errors of a and b do not go together
             middle = float(np.average(square[used], weights=weight**2))
             at = np.stack([np.ones(size), square - middle], axis=1)[:, : 1 + grows]
             inverse = np.linalg.pinv(at[used] * weight[:, None]) * weight
-            found = inverse @ rows.metres[used]
-            left = rows.metres - at @ found
-            errors = np.array(
-                [
-                    np.hypot(rows.error(share, used, left[used]), share @ delayed[used])
-                    for share in inverse
-                ]
-            )
+            found = inverse @ rows["metres"][used]
+            left = rows["metres"] - at @ found
+            own = [_error(rows[used], share, left[used]) for share in inverse]
+            errors = np.hypot(own, inverse @ delayed[used])
             spread = float(np.sqrt(np.average(left[used] ** 2, weights=weight**2)))
-            used &= np.abs(left) <= _OUTLYING * np.maximum(spread, rows.se)
+            used &= np.abs(left) <= _OUTLYING * np.maximum(spread, rows["se"])
         # standard errors by which a radius must grow with the speed squared; half as many would let
         # one log of twenty bend by chance
         if not grows or found[1] > 4.0 * errors[1] > 0.0:

@@ -21,7 +21,6 @@ from tirelog.vocabulary.quality import Quality, marked, quality_column
 from tirelog.wheel.angle import SPEED_WINDOW_S, encoder_of, rolling_radius, turns_of
 from tirelog.wheel.calibration import (
     Calibration,
-    Cleaned,
     clean_passages,
     predict_force,
     quasi_static,
@@ -204,16 +203,7 @@ def table(p: EdgeTimes, calibration: Calibration | None) -> Mapping[str, object]
     Rows from whose phase shift the calibration's telemetry delay was removed carry the word
     `delay_removed`.
     """
-    n = p.time_s.size
-    nothing = np.full(n, np.nan)
-    cleaned = (
-        clean_passages(p, calibration)
-        if calibration
-        else Cleaned(nothing, nothing, nothing, np.zeros(n, bool))
-    )
-    quality = p.quality | marked(cleaned.extrapolated, Quality.EXTRAPOLATED)
-    if calibration and calibration.has_delay:
-        quality |= marked(np.isfinite(cleaned.shift_deg), Quality.DELAY_REMOVED)
+    n, quality = p.time_s.size, p.quality
     columns: dict[str, object] = {
         "log": p.log,
         "channel": p.channel,
@@ -226,19 +216,31 @@ def table(p: EdgeTimes, calibration: Calibration | None) -> Mapping[str, object]
         "patch_width_se_deg": p.width_se_deg,
         "phase_shift_deg": p.shift_deg,
         "phase_shift_se_deg": p.shift_se_deg,
-        "patch_width_detrended_deg": cleaned.width_deg,
-        "phase_shift_detrended_deg": cleaned.shift_deg,
-        "phase_shift_corrected_deg": cleaned.corrected_deg,
+        "patch_width_detrended_deg": np.full(n, np.nan),
+        "phase_shift_detrended_deg": np.full(n, np.nan),
+        "phase_shift_corrected_deg": np.full(n, np.nan),
     }
-    if calibration and calibration.vertical:
-        force, se, outside = predict_force(calibration.vertical, cleaned.width_deg, p.width_se_deg)
-        columns |= {"vertical_force_N": force, "vertical_force_se_N": se}
-        quality |= marked(outside, Quality.EXTRAPOLATED)
-    if calibration and calibration.longitudinal:
-        shift = cleaned.corrected_deg if np.isfinite(calibration.crosstalk) else cleaned.shift_deg
-        force, se, outside = predict_force(calibration.longitudinal, shift, p.shift_se_deg)
-        columns |= {"longitudinal_force_N": force, "longitudinal_force_se_N": se}
-        quality |= marked(outside, Quality.EXTRAPOLATED)
+    if calibration is not None:
+        cleaned = clean_passages(p, calibration)
+        columns["patch_width_detrended_deg"] = cleaned["width_deg"]
+        columns["phase_shift_detrended_deg"] = cleaned["shift_deg"]
+        columns["phase_shift_corrected_deg"] = cleaned["corrected_deg"]
+        outside, removed = cleaned["extrapolated"], np.isfinite(cleaned["shift_deg"])
+        for name, force, x, x_se in (
+            ("vertical", calibration.vertical, cleaned["width_deg"], p.width_se_deg),
+            (
+                "longitudinal",
+                calibration.longitudinal,
+                cleaned[calibration.force_column],
+                p.shift_se_deg,
+            ),
+        ):
+            if force is not None:
+                values, se, beyond = predict_force(force, x, x_se)
+                columns |= {f"{name}_force_N": values, f"{name}_force_se_N": se}
+                outside = outside | beyond
+        quality = quality | marked(outside, Quality.EXTRAPOLATED)
+        quality |= marked(removed & calibration.has_delay, Quality.DELAY_REMOVED)
     return {**columns, "quality": quality_column(quality)}
 
 
