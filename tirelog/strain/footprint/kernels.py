@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tirelog.kernels import compiled
+from tirelog.strain.passages.template import SPARE, apply_inverse, invert, products
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records, records
 
 #: how a row moves: column of the patch centre, columns per second, speed and acceleration of the
@@ -89,8 +90,6 @@ FITTED = OWN + 2
 ROUNDS = 4
 #: largest quadratic term [m^2]: half of the square of 15 mm
 MOST_BEND = 1.1e-4
-#: rows that arrays of columns have beyond the samples
-SPARE = 3
 
 
 @compiled
@@ -135,84 +134,29 @@ def look_up(
 
 
 @compiled
-def products(columns: FloatArray, used: int, wide: int, gram: FloatArray) -> None:
-    """Fills `gram` (wide + 1, wide + 1) with products of all pairs of columns, the values last.
-
-    Summed over the `used` samples. `columns` has room for SPARE more than are used. SPARE + 1
-    samples at a time: what is summed is loaded and stored once for all of them.
-    """
-    for i in range(wide + 1):
-        for j in range(i + 1):
-            gram[i, j] = 0.0
-    for k in range(used, used + SPARE):
-        for i in range(wide + 1):
-            columns[k, i] = 0.0
-    for k in range(0, used, SPARE + 1):
-        for i in range(wide + 1):
-            a, b, c, d = columns[k, i], columns[k + 1, i], columns[k + 2, i], columns[k + 3, i]
-            for j in range(i + 1):
-                gram[i, j] += (
-                    a * columns[k, j]
-                    + b * columns[k + 1, j]
-                    + c * columns[k + 2, j]
-                    + d * columns[k + 3, j]
-                )
-    for i in range(wide + 1):
-        for j in range(i):
-            gram[j, i] = gram[i, j]
-
-
-@compiled
 def own_inverse(
-    gram: FloatArray, wide: int, sigma: float, odd_sd: float, lower: FloatArray, inverse: FloatArray
+    gram: FloatArray, wide: int, sigma: float, odd_sd: float, inverse: FloatArray
 ) -> float:
     """Inverse of a passage's own block, with what is known added; its rough height.
 
     What is known: damping and tilt (standard deviation `odd_sd`, in heights), beside values with
     the noise `sigma`. Scaled to a diagonal of one, which is lifted a little so that columns that
-    cannot be told apart share what there is. `gram` of `products`; `lower` (OWN, OWN) is room,
-    `inverse` (OWN, OWN) is filled.
+    cannot be told apart share what there is. `gram` of `products`; `inverse` (OWN, OWN) is filled.
     """
     # oddness is a ratio to the height, whose rough size is the right side's
     rough: float = max(abs(gram[HEIGHT, wide]) / max(gram[HEIGHT, HEIGHT], 1e-300), 1e-300)
-    prior = (sigma / (odd_sd * rough)) ** 2
     scale = np.empty(OWN)
     for i in range(OWN):
-        scale[i] = 1.0 / np.sqrt(max(gram[i, i] + (prior if i >= DAMPING else 0.0), 1e-300))
-    for i in range(OWN):
+        prior = (sigma / (odd_sd * rough)) ** 2 if i >= DAMPING else 0.0
+        scale[i] = 1.0 / np.sqrt(max(gram[i, i] + prior, 1e-300))
         for j in range(i + 1):
-            value = gram[i, j] * scale[i] * scale[j]
-            if i == j:
-                value += (prior * scale[i] ** 2 if i >= DAMPING else 0.0) + 1e-13
-            for k in range(j):
-                value -= lower[i, k] * lower[j, k]
-            lower[i, j] = np.sqrt(max(value, 1e-16)) if i == j else value / lower[j, j]
-    for c in range(OWN):  # a column of the inverse: forward, then backward
-        for i in range(c, OWN):
-            value = 1.0 if i == c else 0.0
-            for k in range(c, i):
-                value -= lower[i, k] * inverse[k, c]
-            inverse[i, c] = value / lower[i, i]
-        for i in range(OWN - 1, c - 1, -1):
-            value = inverse[i, c]
-            for k in range(i + 1, OWN):
-                value -= lower[k, i] * inverse[k, c]
-            inverse[i, c] = value / lower[i, i]
+            inverse[i, j] = inverse[j, i] = gram[i, j] * scale[i] * scale[j]
+        inverse[i, i] += prior * scale[i] ** 2 + 1e-13
+    invert(inverse)
     for i in range(OWN):
-        for j in range(i + 1):
-            inverse[i, j] *= scale[i] * scale[j]
-            inverse[j, i] = inverse[i, j]
-    return rough
-
-
-@compiled
-def apply_inverse(inverse: FloatArray, right: FloatArray, out: FloatArray) -> None:
-    """Fills `out` (OWN,) with the product of `inverse` (OWN, OWN) and the head of `right`."""
-    for i in range(OWN):
-        value = 0.0
         for j in range(OWN):
-            value += inverse[i, j] * right[j]
-        out[i] = value
+            inverse[i, j] *= scale[i] * scale[j]
+    return rough
 
 
 @compiled
@@ -271,11 +215,7 @@ def fit_rows(
     """
     wide = tables.shape[2]
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
-    gram, lower, inverse = (
-        np.empty((FITTED + 1, FITTED + 1)),
-        np.zeros((OWN, OWN)),
-        np.empty((OWN, OWN)),
-    )
+    gram, inverse = np.empty((FITTED + 1, FITTED + 1)), np.empty((OWN, OWN))
     bends, whole = np.empty((3, OWN)), np.empty(FITTED)
     for row in range(values.shape[0]):
         k = number[row]
@@ -288,7 +228,7 @@ def fit_rows(
         if used < FITTED:
             continue
         products(columns, used, wide, gram)
-        rough = own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
+        rough = own_inverse(gram, wide, sigma, odd_sd, inverse)
         fitted(gram, inverse, rough, bends, whole)
         made["height"], made["offset"] = whole[HEIGHT], whole[OFFSET] + middle
         made["shift"], made["length"] = whole[SHIFT], whole[LENGTH]
@@ -312,11 +252,7 @@ def class_sums(
     rows, chi2, samples = np.zeros((count, OWN)), np.zeros(count), np.zeros(count)
     left, counts = np.zeros(cells), np.zeros(cells)
     columns, place = np.empty((values.shape[1] + SPARE, wide + 1)), np.empty(values.shape[1])
-    gram, lower, inverse = (
-        np.empty((wide + 1, wide + 1)),
-        np.zeros((OWN, OWN)),
-        np.empty((OWN, OWN)),
-    )
+    gram, inverse = np.empty((wide + 1, wide + 1)), np.empty((OWN, OWN))
     per_cell = cells / (2.0 * grid["half_window_m"])
     for row in range(values.shape[0]):
         used, _ = look_up(
@@ -327,7 +263,7 @@ def class_sums(
         if used < OWN:
             continue
         products(columns, used, wide, gram)
-        own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
+        own_inverse(gram, wide, sigma, odd_sd, inverse)
         own = rows[row]
         apply_inverse(inverse, gram[wide], own)
         for k in range(used):
@@ -444,11 +380,7 @@ def traction_gains(
     out, wide = np.zeros(values.shape[0]), table.shape[1]
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
     lined, sums = np.empty((SPARE + 1, waves.shape[1])), np.empty((FITTED + 2, waves.shape[1]))
-    gram, lower, inverse = (
-        np.empty((FITTED + 1, FITTED + 1)),
-        np.zeros((OWN, OWN)),
-        np.empty((OWN, OWN)),
-    )
+    gram, inverse = np.empty((FITTED + 1, FITTED + 1)), np.empty((OWN, OWN))
     bends, whole = np.empty((3, OWN)), np.empty(FITTED)
     moved, free = np.empty((OWN, waves.shape[1])), np.empty(waves.shape[1])
     for row in range(values.shape[0]):
@@ -459,7 +391,7 @@ def traction_gains(
         if used < FITTED:
             continue
         products(columns, used, wide, gram)
-        rough = own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
+        rough = own_inverse(gram, wide, sigma, odd_sd, inverse)
         fitted(gram, inverse, rough, bends, whole)
         for k in range(used):
             for i in range(FITTED):
@@ -486,17 +418,13 @@ def _joint(
     columns  (m + SPARE, FITTED + 1) and place (m,) as `kernels.look_up` fills them, `used` of them
     waves    (g, c): the traction with each onset, on the table's grid
     """
-    gram, lower, inverse = (
-        np.empty((FITTED + 1, FITTED + 1)),
-        np.zeros((OWN, OWN)),
-        np.empty((OWN, OWN)),
-    )
+    gram, inverse = np.empty((FITTED + 1, FITTED + 1)), np.empty((OWN, OWN))
     count, wide, bends = told.size, FITTED, np.empty((3, OWN))
     lined, sums = np.empty((SPARE + 1, count)), np.empty((FITTED + 2, count))
     whole, moved = np.zeros((FITTED, count)), np.empty((OWN, count))
     free, size, left = np.empty(count), np.empty(count), np.empty(count)
     products(columns, used, wide, gram)
-    own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
+    own_inverse(gram, wide, sigma, odd_sd, inverse)
     for k, column in enumerate((FITTED, OWN, OWN + 1)):
         apply_inverse(inverse, gram[column], bends[k])
     _beside(columns, place, used, waves, first, lined, sums)

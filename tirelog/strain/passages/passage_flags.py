@@ -384,4 +384,4 @@ def breaks(
         [0, Quality.GAP, Quality.LOST_PEAK, Quality.STANDSTILL],
         Quality.REVERSING,
     )
-    return np.append(why, 0).astype(np.uint32)
+    return np.append(why, 0).astype(np.uint32)[: index.size]
