@@ -297,7 +297,7 @@ def _form_table(
     family, shape = reference.family, reference.shapes[number]
     spectra = family.jacobian(shape)
     base, wave_number = spectra[:, 0], 1j * family.kappa_1_m
-    second = family.second_by_length(shape), wave_number**2 * base
+    second = family.second_by_length(shape, spectra), wave_number**2 * base
     columns, grid = grid_of(
         reference,
         number,
@@ -458,7 +458,10 @@ def _averages(
         low, middle, high = np.quantile(beside, (0.16, 0.5, 0.84), axis=0)
         spread = 0.5 * (0.5 * (high - low)) ** 2
         change = np.column_stack([-1j * kappa * spectra[:, 0], spectra[:, [1, 5, 6]]]) @ middle
-        bent = spread[1] * family.second_by_length(shape) - spread[0] * kappa**2 * spectra[:, 0]
+        bent = (
+            spread[1] * family.second_by_length(shape, spectra)
+            - spread[0] * kappa**2 * spectra[:, 0]
+        )
         plain, moved = (basis @ np.column_stack([spectra[:, 0], change - bent])).real.T
         height, size = float(np.median(own[:, HEIGHT])), float(np.ptp(plain))
         counts = np.maximum(one.counts, 1.0)

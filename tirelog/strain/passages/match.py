@@ -139,7 +139,8 @@ def residuals(
 ) -> tuple[FloatArray, FloatArray]:
     """Angles [rad] of the samples of all rows, and what the fits leave of them, (N,) each.
 
-    What is left is a share of the height. Lost samples and those outside of the template do not count.
+    What is left is a share of the height. Lost samples and those outside of the template are left
+    out.
     """
     angles, left = [np.zeros(0)], [np.zeros(0)]
     spans, _ = _spans(signal, start, template.window_rad)
