@@ -340,7 +340,8 @@ def _by_stretches(
     One process learns the form while another makes the tables that need none; then both measure
     stretches of passages.
     """
-    from tirelog.strain.footprint.footprint import Measuring, refuse_cutoff
+    from tirelog.strain.footprint.footprint import measure_stretch, refuse_cutoff
+    from tirelog.strain.footprint.measure import PassageForms
 
     work = making.work(stored, found)
     names = [name for name in making.wanted if name != "footprint"]
@@ -362,9 +363,9 @@ def _by_stretches(
     if settled:
 
         def measure(number: int) -> tuple[IntArray, Records]:
-            measuring = Measuring.of(work.channel, work.passages, settled, cutoff)
-            rows = measuring.measure(number, _STRETCHES)
-            return rows, measuring.work[rows]
+            look = PassageForms.of(work.channel, work.passages, settled.learnt)
+            rows = measure_stretch(look, settled, cutoff, number, _STRETCHES)
+            return rows, look.work[rows]
 
         measured = list(in_processes(_STRETCHES, workers, measure))
     parts = making.parts(replace(work, settled=settled, measured=measured), ["footprint"])

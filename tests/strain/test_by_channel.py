@@ -16,7 +16,6 @@ from tirelog.process_pool import POSSIBLE
 from tirelog.products import Part, tables_of
 from tirelog.runs.ingest import open_recording
 from tirelog.strain.footprint import footprint
-from tirelog.strain.footprint.footprint import Measuring
 
 DRIVE = Path(__file__).parents[2] / "sample_data" / "drive.csv.gz"
 TABLES = ("speed", "footprint", "dissipation")
@@ -105,16 +104,16 @@ def stopped(number: int, frame: object) -> None:
 
 
 def test_a_process_that_ends_early_leaves_no_gap(monkeypatch):
-    parent, measure = os.getpid(), Measuring.measure
+    parent, measure = os.getpid(), footprint.measure_stretch
 
-    def mortal(self, stretch=0, of=1):
+    def mortal(look, settled, cutoff, stretch=0, of=1):
         if stretch == 2 and os.getpid() != parent:
             os.kill(os.getpid(), signal.SIGKILL)
-        return measure(self, stretch, of)
+        return measure(look, settled, cutoff, stretch, of)
 
     with one_grating() as log:
         alone = list(tables_of(log, {name: {} for name in TABLES}))
         monkeypatch.setattr(products, "_LONG", 1)
-        monkeypatch.setattr(Measuring, "measure", mortal)
+        monkeypatch.setattr(footprint, "measure_stretch", mortal)
         shared = list(tables_of(log, {name: {} for name in TABLES}, 2, processes=True))
     same(alone, shared)

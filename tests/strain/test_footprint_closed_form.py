@@ -173,11 +173,11 @@ def test_windows_are_the_samples_around_and_end_at_gaps():
     axis = TimeAxis(1000, 2500.0, np.array([0, 600]), np.array([0.0, 9.0]), np.array([4e-4, 4e-4]))
     channel = Channel.of_array("s", "strain", values, axis)
     index = np.array([3.2, 300.4, 597.0, 603.0, 998.0])
-    (found,) = gather_windows(channel, 1.0, index, np.full(5, 16.0), np.arange(5))
+    (found,) = gather_windows(channel, 1.0, index, (index, index), np.full(5, 16.0), np.arange(5))
     for row, at in enumerate(np.round(index).astype(int)):
         own = np.arange(at - 16, at + 16)
         inside = (own >= 0) & (own < 1000) & ((own < 600) == (at < 600))
         np.testing.assert_array_equal(
             found.values[row], np.where(inside, -own.astype(float), np.nan)
         )
-        assert found.centre[row] == pytest.approx(index[row] - at + 16)
+        assert found.motion["centre"][row] == pytest.approx(index[row] - at + 16)

@@ -267,8 +267,9 @@ def passage_window(
     """
     rate = channel.axis.rate_Hz
     reach = 0.7 * WINDOW * length_m / speed_m_s * rate + _BESIDE * rate / cutoff_Hz
+    motions = np.array([speed_m_s]), np.zeros(1)
     windows = gather_windows(
-        channel, sign, np.array([index]), np.array([reach]), np.zeros(1, np.int64)
+        channel, sign, np.array([index]), motions, np.array([reach]), np.zeros(1, np.int64)
     )
     return next(iter(windows), None)
 
@@ -298,7 +299,14 @@ def passage_panels(
     marks: list[list[Mark]] = [[], [], []]
     shown: list[FloatArray] = []
     for cut, upsample, name, colour, look in looks:
-        of = (windows.rate_Hz, windows.centre, speed, acceleration, np.array([cut]), upsample)
+        of = (
+            windows.rate_Hz,
+            windows.motion["centre"],
+            speed,
+            acceleration,
+            np.array([cut]),
+            upsample,
+        )
         along_m, first, second = along_tread(windows.values, *of)
         spectra, m = window_spectra(windows.values), windows.values.shape[1]
         strain = lowpassed(spectra, windows.rate_Hz, np.array([cut]), m, upsample)[0]

@@ -167,7 +167,7 @@ def _own_sizes() -> FloatArray:
     """Mean pressure (2/3 of the parabola's top) of each own shape over its wave's, (SHAPES, 1)."""
     n = np.arange(1.0, TERMS)
     terms = (4.0 * n + 3.0) / ((2.0 * n + 1.0) * (2.0 * n + 2.0))
-    return np.r_[terms, np.ones(SHAPES - terms.size)][:, None] * (2.0 / 3.0)
+    return np.asarray(np.r_[terms, np.ones(SHAPES - terms.size)][:, None] * (2.0 / 3.0))
 
 
 class EdgeFamily:

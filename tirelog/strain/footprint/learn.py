@@ -17,15 +17,16 @@ import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.strain.footprint.family import HIGHEST, LOWEST
-from tirelog.strain.footprint.reference import Average, Reference, average, fit_average
+from tirelog.strain.footprint.reference import CELLS, Average, Reference, fit_average
 from tirelog.strain.footprint.refine import (
-    Sample,
+    PatchWindows,
     gather_windows,
     joined_windows,
     learn_form,
     refine_edges,
 )
 from tirelog.strain.passages.find import Passages
+from tirelog.strain.passages.match import clusters
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray
 from tirelog.vocabulary.quality import good
@@ -166,15 +167,6 @@ def _steady_first(passages: Passages, rows: IntArray) -> tuple[IntArray, IntArra
     return rows[kept], classes[kept], bool(steady[kept].mean() > 0.5)
 
 
-def _chosen(rows: IntArray, most: int) -> IntArray:
-    """At most `most` of `rows`, as clusters of neighbours spread over them."""
-    if rows.size <= most:
-        return rows
-    size = most // CLUSTERS
-    firsts = np.linspace(0, rows.size - size, CLUSTERS).astype(np.int64)
-    return np.unique(np.concatenate([rows[k : k + size] for k in firsts]))
-
-
 def _samples(
     channel: Channel,
     passages: Passages,
@@ -182,49 +174,36 @@ def _samples(
     classes: IntArray,
     half_window_m: float,
     block_samples: int,
-) -> list[Sample]:
+) -> list[PatchWindows]:
     """Windows of each class of speed out of the passages `rows`, by ascending speed."""
-    speed, acceleration = passages.speed_m_s, np.nan_to_num(passages.acceleration_m_s2)
-    out = []
-    names = np.unique(classes)
+    motions = passages.speed_m_s, np.nan_to_num(passages.acceleration_m_s2)
+    rate, out, names = channel.axis.rate_Hz, [], np.unique(classes)
+    most = max(LEARNT_FROM // names.size, LEAST_OF_CLASS)
     for number in names:
-        chosen = _chosen(rows[classes == number], max(LEARNT_FROM // names.size, LEAST_OF_CLASS))
-        reach = 1.02 * half_window_m / float(speed[chosen].min()) * channel.axis.rate_Hz + 1.0
+        chosen = clusters(rows[classes == number], most, CLUSTERS)
+        speed = motions[0][chosen]
+        reach = np.full(len(passages), 1.02 * half_window_m / float(speed.min()) * rate + 1.0)
         # samples are averaged while they lie closer than this share of the half length
-        fewer = 2 ** int(
-            np.log2(
-                max(
-                    (1.0 / 36.0)
-                    * half_window_m
-                    / WINDOW
-                    * channel.axis.rate_Hz
-                    / float(speed[chosen].max()),
-                    1.0,
-                )
-            )
+        share = (1.0 / 36.0) * half_window_m / WINDOW * rate / float(speed.max())
+        fewer = 2 ** int(np.log2(max(share, 1.0)))
+        windows = gather_windows(
+            channel, passages.sign, passages.index, motions, reach, chosen, block_samples
         )
-        same = np.full(len(passages), reach)
-        parts = [
-            w.reduced(fewer)
-            for w in gather_windows(
-                channel, passages.sign, passages.index, same, chosen, block_samples
-            )
-        ]
-        windows = joined_windows(parts)
-        out.append(Sample(windows, windows.motion(speed, acceleration)))
+        out.append(joined_windows([one.reduced(fewer) for one in windows]))
     return sorted(out, key=lambda sample: sample.speed_m_s)
 
 
-def _average(sample: Sample, passages: Passages, half_window_m: float) -> Average:
+def _average(sample: PatchWindows, passages: Passages, half_window_m: float) -> Average:
     """Mean passage of the rows of `sample`, scaled by height and offset of the template."""
-    row = sample.windows.row
-    height = np.maximum(np.abs(passages.height[row]), 1e-300)[:, None]
-    values = (sample.windows.values + passages.offset[row][:, None]) / height
-    noise = np.broadcast_to(
-        passages.noise / np.sqrt(sample.windows.averaged) / height, values.shape
-    )
-    xi = sample.windows.distance_m(sample.motion)
-    return average(xi, values, noise, sample.speed_m_s, half_window_m)
+    height = np.maximum(np.abs(passages.height[sample.row]), 1e-300)[:, None]
+    values = (sample.values + passages.offset[sample.row][:, None]) / height
+    cell = (sample.distance_m() / half_window_m + 1.0) * (0.5 * CELLS)
+    inside = np.isfinite(values) & (cell > 0.0) & (cell < CELLS)
+    cells, each = cell[inside].astype(np.int64), np.broadcast_to(height**2, values.shape)[inside]
+    weight, total = (np.bincount(cells, w, CELLS) for w in (each, each * values[inside]))
+    mean = total / np.where(weight > 0.0, weight, 1.0)
+    sharp = np.asarray(weight * (sample.averaged / passages.noise**2), np.float64)
+    return Average(sample.speed_m_s, mean, sharp)
 
 
 def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noise: float) -> float:
@@ -242,7 +221,7 @@ def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noi
     return float(family.kappa_1_m[above[-1]]) if above.size else float(2.0 * np.pi / half_window_m)
 
 
-def _at(reference: Reference, samples: list[Sample]) -> Reference:
+def _at(reference: Reference, samples: list[PatchWindows]) -> Reference:
     """`reference`, as another grating has taught it, at the speeds of `samples`."""
     return replace(
         reference.at_speeds(np.array([s.speed_m_s for s in samples])),
@@ -252,7 +231,7 @@ def _at(reference: Reference, samples: list[Sample]) -> Reference:
 
 
 def _from_a_start(
-    samples: list[Sample], passages: Passages, half_window_m: float, rough_m: float
+    samples: list[PatchWindows], passages: Passages, half_window_m: float, rough_m: float
 ) -> Reference:
     """The form without anything known of it.
 
@@ -263,7 +242,7 @@ def _from_a_start(
     first = max(range(len(samples)), key=lambda k: (free[k], -abs(k - middle)))
     speeds = np.array([sample.speed_m_s for sample in samples])
     mean = _average(samples[first], passages, half_window_m)
-    start = fit_average(mean, speeds, passages.radius_m, rough_m)
+    start = fit_average(mean, half_window_m, speeds, passages.radius_m, rough_m)
     return refine_edges(start, samples, passages.noise, half_window_m)
 
 
@@ -301,7 +280,7 @@ def learn_reference(
 
 def _to_learn_from(
     channel: Channel, passages: Passages, block_samples: int, without: BoolArray | None
-) -> tuple[list[Sample], float, float, bool] | None:
+) -> tuple[list[PatchWindows], float, float, bool] | None:
     """Samples to learn from, half of their window, a rough half length [m], whether they roll."""
     rows = _usable(passages, without)
     if passages.template is None or not rows.size:

@@ -76,18 +76,20 @@ _STARTS = ((0.1, 1.0), (2.5, 0.85))
 
 @dataclass(frozen=True)
 class Average:
-    """Mean passage at one speed, by cells along the tread.
+    """Mean passage at one speed, in cells along the tread (`cell_centres`).
 
-    `xi_m` (cells,) mean abscissa of each cell's samples, `values` (cells,) their mean, height about
-    one and patch downward, `weight` (cells,) inverse variance of the mean (0 if a cell holds
-    nothing), `spread_m2` variance of the abscissae.
+    `values` (cells,) means, height about one and patch downward, `weight` (cells,) their inverse
+    variances (0 if a cell holds nothing).
     """
 
     speed_m_s: float
-    xi_m: FloatArray
     values: FloatArray
     weight: FloatArray
-    spread_m2: FloatArray
+
+
+def cell_centres(half_window_m: float) -> FloatArray:
+    """Abscissae of the CELLS of a window [m]."""
+    return (np.arange(float(CELLS)) + 0.5) * (2.0 * half_window_m / CELLS) - half_window_m
 
 
 @dataclass(frozen=True)
@@ -176,39 +178,6 @@ class Reference:
         return np.sqrt(squares)
 
 
-def average(
-    xi_m: FloatArray,
-    values: FloatArray,
-    noise: FloatArray,
-    speed_m_s: float,
-    half_window_m: float,
-    cells: int = CELLS,
-) -> Average:
-    """Mean of samples `values` in cells of equal width.
-
-    Samples of any shape, height about one, at `xi_m` with standard deviations `noise`.
-    """
-    good = np.isfinite(values) & (np.abs(xi_m) < half_window_m)
-    xi, value, weight = xi_m[good], values[good], noise[good] ** -2.0
-    cell = (
-        ((xi + half_window_m) * (cells / (2.0 * half_window_m))).astype(np.int64).clip(0, cells - 1)
-    )
-    total: FloatArray = np.bincount(cell, weight, cells).astype(np.float64)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mean_xi = np.bincount(cell, weight * xi, cells) / total
-        mean = np.bincount(cell, weight * value, cells) / total
-        spread = np.bincount(cell, weight * xi**2, cells) / total - mean_xi**2
-    middle = (np.arange(cells) + 0.5) * (2.0 * half_window_m / cells) - half_window_m
-    empty = total == 0
-    return Average(
-        speed_m_s,
-        np.where(empty, middle, mean_xi),
-        np.where(empty, 0.0, mean),
-        total,
-        np.where(empty, 0.0, np.maximum(spread, 0.0)),
-    )
-
-
 class AverageFit:
     """Averages of some speeds, which share a tire, against a vector of parameters.
 
@@ -217,17 +186,18 @@ class AverageFit:
     """
 
     def __init__(
-        self, family: EdgeFamily, averages: list[Average], scale_m: float, *, own: bool
+        self,
+        family: EdgeFamily,
+        averages: list[Average],
+        half_window_m: float,
+        scale_m: float,
+        *,
+        own: bool,
     ) -> None:
         family = family.up_to(HIGHEST_SHARE)
         self.family, self.averages, self.scale_m, self.own = family, averages, scale_m, own
-        waves = {
-            id(one.xi_m): family.basis(one.xi_m)
-            * (1.0 - 0.5 * np.multiply.outer(one.spread_m2, family.kappa_1_m**2))
-            for one in {id(one.xi_m): one for one in averages}.values()
-        }
-        real = {key: np.hstack([wave.real, -wave.imag]) for key, wave in waves.items()}
-        self.bases = [real[id(one.xi_m)] for one in averages]
+        basis = family.basis(cell_centres(half_window_m))
+        self.basis = np.hstack([basis.real, -basis.imag])
         squares = np.array([one.speed_m_s**2 for one in averages])
         self.relative = squares / squares[-1]
         self.trust, self.near, self.shared = 1.0, False, (_MEAN, _SD)
@@ -297,7 +267,7 @@ class AverageFit:
             spectra = family.by_form(shape) if self.own else family.jacobian(shape)
             columns = np.column_stack([spectra, -turning * spectra[:, 0]])
             columns *= np.exp(-turning * shift)[:, None]
-            waves = self.bases[number] @ np.vstack([columns.real, columns.imag])
+            waves = self.basis @ np.vstack([columns.real, columns.imag])
             design = np.column_stack([waves[:, 0], np.ones(root.size)]) * root[:, None]
             linear = np.linalg.solve(design.T @ design, design.T @ (one.values * root))
             theta[first + 4 : first + 6] = linear
@@ -408,14 +378,18 @@ def descend(
 
 
 def fit_average(
-    average: Average, speed_m_s: FloatArray, radius_m: float, start_length_m: float
+    average: Average,
+    half_window_m: float,
+    speed_m_s: FloatArray,
+    radius_m: float,
+    start_length_m: float,
 ) -> Reference:
     """The family fitted to an average; alike at all of `speed_m_s` (k,).
 
     The best of several starts; `start_length_m` is a rough half length.
     """
     family = EdgeFamily(radius_m, HIGHEST_WAVE / (0.8 * start_length_m))
-    problem = AverageFit(family, [average], start_length_m, own=False)
+    problem = AverageFit(family, [average], half_window_m, start_length_m, own=False)
     found = []
     for tread, factor in _STARTS:
         start = np.zeros(_SHARED + _APIECE)

@@ -23,7 +23,6 @@ import numpy as np
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.strain.footprint.family import ComplexArray
 from tirelog.strain.footprint.kernels import (
-    FIT,
     GRID,
     HEIGHT,
     OWN,
@@ -31,15 +30,16 @@ from tirelog.strain.footprint.kernels import (
     ClassSums,
     class_sums,
     distance_along,
-    fit_rows,
     motion_of,
 )
 from tirelog.strain.footprint.reference import (
+    CELLS,
     HIGHEST_SHARE,
     TREAD,
     Average,
     AverageFit,
     Reference,
+    cell_centres,
     descend,
     judged,
 )
@@ -60,63 +60,61 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records, rec
 # patch is a minimum, whatever the surface.
 
 
+#: speed and acceleration at the passages of a log, (n,) each
+Motions = tuple[FloatArray, FloatArray]
+
+
 @dataclass(frozen=True)
 class PatchWindows:
     """Windows of some passages: rows of samples with the patch downward.
 
     `row` (n,): ordinals of the passages; `values` (n, m): strain, patch downward, NaN where lost or
-    beyond a gap; `centre` (n,): column of the patch centre; `rate_Hz`: columns per second;
+    beyond a gap; `motion` (n,) of MOTION: where the patch centre is and how the row moves;
     `averaged`: samples per column.
     """
 
     row: IntArray
     values: FloatArray
-    centre: FloatArray
-    rate_Hz: float
+    motion: Records
     averaged: int = 1
+
+    @property
+    def rate_Hz(self) -> float:
+        """Columns per second."""
+        return float(self.motion["rate_Hz"][0])
+
+    @property
+    def speed_m_s(self) -> float:
+        """Root mean square of the passages' speeds."""
+        return float(np.sqrt(np.mean(self.motion["speed_m_s"] ** 2)))
 
     def take(self, which: Any) -> PatchWindows:
         """The rows `which` (mask, slice or indices)."""
-        return PatchWindows(
-            self.row[which], self.values[which], self.centre[which], self.rate_Hz, self.averaged
-        )
+        return PatchWindows(self.row[which], self.values[which], self.motion[which], self.averaged)
 
-    def motion(self, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> Records:
-        """How each row moves, (n,) of MOTION, for the kernels.
+    def alike(self, keys: IntArray) -> Iterator[tuple[int, PatchWindows]]:
+        """The rows in groups of equal `keys` (one per passage of the log)."""
+        own = keys[self.row]
+        for key in np.unique(own):
+            same = own == key
+            yield int(key), self if same.all() else self.take(same)
 
-        `speed_m_s` and `acceleration_m_s2`: of all passages of the log.
-        """
-        return motion_of(
-            self.centre, self.rate_Hz, speed_m_s[self.row], acceleration_m_s2[self.row]
-        )
-
-    def distance_m(self, motion: Records) -> FloatArray:
+    def distance_m(self) -> FloatArray:
         """Distance of each sample from the patch centre along the tread, shape (n, m)."""
-        rows = motion[:, None]
+        rows = self.motion[:, None]
         time = (np.arange(self.values.shape[1]) - rows["centre"]) / rows["rate_Hz"]
         return distance_along(time, rows["speed_m_s"], rows["acceleration_m_s2"])
 
     def reduced(self, averaged: int) -> PatchWindows:
-        """The same windows with `averaged` neighbouring columns as one."""
+        """The same windows with `averaged` neighbouring columns as one, NaN if any is lost."""
         if averaged <= 1:
             return self
         count = self.values.shape[1] // averaged
         parts = self.values[:, : count * averaged].reshape(len(self.row), count, averaged)
-        lost = np.isnan(parts)
-        if lost.any():
-            kept = (~lost).sum(axis=2)
-            mean = np.where(
-                kept == averaged, np.where(lost, 0.0, parts).sum(axis=2) / averaged, np.nan
-            )
-        else:
-            mean = parts.mean(axis=2)
-        return PatchWindows(
-            self.row,
-            mean,
-            (self.centre - 0.5 * (averaged - 1)) / averaged,
-            self.rate_Hz / averaged,
-            self.averaged * averaged,
-        )
+        motion = self.motion.copy()
+        motion["centre"] = (motion["centre"] - 0.5 * (averaged - 1)) / averaged
+        motion["rate_Hz"] /= averaged
+        return PatchWindows(self.row, parts.mean(axis=2), motion, self.averaged * averaged)
 
 
 def window_class(reach_samples: FloatArray) -> IntArray:
@@ -136,6 +134,7 @@ def gather_windows(
     channel: Channel,
     sign: float,
     index: FloatArray,
+    motions: Motions,
     reach_samples: FloatArray,
     rows: IntArray,
     block_samples: int = BLOCK_SAMPLES,
@@ -143,8 +142,8 @@ def gather_windows(
     """Windows around `index` of the passages `rows`, many of one length at a time.
 
     `index`: fractional samples, NaN is left out. `sign`: +1 if the patch is a maximum of the
-    recorded signal; `reach_samples` (n,): half of the window that each passage needs. The channel
-    is read in blocks of about `block_samples`.
+    recorded signal; `motions` and `reach_samples` (n,) of all passages, half of the window that
+    each needs. The channel is read in blocks of about `block_samples`.
     """
     rows = rows[np.isfinite(index[rows])]
     half = window_class(np.minimum(reach_samples, channel.size))
@@ -155,22 +154,14 @@ def gather_windows(
         nearest = np.round(index[inside]).astype(np.int64)
         low = max(int((nearest - half[inside]).min()), 0)
         high = min(int((nearest + half[inside]).max()) + 1, channel.size)
-        samples = np.ascontiguousarray(channel.read(low, high), np.float64)
+        samples = -sign * np.ascontiguousarray(channel.read(low, high), np.float64)
         for size in np.unique(half[inside]).tolist():
-            some = half[inside] == size
+            some = inside[half[inside] == size]
+            centre = index[some] - np.round(index[some]) + size
+            motion = motion_of(centre, channel.axis.rate_Hz, *(one[some] for one in motions))
+            values = _cut(channel, samples, low, index[some], size)
             held = waiting.setdefault(size, [])
-            held.append(
-                _cut(
-                    channel,
-                    -sign,
-                    samples,
-                    low,
-                    index[inside[some]],
-                    nearest[some],
-                    size,
-                    inside[some],
-                )
-            )
+            held.append(PatchWindows(some, values, motion))
             # numbers in the windows that are given at a time: what works on them does so without
             # leaving the processor's cache
             if sum(part.values.size for part in held) >= (1 << 17):
@@ -181,43 +172,32 @@ def gather_windows(
 
 def joined_windows(parts: list[PatchWindows]) -> PatchWindows:
     """One set of windows from several of the same length and rate."""
-    if len(parts) == 1:
-        return parts[0]
-    row, values, centre = (
+    row, values, motion = (
         np.concatenate([getattr(part, name) for part in parts])
-        for name in ("row", "values", "centre")
+        for name in ("row", "values", "motion")
     )
-    return replace(parts[0], row=row, values=values, centre=centre)
+    return replace(parts[0], row=row, values=values, motion=motion)
 
 
 def _cut(
-    channel: Channel,
-    turned: float,
-    samples: FloatArray,
-    low: int,
-    index: FloatArray,
-    nearest: IntArray,
-    size: int,
-    rows: IntArray,
-) -> PatchWindows:
-    """Windows of half length `size` out of `samples`.
+    channel: Channel, samples: FloatArray, low: int, index: FloatArray, size: int
+) -> FloatArray:
+    """Windows (n, 2 size) about `index` (n,) out of `samples`, NaN beyond these and beyond a gap.
 
-    These start at sample `low` of the channel and are `turned` patch downward.
+    These start at sample `low` of the channel.
     """
-    begins, ends = np.zeros(nearest.size, np.int64), np.full(nearest.size, channel.size)
+    nearest = np.round(index).astype(np.int64)
+    begins, ends = np.full(nearest.size, low), np.full(nearest.size, low + samples.size)
     first = channel.axis.first
     if channel.axis.explicit is None and first.size > 1:
         part = np.searchsorted(first, nearest, side="right")
-        begins, ends = (
-            first[part - 1].astype(np.int64),
-            np.append(first, channel.size)[part].astype(np.int64),
-        )
+        begins = np.maximum(begins, first[part - 1].astype(np.int64))
+        ends = np.minimum(ends, np.append(first, channel.size)[part].astype(np.int64))
     place = (nearest - size)[:, None] + np.arange(2 * size)
-    inside = (place >= np.maximum(begins, low)[:, None]) & (place < ends[:, None])
-    inside &= place < low + samples.size
+    inside = (place >= begins[:, None]) & (place < ends[:, None])
     values = np.full(place.shape, np.nan)
-    values[inside] = turned * samples[place[inside] - low]
-    return PatchWindows(rows, values, index - nearest + size, channel.axis.rate_Hz)
+    values[inside] = samples[place[inside] - low]
+    return values
 
 
 # ---- Every passage against the log's own form.
@@ -268,25 +248,7 @@ def grid_of(
     return columns, grid[0]
 
 
-def shape_table(
-    reference: Reference, number: int, half_window_m: float
-) -> tuple[FloatArray, Record]:
-    """The columns that learning needs at speed `number`, and their grid.
-
-    Height, -shift, length, damping, tilt | tension.
-    """
-    spectra = reference.family.jacobian(reference.shapes[number])
-    slope = -1j * reference.family.kappa_1_m * spectra[:, 0]
-    return grid_of(
-        reference,
-        number,
-        half_window_m,
-        np.column_stack([spectra[:, 0], slope, spectra[:, [1, 5, 6, 3]]]),
-        LEARNT_POINTS,
-    )
-
-
-def _form_table(
+def form_table(
     reference: Reference, number: int, half_window_m: float
 ) -> tuple[FloatArray, Record]:
     """The columns that a fit needs at speed `number`, and their grid.
@@ -320,76 +282,12 @@ def _form_table(
     return columns, grid
 
 
-@dataclass(frozen=True)
-class FormTables:
-    """The form at k speeds: columns, grids, half lengths and shifts.
-
-    `columns` (k, g, 8) on `grids` (k,) of GRID, `half_length_m` and `shift_m` behind the passages'
-    centres (k,).
-    """
-
-    columns: FloatArray
-    grids: Records
-    half_length_m: FloatArray
-    shift_m: FloatArray
-
-    @classmethod
-    def of(cls, reference: Reference, half_window_m: float) -> FormTables:
-        """The tables at the speeds of `reference`."""
-        made = [_form_table(reference, k, half_window_m) for k in range(len(reference.shapes))]
-        columns, grids = (np.stack(part) for part in zip(*made, strict=True))
-        return cls(
-            columns,
-            grids,
-            np.array([shape.half_length_m for shape in reference.shapes]),
-            reference.shifts_m,
-        )
-
-
-#: the fit of a passage: height and offset (patch downward), shift of the patch's middle behind the
-#: passage's centre, full contact length with its standard error, damping and tilt beside the
-#: reference's, chi-square per degree of freedom, samples used
-FITS = np.dtype(
-    [("height", "f8"), ("offset", "f8"), ("shift_m", "f8"), ("length_m", "f8"), ("damping", "f8"),
-     ("tilt", "f8"), ("length_se_m", "f8"), ("chi2", "f8"), ("used", "f8")]
-)  # fmt: skip
-
-
-def fit_edges(
-    windows: PatchWindows, motion: Records, tables: FormTables, number: IntArray, noise: float
-) -> Records:
-    """The fits of the rows of `windows`, each against its form: (n,) of FITS.
-
-    The rows move as `motion` says (`PatchWindows.motion`); `number` (n,): each row's form in
-    `tables`; `noise`: standard deviation of a sample of the log.
-    """
-    sigma = noise / np.sqrt(windows.averaged)
-    found = np.full(len(number), np.nan, FIT)
-    fit_rows(windows.values, motion, number, tables.columns, tables.grids, sigma, ODD_SD, found)
-    height, used = found["height"], found["used"]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        relative = {name: found[name] / height for name in FIT.names or ()}
-        nan = np.where(height > 0, 1.0, np.nan)
-    return records(
-        FITS,
-        height=height * nan,
-        offset=found["offset"] * nan,
-        shift_m=(tables.shift_m[number] + relative["shift"]) * nan,
-        length_m=2.0 * (tables.half_length_m[number] + relative["length"]) * nan,
-        damping=relative["damping"] * nan,
-        tilt=relative["tilt"] * nan,
-        length_se_m=2.0 * sigma * relative["length_se"] * nan,
-        chi2=found["chi2"] / np.maximum(used - OWN, 1) * nan,
-        used=used,
-    )
-
-
 #: stay when the next round promises less than this of the whole chi-square, and stop when one has
 #: changed it by less than this share; half of the latter goes on for some rounds with forms that
 #: are those of no tire, and nowhere else
 GOOD_ENOUGH, SMALL = 1.0, 0.01
-#: cells of what is left, and the misfit above which it is more than noise
-CELLS, REMARKABLE = 120, 1.3
+#: misfit above which what is left is more than noise
+REMARKABLE = 1.3
 #: what an average misses by passages that are unlike each other, as a share of the height in each
 #: cell: a third of it halves the errors of trapezoids, which are then 3.5 of these off; squared, in
 #: such units, what a form that is believed may leave (blocks and soft sectors leave 4 to 40); sizes
@@ -406,39 +304,29 @@ STEPS, UNLIKELY, FARTHEST = (0.002, 0.02), 5.0, 0.3
 UNFOLLOWED = 2.0
 
 
-@dataclass(frozen=True)
-class Sample:
-    """Windows of passages of about one speed, and their `motion` (`PatchWindows.motion`)."""
-
-    windows: PatchWindows
-    motion: Records
-
-    @property
-    def speed_m_s(self) -> float:
-        """Root mean square of the passages' speeds."""
-        return float(np.sqrt(np.mean(self.motion["speed_m_s"] ** 2)))
-
-
 def _sums(
-    reference: Reference, number: int, sample: Sample, noise: float, half_window_m: float
+    reference: Reference, number: int, sample: PatchWindows, noise: float, half_window_m: float
 ) -> ClassSums:
     """What the passages of one class leave about the form, each put where it is.
 
     The class' form holds at its own speed: the tension of each passage follows its squared speed.
     """
-    windows = sample.windows
-    table, grid = shape_table(reference, number, half_window_m)
-    sigma = noise / np.sqrt(windows.averaged)
+    # height, -shift, length, damping, tilt | tension
+    spectra = reference.family.jacobian(reference.shapes[number])
+    moved = -1j * reference.family.kappa_1_m * spectra[:, 0]
+    columns = np.column_stack([spectra[:, 0], moved, spectra[:, [1, 5, 6, 3]]])
+    table, grid = grid_of(reference, number, half_window_m, columns, LEARNT_POINTS)
+    sigma = noise / np.sqrt(sample.averaged)
     # weak knowledge of a passage's own damping and tilt; twice as much lets the noise of a passage
     # move them twice as far
     return class_sums(
-        windows.values, sample.motion, table, grid, -reference.inertia, sigma, 0.5, CELLS
+        sample.values, sample.motion, table, grid, -reference.inertia, sigma, 0.5, CELLS
     )
 
 
 def _averages(
     reference: Reference,
-    samples: list[Sample],
+    samples: list[PatchWindows],
     sums: list[ClassSums],
     noise: float,
     half_window_m: float,
@@ -449,8 +337,8 @@ def _averages(
     What is quadratic in the rows' lengths and shifts, which are linear in their fits, is taken off.
     `unlike`: what a mean misses, as a share of its height.
     """
-    family, xi = reference.family.up_to(HIGHEST_SHARE), _centres(half_window_m)
-    basis, kappa, made = family.basis(xi), family.kappa_1_m, []
+    family, made = reference.family.up_to(HIGHEST_SHARE), []
+    basis, kappa = family.basis(cell_centres(half_window_m)), family.kappa_1_m
     for shape, sample, one in zip(reference.shapes, samples, sums, strict=True):
         spectra, own = family.jacobian(shape), one.own[one.own[:, HEIGHT] > 0.0]
         own = own if len(own) else np.eye(OWN)[:1]  # no passage is like the form: it stays there
@@ -465,18 +353,18 @@ def _averages(
         plain, moved = (basis @ np.column_stack([spectra[:, 0], change - bent])).real.T
         height, size = float(np.median(own[:, HEIGHT])), float(np.ptp(plain))
         counts = np.maximum(one.counts, 1.0)
-        sigma2 = noise**2 / (sample.windows.averaged * counts)
+        sigma2 = noise**2 / (sample.averaged * counts)
         # weight of a cell without samples, so that a class without any is known to nothing and not
         # unknown
         weight = (one.counts > 0.0) / (sigma2 / (height * size) ** 2 + unlike**2) + 1e-6
         values = (plain + moved + one.left / counts) / size
-        made.append(Average(sample.speed_m_s, xi, values, weight, np.zeros(CELLS)))
+        made.append(Average(sample.speed_m_s, values, weight))
     return made
 
 
 def refine_edges(
     reference: Reference,
-    samples: list[Sample],
+    samples: list[PatchWindows],
     noise: float,
     half_window_m: float,
 ) -> Reference:
@@ -495,7 +383,9 @@ def refine_edges(
             break  # where a whole step does harm, shorter ones gain next to nothing
         gain = best.misfit / misfit - 1.0 if again else np.inf
         averages = _averages(trial, samples, sums, noise, half_window_m, 0.0)
-        problem = AverageFit(trial.family, averages, trial.shapes[0].half_length_m, own=False)
+        problem = AverageFit(
+            trial.family, averages, half_window_m, trial.shapes[0].half_length_m, own=False
+        )
         start = problem.start(trial)
         found = descend(problem, start)
         left = np.array([one.left / np.maximum(one.counts, 1.0) for one in sums])
@@ -508,7 +398,7 @@ def refine_edges(
             length_se_m=2.0 * lengths * errors,
             misfit=misfit,
             freedom=free,
-            residual_xi_m=_centres(half_window_m) if misfit > REMARKABLE else None,
+            residual_xi_m=cell_centres(half_window_m) if misfit > REMARKABLE else None,
             residuals=smooth if misfit > REMARKABLE else None,
         )
         if gain < SMALL or found.gain < GOOD_ENOUGH * max(misfit, 1.0):
@@ -518,12 +408,12 @@ def refine_edges(
 
 
 def _without_foreign(
-    samples: list[Sample],
+    samples: list[PatchWindows],
     sums: list[ClassSums],
     reference: Reference,
     noise: float,
     half_window_m: float,
-) -> tuple[list[Sample], list[ClassSums]]:
+) -> tuple[list[PatchWindows], list[ClassSums]]:
     """Samples without the passages that fit the start much worse than their neighbours do."""
     kept, again = list(samples), list(sums)
     for number, one in enumerate(sums):
@@ -532,19 +422,13 @@ def _without_foreign(
         # size; twice as much keeps passages of 4.2 times
         good = (share < 9.0 * max(float(np.median(share)), 1.0)) & (one.own[:, HEIGHT] > 0)
         if good.any() and not good.all():
-            windows, motion = samples[number].windows.take(good), samples[number].motion[good]
-            kept[number] = Sample(windows, motion)
+            kept[number] = samples[number].take(good)
             again[number] = _sums(reference, number, kept[number], noise, half_window_m)
     return kept, again
 
 
-def _centres(half_window_m: float) -> FloatArray:
-    """Abscissae of the CELLS [m]."""
-    return (np.arange(float(CELLS)) + 0.5) * (2.0 * half_window_m / CELLS) - half_window_m
-
-
 def learn_form(
-    reference: Reference, samples: list[Sample], noise: float, half_window_m: float
+    reference: Reference, samples: list[PatchWindows], noise: float, half_window_m: float
 ) -> Reference:
     """`reference` with the tire's own form, if that earns its place, and its share of the error.
 
@@ -556,7 +440,9 @@ def learn_form(
     sums = [_sums(reference, k, s, noise, half_window_m) for k, s in enumerate(samples)]
     samples, sums = _without_foreign(samples, sums, reference, noise, half_window_m)
     averages = _averages(reference, samples, sums, noise, half_window_m, UNLIKE)
-    problem = AverageFit(reference.family, averages, reference.shapes[0].half_length_m, own=True)
+    problem = AverageFit(
+        reference.family, averages, half_window_m, reference.shapes[0].half_length_m, own=True
+    )
     start = problem.start(reference)
     here = [judged(problem, start, size) for size in SIZES]
     promised = np.array([one.evidence + one.promise for one in here])

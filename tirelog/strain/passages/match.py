@@ -196,7 +196,7 @@ def learn_template(signal: Signal, start: Records, good: IntArray) -> Template |
     half_width = 0.5 * float(np.median((start["width_s"] * start["omega_rad_s"])[good]))
     window = min(WIDEST_RAD, 3.0 * half_width)  # the window that is learnt, in half widths
     at = start[clusters(good, LEARNT_FROM, CLUSTERS)]
-    like = np.ones(at.size, bool)
+    like, template = np.ones(at.size, bool), None
     for _ in range(LEARNING_ROUNDS):
         template = learned_template(curve_sums(signal, at[like], window), window)
         if template is None:
@@ -209,7 +209,7 @@ def learn_template(signal: Signal, start: Records, good: IntArray) -> Template |
         )
         for name in ("time_s", "offset", "height"):
             at[name] = np.where(like, found[name], at[name])
-    if at.size < FEWEST:
+    if template is None or at.size < FEWEST:
         return template
     return replace(template, scatter=_scatter(signal, template, at))
 
