@@ -14,8 +14,14 @@ from tirelog.data.setup import LogConditions, Setup, Tire
 from tirelog.dsp.filters import bridged, differentiator
 from tirelog.plots.tables import said
 from tirelog.products import tables_of
-from tirelog.strain.dissipation import dissipation, moving_average, regression, steady_stretches
-from tirelog.strain.dissipation_table import by_speed, regressions
+from tirelog.strain.dissipation import (
+    by_speed,
+    dissipation,
+    moving_average,
+    regression,
+    regressions,
+    steady_stretches,
+)
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_quality
 from tirelog.vocabulary.quality import Quality, good, having

@@ -44,8 +44,13 @@ from tirelog.plots.style import (
 )
 from tirelog.plots.turns import TurnsSketch, turns_picture
 from tirelog.products import Part
-from tirelog.strain.dissipation import AVERAGED, Regression, regression
-from tirelog.strain.dissipation_table import DissipationOfChannel, clean_rows
+from tirelog.strain.dissipation import (
+    AVERAGED,
+    DissipationOfChannel,
+    Regression,
+    clean_rows,
+    regression,
+)
 from tirelog.strain.footprint.footprint import FootprintOfChannel
 from tirelog.strain.footprint.measure import along_tread
 from tirelog.strain.footprint.refine import PatchWindows, gather_windows

@@ -41,7 +41,13 @@ from tirelog.strain.footprint.measure import (
 from tirelog.strain.footprint.refine import REMARKABLE
 from tirelog.strain.footprint.slip_onset import TOO_WIDE, FrictionRatio
 from tirelog.strain.passages.find import Passages, passages_of
-from tirelog.strain.speed import PassageRows, begin, not_turning, speed_quality, strain_channels
+from tirelog.strain.speed import (
+    PassageRows,
+    identity_columns,
+    not_turning,
+    speed_quality,
+    strain_channels,
+)
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, having, marked, quality_column
 
@@ -71,9 +77,6 @@ MISSES, CLEARER = 0.15, 0.5
 #: with a misfit above this a form is no start for another; twice as much starts from forms that
 #: have gone astray, half as much learns from the beginning what would have been near
 NO_START = 10.0
-#: where the form of the first does not hold yet, at other speeds, passages are told by a gap: the
-#: misfit above it is so many times that below; twice as much leaves out speeds
-GAP = 2.0
 #: times that they are chosen, at most, and how many times as many there have to be if the form is
 #: not much clearer; half as many times may leave out speeds that the first ones do not have
 MOST_CHOSEN, MORE = 6, 1.05
@@ -222,8 +225,6 @@ def _of_alike(
         # this chi-square per degree of freedom; twice the share mixes those that pull with those
         # that do not, half the chi-square leaves out speeds that the first ones do not have
         best = misfit <= max(np.quantile(misfit, 0.2), 4.0)
-        if again:
-            best |= _below_gap(misfit, look.work["number"][rows])
         groups = [best, ~best] if again and learnt.reference.misfit > REMARKABLE else [best]
         start = learnt if learnt.reference.misfit < NO_START else None
         made = []
@@ -243,22 +244,6 @@ def _of_alike(
         return None
     settled = FormChoice(learnt, clearer=settled.clearer, chosen=True)
     return _beside(channel, passages, block_samples, settled, kept)
-
-
-def _below_gap(misfit: FloatArray, group: IntArray) -> BoolArray:
-    """Which of the rows (n,) are below a gap among the misfits of their `group`.
-
-    The widest one, if it is as wide as GAP and has a tenth of the group on either side.
-    """
-    below = np.zeros(misfit.size, bool)
-    for number in np.unique(group):
-        own = np.flatnonzero((group == number) & np.isfinite(misfit))
-        own = own[np.argsort(misfit[own])]
-        few = own.size // 10 + 1
-        steps = misfit[own[few:-few]] / misfit[own[few - 1 : -few - 1]]
-        if steps.size and steps.max() > GAP:
-            below[own[: few + int(np.argmax(steps))]] = True
-    return below
 
 
 @dataclass(frozen=True)
@@ -570,7 +555,7 @@ def footprint_of_channel(
         friction_ratio = recording.setup.tire.friction_ratio
     friction = FrictionRatio.given(friction_ratio)
     found = footprint(channel, passages, cutoff, block_samples, settled, measured, friction)
-    columns = begin(recording.log, passages) | {
+    columns = identity_columns(recording.log, passages) | {
         "length_m": found.length_m,
         "length_se_m": found.length_se_m,
         "length_form_se_m": found.form_se_m,

@@ -18,7 +18,7 @@ import numpy as np
 from tirelog.data.recording import Channel, Recording
 from tirelog.runs.in_memory import without_spikes
 from tirelog.strain.passages.find import Passages, passages_of
-from tirelog.strain.speed import PassageRows, begin, speed_quality
+from tirelog.strain.speed import PassageRows, identity_columns, speed_quality
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked, quality_column
@@ -52,7 +52,7 @@ def footprint_of_accelerometer(recording: Recording, channel: Channel) -> Passag
     passages = passages_of(recording, channel)
     told, flags = lengths(channel, passages)
     nothing = np.full(len(passages), np.nan)
-    columns = begin(recording.log, passages) | {
+    columns = identity_columns(recording.log, passages) | {
         "length_m": told[0],
         "length_se_m": told[1],
         **dict.fromkeys(_OF_STRAIN, nothing),
