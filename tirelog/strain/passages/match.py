@@ -28,6 +28,7 @@ from tirelog.strain.passages.template import (
     INTERVALS,
     MOST_SAMPLES,
     ROW,
+    SAMPLE,
     SEGMENT,
     SPAN,
     WIDEST_RAD,
@@ -35,7 +36,6 @@ from tirelog.strain.passages.template import (
     Template,
     fit_rows,
     learned_template,
-    scratch,
     spline_sums,
 )
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
@@ -108,7 +108,7 @@ def fit(
 
     `start` (n,) of ROW, in order; `window_rad` on either side, the template's if it is not given.
     """
-    found, table, room = np.zeros(start.size, FOUND), template.table, scratch()
+    found, table, room = np.zeros(start.size, FOUND), template.table, np.empty(MOST_SAMPLES, SAMPLE)
     spans, found["outside"] = _spans(signal, start, window_rad or template.window_rad)
     for part, source in _blocks(signal, start, spans):
         fit_rows(
@@ -127,7 +127,7 @@ def curve_sums(
     (s,), and how many samples are in them.
     """
     normal, right = np.zeros((INTERVALS + 3, INTERVALS + 3)), np.zeros(INTERVALS + 3)
-    count, room = 0, scratch()
+    count, room = 0, np.empty(MOST_SAMPLES, SAMPLE)
     spans, _ = _spans(signal, start, window_rad)
     for part, source in _blocks(signal, start, spans):
         count += spline_sums(source, start[part], spans[part], window_rad, normal, right, room)

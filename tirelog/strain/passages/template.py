@@ -70,37 +70,20 @@ class Source(NamedTuple):
     high: float
 
 
-class Scratch(NamedTuple):
-    """Room for one window, (MOST_SAMPLES,) each; whoever calls in a loop keeps it.
-
-    value, time_s  samples, patch upward, and when they were taken
-    weight, stuck  1 if a sample counts; 1 if it stands at an end of the range
-    phi            angle from the patch centre [rad]
-    shape, slope, scatter  the template there, its slope [1/rad], its scatter between turns
-    residual, bend what the fit leaves of a sample, and how far that leaves its neighbours' mean
-    """
-
-    value: FloatArray
-    time_s: FloatArray
-    weight: FloatArray
-    stuck: FloatArray
-    phi: FloatArray
-    shape: FloatArray
-    slope: FloatArray
-    scatter: FloatArray
-    residual: FloatArray
-    bend: FloatArray
-
-
-def scratch() -> Scratch:
-    """Room for one window."""
-    return Scratch(*np.empty((len(Scratch._fields), MOST_SAMPLES)))
+#: a sample of a window: its value, patch upward, and when it was taken [s]; 1 if it counts, 1 if it
+#: stands at an end of the range; angle from the patch centre [rad]; the template there, its slope
+#: [1/rad], its scatter between turns; what the fit leaves of it, and how far that leaves its
+#: neighbours' mean
+SAMPLE = np.dtype(
+    [("value", "f8"), ("time_s", "f8"), ("weight", "f8"), ("stuck", "f8"), ("phi", "f8"),
+     ("shape", "f8"), ("slope", "f8"), ("scatter", "f8"), ("residual", "f8"), ("bend", "f8")]
+)  # fmt: skip
 
 
 @compiled
 def spline_sums(
     source: Source, rows: Records, spans: Records, window_rad: float, normal: FloatArray,
-    right: FloatArray, scratch: Scratch,
+    right: FloatArray, room: Records,
 ) -> int:  # fmt: skip
     """Adds the rows' samples to the normal equations of a cubic spline; how many.
 
@@ -112,13 +95,13 @@ def spline_sums(
     intervals = right.size - 3
     used = 0
     for k in range(rows.shape[0]):
-        count, _ = read_window(source, spans[k], scratch)
+        count, _ = read_window(source, spans[k], room)
         row = rows[k]
         for i in range(count):
-            tau = scratch.time_s[i] - row["time_s"]
+            tau = room[i]["time_s"] - row["time_s"]
             phi = (row["omega_rad_s"] + 0.5 * row["alpha_rad_s2"] * tau) * tau
-            value = (scratch.value[i] - row["offset"]) / row["height"]
-            if scratch.weight[i] > 0 and abs(phi) < window_rad and abs(value) < 2.0:
+            value = (room[i]["value"] - row["offset"]) / row["height"]
+            if room[i]["weight"] > 0 and abs(phi) < window_rad and abs(value) < 2.0:
                 place = min(
                     max((phi + window_rad) * (intervals / (2.0 * window_rad)), 0.0),
                     intervals - 1e-9,
@@ -255,7 +238,7 @@ MOST_SHIFT = MOST_STRETCH = 0.3
 @compiled
 def fit_rows(
     source: Source, noise: float, table: Records, window_rad: float, rows: Records, spans: Records,
-    found: Records, scratch: Scratch,
+    found: Records, room: Records,
 ) -> None:  # fmt: skip
     """Fills each row's fit y = a + b T(phi (1 + e) - s) by the template T.
 
@@ -267,18 +250,18 @@ def fit_rows(
     columns = np.empty((MOST_SAMPLES + SPARE, WIDE + 1))
     gram, inverse, solved = np.empty((WIDE + 1, WIDE + 1)), np.empty((WIDE, WIDE)), np.empty(WIDE)
     for k in range(rows.shape[0]):
-        count, lost = read_window(source, spans[k], scratch)
+        count, lost = read_window(source, spans[k], room)
         row, made = rows[k], found[k]
         made["holds_lost"], made["holds_spike"] = lost > 0, False
         time_s, omega, alpha = row["time_s"], row["omega_rad_s"], row["alpha_rad_s2"]
         height = row["height"]
         for iteration in range(ITERATIONS):
             hold = (max(noise, 1e-12 * height) / (height * row["stretch"])) ** 2
-            _shapes(count, time_s, omega, alpha, table, window_rad, scratch)
-            _step(count, hold, scratch, columns, gram, inverse, solved)
-            if iteration == 0 and _wild(count, abs(height), noise, scratch):
+            _shapes(count, time_s, omega, alpha, table, window_rad, room)
+            _step(count, hold, room, columns, gram, inverse, solved)
+            if iteration == 0 and _wild(count, abs(height), noise, room):
                 made["holds_spike"] = True
-                _step(count, hold, scratch, columns, gram, inverse, solved)
+                _step(count, hold, room, columns, gram, inverse, solved)
             guess = solved[1] if abs(solved[1]) > 0.05 * height else height
             shift = min(max(-solved[2] / guess, -MOST_SHIFT * window_rad), MOST_SHIFT * window_rad)
             time_s += shift / omega
@@ -286,12 +269,12 @@ def fit_rows(
             height = abs(guess)
         square, off, stuck, used = 0.0, 0.0, 0.0, 0
         for i in range(count):
-            if scratch.weight[i] > 0:
+            if room[i]["weight"] > 0:
                 used += 1
-                square += scratch.residual[i] ** 2
-            if scratch.stuck[i] > 0:
+                square += room[i]["residual"] ** 2
+            if room[i]["stuck"] > 0:
                 stuck += 1.0
-                off += abs(scratch.residual[i])
+                off += abs(room[i]["residual"])
         made["used"] = used
         made["holds_clipped"] = off > CLIPPED_SIGMAS * noise * max(stuck, 1.0)
         made["time_s"] = time_s
@@ -304,11 +287,11 @@ def fit_rows(
 
 
 @compiled
-def read_window(source: Source, span: Record, scratch: Scratch) -> tuple[int, int]:
-    """Fills `scratch` with the samples of a `span`, thinned; how many, and how many are lost.
+def read_window(source: Source, span: Record, room: Records) -> tuple[int, int]:
+    """Fills `room` with the samples of a `span`, thinned; how many, and how many are lost.
 
-    Their times too. Lost and stuck ones have no weight. Stuck are three or more in a row on the
-    channel's least or largest value. `span`: one SPAN.
+    `room` (MOST_SAMPLES,) of SAMPLE, `span`: one SPAN. Lost and stuck samples have no weight. Stuck
+    are three or more in a row on the channel's least or largest value.
     """
     first, stop, shift = span["first"], span["stop"], span["shift"]
     samples, times, segments, sign = source.samples, source.times_s, source.segments, source.sign
@@ -319,16 +302,16 @@ def read_window(source: Source, span: Record, scratch: Scratch) -> tuple[int, in
     for i in range(count):
         value = sign * samples[first + i * stride + shift]
         there = np.isfinite(value)
-        scratch.value[i] = value
-        scratch.weight[i] = 1.0 if there else 0.0
-        scratch.stuck[i] = 0.0
+        room[i]["value"] = value
+        room[i]["weight"] = 1.0 if there else 0.0
+        room[i]["stuck"] = 0.0
         lost += not there
         extreme += (value == low) | (value == high)
     if extreme > 2:
-        _without_stuck(count, low, high, scratch)
+        _without_stuck(count, low, high, room)
     if times.size > 0:
         for i in range(count):
-            scratch.time_s[i] = times[first + i * stride + shift]
+            room[i]["time_s"] = times[first + i * stride + shift]
         return count, lost
     i = 0
     for k in range(segments.size):
@@ -336,33 +319,33 @@ def read_window(source: Source, span: Record, scratch: Scratch) -> tuple[int, in
         period_s = segments[k]["period_s"]
         end = segments[k + 1]["first"] if k + 1 < segments.size else np.inf
         while i < count and first + i * stride < end:
-            scratch.time_s[i] = start_s + (first + i * stride - begin) * period_s
+            room[i]["time_s"] = start_s + (first + i * stride - begin) * period_s
             i += 1
     return count, lost
 
 
 @compiled
-def _without_stuck(count: int, low: float, high: float, scratch: Scratch) -> None:
+def _without_stuck(count: int, low: float, high: float, room: Records) -> None:
     """Marks stuck samples and takes their weight."""
-    values = scratch.value
+    values = room["value"]
     run = 0
     for i in range(count):
         on = values[i] in (low, high)
         run = run + 1 if on and (run == 0 or values[i] == values[i - 1]) else (1 if on else 0)
         if run >= 3:
-            scratch.stuck[i - 2 : i + 1], scratch.weight[i - 2 : i + 1] = 1.0, 0.0
+            room["stuck"][i - 2 : i + 1], room["weight"][i - 2 : i + 1] = 1.0, 0.0
 
 
 @compiled
 def _shapes(
     count: int, time_s: float, omega: float, alpha: float, table: Records, window_rad: float,
-    scratch: Scratch,
+    room: Records,
 ) -> None:  # fmt: skip
     """Fills angle, template, its slope and scatter at each sample.
 
     Linear between the points of `table` (g,), constant outside.
     """
-    times, phis, shapes, slopes = scratch.time_s, scratch.phi, scratch.shape, scratch.slope
+    times, phis, shapes, slopes = room["time_s"], room["phi"], room["shape"], room["slope"]
     scale, most = (table.size - 1) / (2.0 * window_rad), table.size - 1.001
     for i in range(count):
         tau = times[i] - time_s
@@ -375,12 +358,12 @@ def _shapes(
         phis[i] = phi
         shapes[i] = here["value"] + share * (after["value"] - here["value"])
         slopes[i] = here["slope"] + share * (after["slope"] - here["slope"])
-        scratch.scatter[i] = here["scatter"]
+        room[i]["scatter"] = here["scatter"]
 
 
 @compiled
 def _step(
-    count: int, hold: float, scratch: Scratch, columns: FloatArray, gram: FloatArray,
+    count: int, hold: float, room: Records, columns: FloatArray, gram: FloatArray,
     inverse: FloatArray, solved: FloatArray,
 ) -> None:  # fmt: skip
     """Fills `solved` (WIDE,) with a, b, c, d of y = a + b T + c T' + d phi T', and residuals.
@@ -390,8 +373,8 @@ def _step(
     other three have a prior too weak to matter, for rows without samples. `inverse` (WIDE, WIDE) of
     the normal equations is filled too: variances per noise variance; the rest is room.
     """
-    values, weights, phis = scratch.value, scratch.weight, scratch.phi
-    shapes, slopes, residuals = scratch.shape, scratch.slope, scratch.residual
+    values, weights, phis = room["value"], room["weight"], room["phi"]
+    shapes, slopes, residuals = room["shape"], room["slope"], room["residual"]
     used, trace = 0, 1e-30
     for i in range(count):
         if weights[i] > 0:
@@ -419,7 +402,7 @@ def _step(
 
 
 @compiled
-def _wild(count: int, height: float, noise: float, scratch: Scratch) -> bool:
+def _wild(count: int, height: float, noise: float, room: Records) -> bool:
     """Whether any samples are wild; takes the weight off these.
 
     Their residual leaves the mean of its neighbours', by more than theirs do, or they are not the
@@ -429,11 +412,11 @@ def _wild(count: int, height: float, noise: float, scratch: Scratch) -> bool:
         max(WILD_SIGMAS * noise, WILD_SHARE * height),
         max(WILD_SIGMAS * noise, FOREIGN_SHARE * height),
     )
-    values, weights = scratch.value, scratch.weight
-    residuals, bends = scratch.residual, scratch.bend
+    values, weights = room["value"], room["weight"]
+    residuals, bends = room["residual"], room["bend"]
     most = 0.0
     for i in range(count):
-        if scratch.stuck[i] > 0:
+        if room[i]["stuck"] > 0:
             residuals[i] = 0.0
         size = abs(residuals[i])
         most = size if size > most else most
@@ -448,7 +431,7 @@ def _wild(count: int, height: float, noise: float, scratch: Scratch) -> bool:
     found = False
     for i in range(count):
         largest = max(bends[max(i - 1, 0)], bends[min(i + 1, count - 1)])
-        usual = WILD_SCATTERS * height * scratch.scatter[i]
+        usual = WILD_SCATTERS * height * room[i]["scatter"]
         if (bends[i] > max(limit, usual) and bends[i] >= largest) or abs(residuals[i]) > max(
             foreign, usual
         ):
