@@ -52,8 +52,8 @@ from tirelog.strain.dissipation import (
     regression,
 )
 from tirelog.strain.footprint.footprint import FootprintOfChannel
+from tirelog.strain.footprint.learn import PatchWindows, gather_windows
 from tirelog.strain.footprint.measure import along_tread
-from tirelog.strain.footprint.refine import PatchWindows, gather_windows
 from tirelog.strain.inflation import InflationOfChannel
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import OK, good

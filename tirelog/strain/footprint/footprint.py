@@ -26,6 +26,7 @@ from tirelog.strain.footprint.learn import (
     FREE_ROLLING_M_S2,
     LEAST_OF_CLASS,
     LEAST_SPEED_M_S,
+    REMARKABLE,
     EdgeForm,
     learn_own,
     learn_reference,
@@ -38,7 +39,6 @@ from tirelog.strain.footprint.measure import (
     measure_windows,
     nothing_measured,
 )
-from tirelog.strain.footprint.refine import REMARKABLE
 from tirelog.strain.footprint.slip_onset import TOO_WIDE, FrictionRatio
 from tirelog.strain.passages.find import Passages, passages_of
 from tirelog.strain.speed import (

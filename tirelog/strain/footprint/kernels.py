@@ -87,7 +87,7 @@ OWN, HEIGHT, OFFSET, SHIFT, LENGTH, DAMPING, TILT = 6, 0, 1, 2, 3, 4, 5
 #: columns of a fit: a passage's own and the quadratic ones
 FITTED = OWN + 2
 #: turns of a fit's quadratic terms
-ROUNDS = 4
+ROUNDS = 5
 #: largest quadratic term [m^2]: half of the square of 15 mm
 MOST_BEND = 1.1e-4
 
@@ -191,7 +191,7 @@ def fitted(
     """
     for k, column in enumerate((FITTED, OWN, OWN + 1)):
         apply_inverse(inverse, gram[column], bends[k])
-    for turn in range(ROUNDS + 1):
+    for turn in range(ROUNDS):
         for i in range(OWN):
             whole[i] = bends[0, i] - (
                 bends[1, i] * whole[OWN] + bends[2, i] * whole[OWN + 1] if turn else 0.0
@@ -317,8 +317,8 @@ ONSET = np.dtype(
 #: error [m]
 TRIED = np.dtype([("chi2", "f8"), ("length", "f8"), ("length_se", "f8")])
 #: a traction of which the passage's other columns leave less than this share cannot be told from
-#: them; turns of its quadratic terms; twice as much tells fewer tractions
-LEAST_OWN, JOINT_ROUNDS = 1e-5, 5
+#: them; twice as much tells fewer tractions
+LEAST_OWN = 1e-5
 #: a joint solution is trusted about where the form was put; beyond, its cost grows with this power
 FAR = 4
 
@@ -331,33 +331,24 @@ def _beside(
     """Fills `sums` (FITTED + 2, t) for the t onsets from number `first` on.
 
     Products of each one's traction with the columns, with the values, and with itself, over the
-    `used` samples. `columns` (m + SPARE, FITTED + 1) and `place` (m,) as `kernels.look_up` fills
-    them; `waves` (g, c); `lined` (SPARE + 1, t) is room. SPARE + 1 samples at a time, and onsets
-    innermost: what lies side by side is worked on at once (a third of the time of one onset after
-    the other).
+    `used` samples. `columns` (m + SPARE, FITTED + 1) and `place` (m,) as `look_up` fills them;
+    `waves` (g, c); `lined` (t,) is room. Onsets are innermost: what lies side by side is worked on
+    at once.
     """
-    count = sums.shape[1]
+    count = lined.size
     for i in range(FITTED + 2):
         for t in range(count):
             sums[i, t] = 0.0
-    for k in range(used, used + SPARE):
-        for i in range(FITTED + 1):
-            columns[k, i] = 0.0
-    for k in range(0, used, SPARE + 1):
-        for j in range(SPARE + 1):
-            low = int(place[min(k + j, used - 1)])
-            share = place[min(k + j, used - 1)] - low
-            here, rest = (share, 1.0 - share) if k + j < used else (0.0, 0.0)
-            for t in range(count):
-                lined[j, t] = waves[low, first + t] * rest + waves[low + 1, first + t] * here
-        for i in range(FITTED + 1):
-            a, b, c, d = columns[k, i], columns[k + 1, i], columns[k + 2, i], columns[k + 3, i]
-            for t in range(count):
-                sums[i, t] += a * lined[0, t] + b * lined[1, t] + c * lined[2, t] + d * lined[3, t]
+    for k in range(used):
+        low = int(place[k])
+        share = place[k] - low
         for t in range(count):
-            sums[FITTED + 1, t] += (
-                lined[0, t] ** 2 + lined[1, t] ** 2 + lined[2, t] ** 2 + lined[3, t] ** 2
-            )
+            lined[t] = waves[low, first + t] * (1.0 - share) + waves[low + 1, first + t] * share
+            sums[FITTED + 1, t] += lined[t] ** 2
+        for i in range(FITTED + 1):
+            factor = columns[k, i]
+            for t in range(count):
+                sums[i, t] += factor * lined[t]
 
 
 @compiled
@@ -394,7 +385,7 @@ def traction_gains(
     """
     out, whole = np.zeros(values.shape[0]), np.empty(FITTED)
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
-    lined, sums = np.empty((SPARE + 1, waves.shape[1])), np.empty((FITTED + 2, waves.shape[1]))
+    lined, sums = np.empty(waves.shape[1]), np.empty((FITTED + 2, waves.shape[1]))
     gram, inverse = np.empty((FITTED + 1, FITTED + 1)), np.empty((OWN, OWN))
     moved, free = np.empty((OWN, waves.shape[1])), np.empty(waves.shape[1])
     for row in range(values.shape[0]):
@@ -431,7 +422,7 @@ def _joint(
     """
     gram, inverse = np.empty((FITTED + 1, FITTED + 1)), np.empty((OWN, OWN))
     count, wide, bends = told.size, FITTED, np.empty((3, OWN))
-    lined, sums = np.empty((SPARE + 1, count)), np.empty((FITTED + 2, count))
+    lined, sums = np.empty(count), np.empty((FITTED + 2, count))
     whole, moved = np.zeros((FITTED, count)), np.empty((OWN, count))
     free, size, left = np.empty(count), np.empty(count), np.empty(count)
     products(columns, used, wide, gram)
@@ -444,7 +435,7 @@ def _joint(
         free[t] = max(free[t], LEAST_OWN * sums[FITTED + 1, t] + 1e-300)
     rough = abs(bends[0, HEIGHT])
     # onsets are innermost in all loops: what is the same for each of them is worked on at once
-    for _ in range(JOINT_ROUNDS):
+    for _ in range(ROUNDS):
         for t in range(count):
             size[t] = sums[FITTED, t] - sums[OWN, t] * whole[OWN, t]
             size[t] -= sums[OWN + 1, t] * whole[OWN + 1, t]

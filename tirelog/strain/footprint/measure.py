@@ -14,7 +14,6 @@ import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.dsp.filters import derivatives, window_spectra
-from tirelog.kernels import compiled
 from tirelog.strain.footprint.kernels import (
     FIT,
     ONSET,
@@ -26,23 +25,25 @@ from tirelog.strain.footprint.kernels import (
 )
 from tirelog.strain.footprint.learn import (
     ENOUGH_STEADY,
+    FIT_STEP,
     FREE_ROLLING_M_S2,
     LEAST_SCATTER,
     LEAST_SPEED_M_S,
+    ODD_SD,
     EdgeForm,
+    PatchWindows,
+    form_table,
+    gather_windows,
 )
-from tirelog.strain.footprint.refine import ODD_SD, PatchWindows, form_table, gather_windows
 from tirelog.strain.footprint.slip_onset import (
     ASKED,
     FINE,
-    LEAST_GAIN,
     LEAST_SHARE,
     NO_FORM,
     RATIO,
     SEARCHED,
     SLIP,
     SPEED_UNKNOWN,
-    TIMES_USUAL,
     TOO_SMALL,
     WORST_SPEED,
     FrictionRatio,
@@ -146,106 +147,67 @@ def find_edges(
     )
     motion = motion_of(centre, rate_Hz, speed_m_s, acceleration_m_s2)
     _, first, second = _by_distance(first_s, second_s, motion, upsample)
+    rate, middle = rate_Hz * upsample, centre * upsample
+    reach = SEARCH * half_length_m / speed_m_s * rate
+    low, high = middle - reach, middle + reach
+    # steepest fall and rise, then the sharpest bends outside of them
+    fall, rise = least(first, low, middle), least(-first, middle, high)
+    steepest = [np.where(np.isnan(one[0]), middle, one[0]) for one in (fall, rise)]
+    entry, leave = least(second, low, steepest[0]), least(second, steepest[1], high)
+    times = [(one[0] - middle) / rate for one in (fall, rise, entry, leave)]
+    places = [distance_along(time, speed_m_s, acceleration_m_s2) for time in times]
     # an extremum moves by the noise of the next derivative
-    wiggle, found = noise * noises, np.empty(centre.size, EDGES)
-    edge_rows(first, second, motion, SEARCH * half_length_m, wiggle, upsample, found)
-    return found
+    wiggle = noise * noises.T / [speed_m_s, speed_m_s**2] / rate**2 * speed_m_s
+    return records(
+        EDGES,
+        length_d2_m=places[3] - places[2],
+        length_d2_se_m=np.hypot(wiggle[1] / entry[2], wiggle[1] / leave[2]),
+        length_d1_m=places[1] - places[0],
+        length_d1_se_m=np.hypot(wiggle[0] / fall[2], wiggle[0] / rise[2]),
+        entry_m=places[2],
+        exit_m=places[3],
+        entry_height=-entry[1],
+        exit_height=-leave[1],
+    )
 
 
-@compiled
-def least(row: FloatArray, low: float, high: float) -> tuple[float, float, float]:
-    """Place, height and curvature of the least value of `row` between two columns.
+def least(
+    rows: FloatArray, low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Place, height and curvature of the least value of each of the `rows` (n, m), (n,) each.
 
-    Between `low` and `high`, of the quartic through five columns: place in columns (NaN if it lies
-    at the border of its range), height, curvature per column^2 (NaN if it is no minimum).
+    Between the columns `low` and `high` (n,), of the quartic through five columns: place in columns
+    (NaN if it lies at the border of its range), height, curvature per column^2 (NaN if it is no
+    minimum).
 
     At six columns per period of the low-pass' cut-off, a place in a passage is true to 0.02 columns
     (rms); a parabola through three: 0.1.
     """
-    count = row.size
-    first, last = max(int(np.ceil(low)), 0), min(int(np.floor(high)), count - 1)
-    index = first
-    for k in range(first, last + 1):
-        if row[k] < row[index]:
-            index = k
-    safe = min(max(index, 2), count - 3)
-    a, b, c, d, e = row[safe - 2], row[safe - 1], row[safe], row[safe + 1], row[safe + 2]
+    count = rows.shape[1]
+    column = np.arange(count)
+    inside = (column >= low[:, None]) & (column <= high[:, None])
+    index = np.argmin(np.where(inside, rows, np.inf), axis=1)
+    safe = np.clip(index, 2, count - 3)
+    a, b, c, d, e = np.take_along_axis(rows, safe[:, None] + np.arange(-2, 3), axis=1).T
     # derivatives in the middle by central differences
     slope, bend = (a - e + 8.0 * (d - b)) / 12.0, (16.0 * (b + d) - 30.0 * c - a - e) / 12.0
     third, fourth = (e - a + 2.0 * (b - d)) / 2.0, a + e - 4.0 * (b + d) + 6.0 * c
-    shift = float(index - safe)
-    for _ in range(STEPS):
-        curvature = bend + shift * (third + 0.5 * shift * fourth)
-        if not curvature > 0.0:
-            return np.nan, row[index], np.nan
-        shift -= (slope + shift * (bend + shift * (0.5 * third + shift * fourth / 6.0))) / curvature
-        shift = min(max(shift, index - safe - FARTHEST), index - safe + FARTHEST)
-    curvature = bend + shift * (third + 0.5 * shift * fourth)
-    height = c + shift * (
-        slope + shift * (0.5 * bend + shift * (third / 6.0 + shift * fourth / 24.0))
+    begin = (index - safe).astype(np.float64)
+    shift = begin
+    for _ in range(STEPS + 1):
+        place = shift
+        curvature = bend + place * (third + 0.5 * place * fourth)
+        curvature = np.where(curvature > 0.0, curvature, np.nan)
+        steep = slope + place * (bend + place * (0.5 * third + place * fourth / 6.0))
+        shift = np.clip(place - steep / curvature, begin - FARTHEST, begin + FARTHEST)
+    height = c + place * (
+        slope + place * (0.5 * bend + place * (third / 6.0 + place * fourth / 24.0))
     )
-    inner = np.ceil(low) < index < np.floor(high) and 0 < index < count - 1
-    return safe + shift if inner else np.nan, height, curvature if curvature > 0.0 else np.nan
+    height = np.where(np.isnan(height), rows[np.arange(len(rows)), index], height)
+    inner = (index > np.ceil(low)) & (index < np.floor(high)) & (index > 0) & (index < count - 1)
+    return np.where(inner, safe + place, np.nan), height, curvature
 
 
-@compiled
-def edge_rows(
-    first: FloatArray,
-    second: FloatArray,
-    motion: Records,
-    reach_m: FloatArray,
-    wiggle: FloatArray,
-    upsample: int,
-    found: Records,
-) -> None:
-    """Fills `found` (n,) of EDGES out of derivatives along the tread.
-
-    The derivatives (n, m x upsample) are looked at within `reach_m` (n,) of the centre; rows move
-    as `motion` (n,) says; `wiggle` (n, 2): standard deviations of the second and third derivative's
-    noise.
-    """
-    n, count = first.shape
-    rise = np.empty(count)
-    place, squares, heights = np.empty(4), np.empty(4), np.empty(4)
-    for row in range(n):
-        rate, speed = motion[row]["rate_Hz"] * upsample, motion[row]["speed_m_s"]
-        acceleration, middle = motion[row]["acceleration_m_s2"], motion[row]["centre"] * upsample
-        reach = reach_m[row] / speed * rate
-        for k in range(max(int(middle - reach) - 2, 0), min(int(middle + reach) + 3, count)):
-            rise[k] = -first[row, k]
-        low, high = middle - reach, middle + reach
-        for e in range(4):  # steepest fall and rise, then the sharpest bends outside of them
-            if e < 2:
-                least_of = least(
-                    rise if e else first[row], middle if e else low, high if e else middle
-                )
-            else:
-                steepest = middle if np.isnan(place[e - 2]) else place[e - 2]
-                least_of = least(
-                    second[row], steepest if e == 3 else low, high if e == 3 else steepest
-                )
-            place[e], heights[e] = least_of[0], least_of[1]
-            squares[e] = (wiggle[row, e // 2] / speed ** (e // 2 + 1) / rate**2 / least_of[2]) ** 2
-        for e in range(4):
-            time = (place[e] - middle) / rate
-            place[e] = time * (speed + 0.5 * acceleration * time)
-        edges = found[row]
-        edges["length_d2_m"] = place[3] - place[2]
-        edges["length_d2_se_m"] = np.sqrt(squares[2] + squares[3]) * speed
-        edges["length_d1_m"] = place[1] - place[0]
-        edges["length_d1_se_m"] = np.sqrt(squares[0] + squares[1]) * speed
-        edges["entry_m"], edges["exit_m"] = place[2], place[3]
-        edges["entry_height"], edges["exit_height"] = -heights[2], -heights[3]
-
-
-#: samples are averaged while they lie closer than this share of the half length, for the fit
-FIT_STEP = 1.0 / 36.0
-#: the same, while the rough place of a slip onset is looked for; twice as coarse, it has half of
-#: the samples and may begin beside the onset
-ROUGH_STEP = 1.0 / 9.0
-#: the gain of a traction is asked for at every so many-th onset: every other coarse one; twice as
-#: far apart, an onset between two loses more of its gain
-GAIN_EVERY = 2 * FINE
 #: rows whose plain edges are worked on at once
 ROWS = 256
 
@@ -318,7 +280,8 @@ class Forms:
 
         That of the best of its onsets.
         """
-        waves = self.traction(knot, GAIN_EVERY)
+        # every other coarse onset; twice as far apart, one between two loses more of its gain
+        waves = self.traction(knot, 2 * FINE)
         return traction_gains(
             windows.values, windows.motion, self.columns[knot], self.grids[knot], waves, sigma,
             ODD_SD,
@@ -388,7 +351,9 @@ class PassageForms:
         with np.errstate(divide="ignore", invalid="ignore"):
             work["reach"] = 1.02 * learnt.half_window_m / speed * rate + 2.0
             work["averaged"] = _power_of_two(FIT_STEP * half_length * rate / speed)
-            work["roughly"] = _power_of_two(ROUGH_STEP * half_length * rate / speed)
+            # four times as many while the rough place of a slip onset is looked for; twice as
+            # coarse, it may begin beside the onset
+            work["roughly"] = _power_of_two(4.0 * FIT_STEP * half_length * rate / speed)
         work["vague"] = ~(passages.speed_se_m_s < WORST_SPEED * speed)
         motions = speed, np.nan_to_num(passages.acceleration_m_s2)
         return cls(channel, passages, forms, rows, motions, work, block_samples)
@@ -465,7 +430,12 @@ def look_at_some(
     ]
     scatter = float(np.sqrt(max(LEAST_SCATTER, np.median(work["fits"]["chi2"][free]))))
     usual = float(np.median(np.concatenate(gains)))
-    gain = max(LEAST_GAIN * scatter**2, TIMES_USUAL * usual)
+    # a traction must remove so much of the misfit (squared sigmas, if free passages leave noise):
+    # noise alone does so in far less than one passage of a hundred; twice as much loses the
+    # faintest tenth of the slips. And so many times what it usually removes from free passages: of
+    # those that pass fewer than one in ten thousand has no slip, at half of it one in a hundred of
+    # the worst logs
+    gain = max(20.0 * scatter**2, 10.0 * usual)
     for windows in kept:
         look.seek_driven(windows, scatter, gain)
     return rows, scatter, gain

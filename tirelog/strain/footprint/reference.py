@@ -3,7 +3,7 @@
 some passages of one speed, scaled by the template's height
     --cells along xi--> Average
     --damped Gauss-Newton with the physical family--> Reference, a start for all speeds
-mean passages by class of speed (`refine`) --> what they share, with or without the tire's own form
+mean passages by class of speed (`learn`) --> what they share, with or without the tire's own form
 """
 
 from __future__ import annotations
@@ -27,14 +27,9 @@ from tirelog.vocabulary.arrays import FloatArray
 #: cells along xi over the window; twice as many have half of the samples each and take twice as
 #: long
 CELLS = 120
-#: Levenberg-Marquardt steps from one start, at most; twice as many only help a start that has not
-#: settled by then
-ITERATIONS = 25
 #: a fit is good enough if the next step gains less of the squared misfit; twice as much leaves up
 #: to that much more
 GOOD_ENOUGH = 0.3
-#: highest wave number times half length that the family keeps
-HIGHEST_WAVE = 42.0
 #: averages are fitted up to this share of it; they hold nothing above their noise beyond
 HIGHEST_SHARE = 0.6
 #: what is weakly known of what averages share: mean and standard deviation of normal priors of the
@@ -52,7 +47,6 @@ _OWN_SD = np.array(
 #: then for each average logarithm of the half length, damping, tilt, shift, height, offset; and
 #: what is weakly known of damping and tilt
 _APIECE = 6
-_ODD_SD = np.array([0.4, 0.5])
 #: a step changes the shared ones by no more than this; twice as much overshoots in bent valleys
 _MOST_STEP = np.r_[0.3, 2.0, 2.0, 1.5, np.full(SHAPES, 0.5), np.full(OWN_FORM - SHAPES, 0.3)]
 #: the road does not pull: standard deviation of a pressure below zero, in mean pressures, at some
@@ -70,8 +64,6 @@ _ON_PATCH = np.column_stack(
 TRIALS = ((1.0, 0.0), (0.4, 0.0), (1.0, 1e-4), (1.0, 1e-2), (1.0, 1.0))
 #: a mean length that is held is held to this
 _HELD = 1e-4
-#: starts: tread, and half length over the rough one
-_STARTS = ((0.1, 1.0), (2.5, 0.85))
 
 
 @dataclass(frozen=True)
@@ -98,11 +90,11 @@ class Reference:
 
     `speed_m_s` (k,) ascending, `shapes` at each, `shifts_m` (k,) of the form behind the passages'
     centres; `inertia`: fall of the tension with the squared speed [s^2/m^2]; `heights` (k,) of the
-    passages it was learnt from. After `refine`: `length_se_m` (k,), the error of a full length from
+    passages it was learnt from. After learning: `length_se_m` (k,), the error of a full length from
     not knowing the form's parameters better; `misfit`, squared residual per degree of `freedom`;
     `residuals` (k, cells) at `residual_xi_m`, what the form leaves of the passages in units of
     their height (None if that is noise); `form_share`: error of all lengths together by what the
-    tire's own form may be (`refine.learn_form`), as a share.
+    tire's own form may be (`learn.learn_form`), as a share.
     """
 
     family: EdgeFamily
@@ -244,7 +236,7 @@ class AverageFit:
 
     def known(self, size: float) -> tuple[FloatArray, FloatArray]:
         """Means and weights of what is known before; the form is of `size` times the ordinary."""
-        odd = np.r_[0.0, _ODD_SD**-2.0, 0.0, 0.0, 0.0]
+        odd = np.array([0.0, 0.4**-2.0, 0.5**-2.0, 0.0, 0.0, 0.0])  # weakly known
         mean = np.r_[self.shared[0], np.zeros(OWN_FORM + _APIECE * len(self.averages))]
         weights = self.shared[1] ** -2.0, (size * _OWN_SD) ** -2.0, np.tile(odd, len(self.averages))
         return mean, np.concatenate(weights)
@@ -341,7 +333,7 @@ def descend(
     theta: FloatArray,
     size: float = 1.0,
     length: float | None = None,
-    steps: int = ITERATIONS,
+    steps: int = 25,
 ) -> Descent:
     """A fit from `theta` with a form of `size` times the ordinary one, if one is free.
 
@@ -388,10 +380,12 @@ def fit_average(
 
     The best of several starts; `start_length_m` is a rough half length.
     """
-    family = EdgeFamily(radius_m, HIGHEST_WAVE / (0.8 * start_length_m))
+    # highest wave number times half length that the family keeps
+    family = EdgeFamily(radius_m, 42.0 / (0.8 * start_length_m))
     problem = AverageFit(family, [average], half_window_m, start_length_m, own=False)
     found = []
-    for tread, factor in _STARTS:
+    # starts: tread, and half length over the rough one
+    for tread, factor in ((0.1, 1.0), (2.5, 0.85)):
         start = np.zeros(_SHARED + _APIECE)
         start[[0, 1, 3, _SHARED]] = np.log(0.75), 0.3 if tread < 1 else 3.0, tread, np.log(factor)
         found.append(descend(problem, start))

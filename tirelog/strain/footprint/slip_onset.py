@@ -28,9 +28,14 @@ from tirelog.strain.footprint.kernels import (
     moved_waves,
     seek_rows,
 )
-from tirelog.strain.footprint.learn import EdgeForm
+from tirelog.strain.footprint.learn import (
+    REMARKABLE,
+    TABLE_POINTS,
+    EdgeForm,
+    PatchWindows,
+    grid_of,
+)
 from tirelog.strain.footprint.reference import Reference
-from tirelog.strain.footprint.refine import REMARKABLE, TABLE_POINTS, PatchWindows, grid_of
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, Record, Records, records
 
 #: steps of the waves that are moved per step of the form's table; what straight lines between them
@@ -41,20 +46,9 @@ FIRST, LAST, COARSE, FINE = -0.8, 0.94, 22, 5
 #: sliding over sticking friction of P2 Table 1 (0.6 / 0.8) and its standard deviation: from 0.6 to
 #: 1.0 all are as likely; twice as much doubles the share of an onset's error by it
 RATIO, RATIO_SD = 0.75, 0.13
-#: change of an onset over that of the ratio, as a share of the half length: logs of simulated beams
-#: have 0.15 to 0.2, of rings 0.05 to 0.1; twice as much doubles an error that covers already
-BY_RATIO = 0.25
-#: a traction must remove this much of the misfit (squared sigmas, if free passages leave noise):
-#: noise alone does so in far less than one passage of a hundred; twice as much loses the faintest
-#: tenth of the slips
-LEAST_GAIN = 20.0
-#: and this many times what it usually removes from passages that roll freely, whose form the learnt
-#: one misses: of those that pass fewer than one in ten thousand has no slip, at half of it one in a
-#: hundred of the worst logs
-TIMES_USUAL = 10.0
-#: free passages that are asked for that, and rows with less than this share of the gain beyond
-#: what free ones leave are not looked at; twice as many are told to 0.7 of the scatter, in twice
-#: the time
+#: free passages that are asked what a traction removes from them, and rows with less than this
+#: share of the gain beyond what free ones leave are not looked at; twice as many are told to 0.7 of
+#: the scatter, in twice the time
 ASKED, LEAST_SHARE = 96, 0.5
 #: an onset stands alone if others this far from it (share of the half length) leave so many more
 #: squared sigmas; half as many keep a hundredth more of the onsets
@@ -78,18 +72,6 @@ SEARCHED = 16
 #: the parabola of P2's brush: rings by differences have onsets one to two millimetres from where
 #: the brush puts them; twice as much of the first covers all of them
 RING_ERROR, STIFF_TREAD = 0.03, 0.5
-#: variance of an onset by what is more than noise in a row's residual, over that by noise: a misfit
-#: is alike in neighbouring samples, which noise is not. Without it 86 to 90 % of onsets on rings by
-#: differences lie within 1.96 errors, with it 95 %; twice as much covers 96 to 97 %
-ALIKE = 2.0
-#: and the error by a form that misses free passages too, as a share of the half length if it misses
-#: them by far more than noise: such forms put onsets 2 to 6 mm off, whatever the noise; twice as
-#: much covers all but one in a hundred
-FORM_ERROR = 0.08
-#: the misfit about the best onset, with the form put once, rises this many times as steeply as with
-#: the form put anew for each (2 to 5 on passages of the finite-difference beam at 0.8 to 8 pm): as
-#: many times is the error larger; at twice as much nine in ten are within it
-STEEPER = 4.0
 NO_FORM, TOO_SMALL, TOO_WIDE, AT_EDGE, NOT_ALONE = (
     "no_form",
     "slip_too_small",
@@ -278,12 +260,21 @@ def slip_onsets(
         onsets[np.where(known, middle, 0.0).astype(int)] * L
         + np.clip(0.5 * (a - c) / bend, -0.5, 0.5) * step
     )
-    own = STEEPER * step * np.sqrt(2.0 * scale / bend)
+    # the misfit about the best onset, with the form put once, rises this many times as steeply as
+    # with the form put anew for each (2 to 5 on passages of the finite-difference beam at 0.8 to 8
+    # pm): as many times is the error larger; at twice as much nine in ten are within it
+    own = 4.0 * step * np.sqrt(2.0 * scale / bend)
     # what is left beyond noise is a misfit of form or traction
-    missed = np.sqrt(1.0 + ALIKE * np.maximum(1.0 - 1.0 / scale, 0.0))
+    # variance of an onset by what is more than noise in a row's residual, over that by noise: a
+    # misfit is alike in neighbouring samples, which noise is not. Without it 86 to 90 % of onsets
+    # on rings by differences lie within 1.96 errors, with it 95 %; twice as much covers 96 to 97 %
+    missed = np.sqrt(1.0 + 2.0 * np.maximum(1.0 - 1.0 / scale, 0.0))
     # an onset is not told better than this share of the half length, which adds to its error; twice
     # as much covers errors of two millimetres that nothing shows
-    shared = np.hypot(np.hypot(0.015, form_error), BY_RATIO * friction.se)
+    # change of an onset over that of the ratio, as a share of the half length: logs of simulated
+    # beams have 0.15 to 0.2, of rings 0.05 to 0.1; twice as much doubles an error that covers
+    # already
+    shared = np.hypot(np.hypot(0.015, form_error), 0.25 * friction.se)
     error = np.hypot(own * missed, shared * L)
     reason = np.full(best.size, "", object)
     reason[rival - left < ALONE * scale] = NOT_ALONE
@@ -309,7 +300,10 @@ def slip_onsets(
 
 def form_error(learnt: EdgeForm) -> float:
     """Error of an onset by what the form and its brush are not, as a share of the half length."""
-    missed = FORM_ERROR * float(np.sqrt(max(1.0 - REMARKABLE / learnt.reference.misfit, 0.0)))
+    # and the error by a form that misses free passages too, as a share of the half length if it
+    # misses them by far more than noise: such forms put onsets 2 to 6 mm off, whatever the noise;
+    # twice as much covers all but one in a hundred
+    missed = 0.08 * float(np.sqrt(max(1.0 - REMARKABLE / learnt.reference.misfit, 0.0)))
     reference = learnt.reference
     other = reference.family.own.any() or max(s.tread for s in reference.shapes) > STIFF_TREAD
     return float(np.hypot(missed, RING_ERROR if other else 0.0))

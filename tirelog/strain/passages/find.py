@@ -140,9 +140,6 @@ def _width_turns(channel: Channel, pulses: Records) -> float:
     return float(np.median(share) if share.size > 3 else share.min())
 
 
-#: fewer samples in a window are too few for a waveform; twice as many mark fast passages of slow
-#: loggers
-FEWEST = 6
 #: so few pulses may be jumps of an instrument beside which the tire's own are low; those are taken
 #: only if they are more turns than this, and no doubt is left.  Twice as many look twice in some
 #: short logs, which find the same
@@ -311,11 +308,13 @@ def _measured(signal: Signal, radius_m: float, pulses: Records) -> Passages:
         np.where(alone, found[name] * blind, motion[name])
         for name in ("omega_rad_s", "omega_se_rad_s")
     )
+    # fewer samples in a window are too few for a waveform; twice as many mark fast passages of slow
+    # loggers
     quality = (
         passage_flags.window_quality(channel, found, index, window_rad / omega * rate)
         | marked(standing, Quality.STANDSTILL)
         | marked(backwards, Quality.REVERSING)
-        | marked((found["used"] < FEWEST) & (template is not None), Quality.FEW_SAMPLES)
+        | marked((found["used"] < 6) & (template is not None), Quality.FEW_SAMPLES)
     )
     measured = Passages(
         channel=channel.name,
@@ -370,28 +369,24 @@ def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) ->
 
     Its time and speed are from the passages around.
     """
-    times, speeds, ses = [], [], []
-    for k in np.flatnonzero(lost):
-        count, around = int(lost[k]), slice(k, k + 2)
-        t, omega = measured.time_s[around], measured.omega_rad_s[around]
-        times.append(passage_flags.between(t[0], t[1], omega[0], omega[1], count))
-        even = t[0] + (t[1] - t[0]) * np.arange(1, count + 1) / (count + 1)
-        ses.append(0.2 * np.abs(times[-1] - even) + 1e-3 * (t[1] - t[0]) / (count + 1))
-        speeds.append(np.interp(times[-1], t, omega))
     place = np.repeat(np.arange(1, lost.size + 1), lost)
-    time_s, omega = np.concatenate(times), np.concatenate(speeds)
-    # the speed at a lost passage is only as good as the change over the turns around it
-    omega_se = (
-        np.abs(measured.omega_rad_s[place] - measured.omega_rad_s[place - 1]) / 3 + 2e-3 * omega
+    turns = lost[place - 1] + 1
+    share = (np.arange(place.size) - np.searchsorted(place, place) + 1) / turns
+    (t0, t1), (omega0, omega1) = (
+        (own[place - 1], own[place]) for own in (measured.time_s, measured.omega_rad_s)
     )
+    time_s = passage_flags.between(t0, t1, omega0, omega1, turns, share)
+    even, omega = t0 + (t1 - t0) * share, omega0 + (omega1 - omega0) * (time_s - t0) / (t1 - t0)
+    # the speed at a lost passage is only as good as the change over the turns around it
+    omega_se = np.abs(omega1 - omega0) / 3 + 2e-3 * omega
     index = channel.axis.index(time_s)
     gap = passage_flags.in_gap(
         channel.axis, index, measured.window_rad / omega * channel.axis.rate_Hz
     )
     extra: dict[str, Any] = {
-        "index": index, "time_s": time_s, "time_se_s": np.concatenate(ses),
-        "turn_before": False, "turn_after": False, "break_after": 0, "omega_rad_s": omega,
-        "omega_se_rad_s": omega_se, "sides": 0, "measured": False,
+        "index": index, "time_s": time_s, "turn_before": False, "turn_after": False,
+        "time_se_s": 0.2 * np.abs(time_s - even) + 1e-3 * (t1 - t0) / turns, "break_after": 0,
+        "omega_rad_s": omega, "omega_se_rad_s": omega_se, "sides": 0, "measured": False,
         "quality": np.uint32(Quality.LOST_PEAK) | marked(gap, Quality.GAP),
     }  # fmt: skip
     columns: dict[str, Any] = {
@@ -407,12 +402,6 @@ def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) ->
 # They are refused if they show that its setup names the wrong surface.
 
 
-#: whole turns that must be found on the other surface before the setup's is called wrong; with
-#: one, a kink of a static test would do; twice as many would let a swapped surface pass in logs of
-#: a few turns
-FEWEST_TURNS = 3
-#: passages at which the motion is judged; twice as many find the same
-_LOOKED_AT = 64
 #: what makes an accelerometer contradict the wheel, if no unit does
 _TURNING = "check unit and scale, the sampling rate, the steps of the encoder and the radius"
 
@@ -452,7 +441,8 @@ def implausible_motion(
     known = np.flatnonzero(np.isfinite(passages.omega_rad_s))
     if not known.size:
         return None
-    some = known[np.unique(np.linspace(0, known.size - 1, _LOOKED_AT).astype(np.int64))]
+    # passages at which the motion is judged; twice as many find the same
+    some = known[np.unique(np.linspace(0, known.size - 1, 64).astype(np.int64))]
     speed, omega = passages.speed_m_s[some], passages.omega_rad_s[some]
     # stop-and-go has many slow turns: the fast ones are too slow if the time is wrong
     slowest, middle = PLAUSIBLE["speed_m_s"].low, float(np.median(speed))
@@ -484,7 +474,10 @@ def refuse_swapped_surface(recording: Recording, channel: Channel, radius: float
         return
     other = {"outer": "inner", "inner": "outer"}[channel.surface]
     turned = find_passages(replace(channel, surface=other), radius)
-    if turned.doubt or turned.turn_after.sum() < FEWEST_TURNS:
+    # whole turns that must be found on the other surface before the setup's is called wrong; with
+    # one, a kink of a static test would do; twice as many would let a swapped surface pass in logs
+    # of a few turns
+    if turned.doubt or turned.turn_after.sum() < 3:
         return
     extremum = (
         "a minimum, as the outer surface (groove)"

@@ -170,9 +170,6 @@ AT_ONCE = 1 << 17
 #: length of a bucket [s], before any is made shorter: at 25 m/s a patch of 0.1 m takes 4 ms;
 #: buckets twice as long need shorter ones from half the speed on
 BUCKET_S = 1.6e-3
-#: shorter buckets have this share of the samples: twice as much takes two rounds for what is four
-#: times as fast
-SHORTER = 4
 
 
 @dataclass(frozen=True)
@@ -223,8 +220,8 @@ def decimate(channel: Channel, sign: float, block_samples: int = AT_ONCE) -> Dec
 
 
 def shorter(channel: Channel, data: Decimated, sign: float) -> Decimated:
-    """`data` of `channel` with shorter buckets, times `sign`."""
-    bucket = data.bucket // SHORTER if data.bucket >= 4 * SHORTER else 1
+    """`data` of `channel` with buckets of a quarter of the samples, times `sign`."""
+    bucket = data.bucket // 4 if data.bucket >= 16 else 1
     medians = np.empty(-(-channel.size // bucket), np.float32)
     for _ in _median_blocks(channel, sign, bucket, medians, AT_ONCE):
         pass

@@ -220,16 +220,9 @@ ITERATIONS = 2
 #: a sample is wild if it leaves its two neighbours' mean by this many sigmas and by this share
 #: of the height: noise does the first once in 1e10, and half of it once in 1000
 WILD_SIGMAS, WILD_SHARE = 8.0, 0.06
-#: and by this many times the scatter between turns at its angle: the ringing of an edge is no
-#: spike.  Half as much would take a third of the passages of a real accelerometer for spiked; twice
-#: as much hides spikes at its edges
-WILD_SCATTERS = 5.0
 #: what is further off than this share of the height is not the tire; twice as much keeps what is
 #: off by most of the height, half as much takes a waveform that the template lacks for foreign
 FOREIGN_SHARE = 0.35
-#: stuck samples are clipped if they lie this many sigmas off; twice as many leave clipped samples
-#: in that are up to six off
-CLIPPED_SIGMAS = 3.0
 #: how far a step may shift [window] and stretch; twice as far could carry the centre out of the
 #: window in two steps
 MOST_SHIFT = MOST_STRETCH = 0.3
@@ -276,7 +269,9 @@ def fit_rows(
                 stuck += 1.0
                 off += abs(room[i]["residual"])
         made["used"] = used
-        made["holds_clipped"] = off > CLIPPED_SIGMAS * noise * max(stuck, 1.0)
+        # stuck samples are clipped if they lie this many sigmas off; twice as many leave clipped
+        # samples in that are up to six off
+        made["holds_clipped"] = off > 3.0 * noise * max(stuck, 1.0)
         made["time_s"] = time_s
         made["time_se_s"] = noise * np.sqrt(inverse[2, 2]) / (height * omega)
         made["omega_rad_s"] = omega
@@ -431,7 +426,10 @@ def _wild(count: int, height: float, noise: float, room: Records) -> bool:
     found = False
     for i in range(count):
         largest = max(bends[max(i - 1, 0)], bends[min(i + 1, count - 1)])
-        usual = WILD_SCATTERS * height * room[i]["scatter"]
+        # and by this many times the scatter between turns at its angle: the ringing of an edge is
+        # no spike.  Half as much would take a third of the passages of a real accelerometer for
+        # spiked; twice as much hides spikes at its edges
+        usual = 5.0 * height * room[i]["scatter"]
         if (bends[i] > max(limit, usual) and bends[i] >= largest) or abs(residuals[i]) > max(
             foreign, usual
         ):
@@ -443,14 +441,11 @@ def _wild(count: int, height: float, noise: float, room: Records) -> bool:
 #: knots over the template's window, and points of its table; twice as many knots follow edges
 #: twice as sharp, with half of the samples for each
 INTERVALS, TABLE = 40, 4096
-#: smoothing: weight of the squared third differences against the mean number of samples in a knot
-#: interval; twice as much smooths what is narrower than a knot interval further
-SMOOTHING = 1e-3
 #: the fit's window in half widths (half level): edges and shoulders, where the slope is
 WINDOW_HALF_WIDTHS = 1.8
-#: bounds of that window on either side of the middle [rad]; half of the first is 1.5 cm on a car's
-#: wheel, twice the second a quarter of a turn
-NARROWEST_RAD, WIDEST_RAD = 0.1, 0.8
+#: that window reaches so far at most on either side of the middle [rad]; twice as far is a quarter
+#: of a turn
+WIDEST_RAD = 0.8
 #: half of the contact length over half of the width at half level, roughly, for both carcasses
 LENGTH_TO_WIDTH = 1.25
 
@@ -494,7 +489,9 @@ def _coefficients(normal: FloatArray, right: FloatArray, count: int) -> FloatArr
     """
     rough = np.diff(np.eye(right.size), 3, axis=0)
     whole = normal + np.triu(normal, 1).T + 1e-12 * np.eye(right.size)
-    whole += SMOOTHING * max(count / INTERVALS, 1.0) * rough.T @ rough
+    # smoothing: weight of the squared third differences against the mean number of samples in a
+    # knot interval; twice as much smooths what is narrower than a knot interval further
+    whole += 1e-3 * max(count / INTERVALS, 1.0) * rough.T @ rough
     return np.asarray(np.linalg.solve(whole, right), np.float64)
 
 
@@ -529,10 +526,7 @@ def learned_template(sums: tuple[FloatArray, FloatArray, int], window: float) ->
     if found is None:
         return None
     middle, half_width = found
-    reach = min(
-        float(np.clip(WINDOW_HALF_WIDTHS * half_width, NARROWEST_RAD, WIDEST_RAD)),
-        window - abs(middle),
-    )
+    reach = min(WINDOW_HALF_WIDTHS * half_width, WIDEST_RAD, window - abs(middle))
     table = np.linspace(-reach, reach, TABLE)
     curve = spline_curve(coefficients, window, table + middle)
     base = 0.5 * (curve[0] + curve[-1])
