@@ -30,10 +30,18 @@ from tirelog.data.setup import FORM_BELLS, FORM_WAVES
 from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray
 
-# ---- Compiled: what the pressure's terms are at each wave number.
+# ---- Compiled: the spectrum of a patch passage and its derivatives.
 #
-# A Legendre polynomial's transform over the patch is 2 i^n j_n(z), z = kappa L, a spherical Bessel
-# function, so nothing is integrated numerically.
+# By the form's six parameters and the tire's own pressure (the equations of `family`).
+#
+#     wave numbers, EdgeShape
+#         --Legendre transforms = spherical Bessel functions j_n(kappa L)-->
+#         contact conditions (TERMS x TERMS)
+#         --solved--> pressure series, and the tire's own --response-->
+#         spectrum and slopes, (n, 7 + SHAPES)
+#
+# A Legendre polynomial's transform over the patch is 2 i^n j_n(z), z = kappa L, so nothing is
+# integrated numerically.
 
 
 #: terms of the pressure series, orders 0, 2, ... 2 (TERMS - 1); twice as many take four times as
@@ -75,12 +83,42 @@ def spherical_bessel(z: float, out: FloatArray) -> None:
 
 
 @compiled
-def transforms(kappa: FloatArray, L: float, waves: FloatArray, slopes: FloatArray) -> None:
+def inverted(matrix: FloatArray) -> FloatArray:
+    """The inverse of a small square `matrix`, which is overwritten.
+
+    By elimination with row pivots.
+    """
+    size = matrix.shape[0]
+    inverse = np.zeros((size, size))
+    for k in range(size):
+        inverse[k, k] = 1.0
+    for k in range(size):
+        top = k
+        for i in range(k + 1, size):
+            if abs(matrix[i, k]) > abs(matrix[top, k]):
+                top = i
+        pivot = 1.0 / matrix[top, k]
+        for j in range(size):
+            here, there = matrix[k, j], inverse[k, j]
+            matrix[k, j], inverse[k, j] = pivot * matrix[top, j], pivot * inverse[top, j]
+            if top != k:
+                matrix[top, j], inverse[top, j] = here, there
+        for i in range(size):
+            factor = matrix[i, k]
+            if i != k and factor != 0.0:
+                for j in range(size):
+                    matrix[i, j] -= factor * matrix[k, j]
+                    inverse[i, j] -= factor * inverse[k, j]
+    return inverse
+
+
+@compiled
+def _transforms(kappa: FloatArray, L: float, waves: FloatArray, slopes: FloatArray) -> None:
     """Fills `waves` and `slopes`: transforms at each wave number, and their derivatives by L.
 
-    `kappa` (n,) [1/m], `L` [m]. Derivatives of Bessel functions by DLMF 10.51.2. Rows: tests
+    `kappa` (n,) [1/m], `L` [m]. Derivatives of Bessel functions by DLMF 10.51.2. Columns: tests
     P_2, P_4, ... | terms (1 - x^2) P'_(n+1) | x (1 - x^2), P_5 - P_3, P_1 without their -1j, shape
-    (2 TERMS + 3, n).
+    (n, 2 TERMS + 3).
     """
     j, by_z = np.empty(ORDERS), np.empty(ORDERS - 1)
     for k in range(kappa.size):
@@ -88,18 +126,131 @@ def transforms(kappa: FloatArray, L: float, waves: FloatArray, slopes: FloatArra
         by_z[0] = -j[1]
         for n in range(1, ORDERS - 1):
             by_z[n] = (n * j[n - 1] - (n + 1) * j[n + 1]) / (2 * n + 1)
-        for values, source, factor in ((waves, j, 1.0), (slopes, by_z, kappa[k])):
-            sign = 2.0 * factor
+        for values, source, factor in ((waves[k], j, 1.0), (slopes[k], by_z, kappa[k])):
+            sign = factor
             for m in range(TERMS):
                 n = 2 * m
-                values[m, k] = -sign * source[n + 2]
+                values[m] = -2.0 * sign * source[n + 2]
                 # (1 - x^2) P'_(n+1) = (n+1)(n+2)/(2n+3) (P_n - P_(n+2))
-                size = (n + 1.0) * (n + 2.0) / (2.0 * n + 3.0)
-                values[TERMS + m, k] = sign * size * (source[n] + source[n + 2])
+                values[TERMS + m] = (
+                    2.0
+                    * sign
+                    * (n + 1.0)
+                    * (n + 2.0)
+                    / (2.0 * n + 3.0)
+                    * (source[n] + source[n + 2])
+                )
                 sign = -sign
-            values[2 * TERMS, k] = 0.8 * factor * (source[1] + source[3])
-            values[2 * TERMS + 1, k] = 2.0 * factor * (source[3] + source[5])
-            values[2 * TERMS + 2, k] = 2.0 * factor * source[1]
+            values[2 * TERMS] = 0.8 * factor * (source[1] + source[3])
+            values[2 * TERMS + 1] = 2.0 * factor * (source[3] + source[5])
+            values[2 * TERMS + 2] = 2.0 * factor * source[1]
+
+
+@compiled
+def form_spectra(
+    kappa: FloatArray,
+    radius: float,
+    shape: FloatArray,
+    mass: FloatArray,
+    own: FloatArray,
+    stiffer: FloatArray,
+) -> NDArray[np.complex128]:
+    """Spectrum of `shape` (the fields of EdgeShape) and its derivatives, (n, 7 + SHAPES).
+
+    At the wave numbers `kappa` (n,) [1/m]; `radius` [m]; `mass` (TERMS, TERMS): <test, term>. The
+    parameters are an axis that fits step along, in the order of the fields, so they are counted and
+    not named. Behind them come the shapes of the tire's own pressure, which has `own` (SHAPES,) of
+    them in mean pressures; `stiffer` (n,): what its own stiffness is over bending and foundation,
+    less one.
+    Neither is part of the contact that gives the series.
+    """
+    L, ell, tension, ratio, damping, tilt = (
+        shape[0],
+        shape[1],
+        shape[2],
+        np.exp(shape[3]) - 1.0,
+        shape[4],
+        shape[5],
+    )
+    count = kappa.size
+    waves, slopes = np.empty((count, 2 * TERMS + 3)), np.empty((count, 2 * TERMS + 3))
+    _transforms(kappa, L, waves, slopes)
+    reach = L / (np.pi * radius)
+    stiffness, by_ell, by_tension = np.empty(count), np.empty(count), np.empty(count)
+    contact = mass.copy()
+    for k in range(count):
+        q = (ell * kappa[k]) ** 2
+        by_ell[k], by_tension[k] = (4.0 * q + 2.0 * tension) * q / ell, q
+        stiffness[k] = (q + tension) * q + 1.0
+        for i in range(TERMS):
+            test = ratio * reach / stiffness[k] * waves[k, i]
+            for n in range(TERMS):
+                contact[i, n] += test * waves[k, TERMS + n]
+    inverse = inverted(contact)
+    pressure, load = np.empty(TERMS), np.zeros((TERMS, 4))
+    for n in range(TERMS):
+        pressure[n] = inverse[n, 0] * (-4.0 / 15.0)  # <P_2, -x^2>
+    even, even_slope = np.zeros(count), np.zeros(count)
+    for k in range(count):
+        for n in range(TERMS):
+            even[k] += waves[k, TERMS + n] * pressure[n]
+            even_slope[k] += slopes[k, TERMS + n] * pressure[n]
+        weight = reach / stiffness[k]
+        loaded = weight * even[k]
+        for i in range(TERMS):
+            test = waves[k, i]
+            load[i, 0] -= ratio * (
+                test * (loaded / L + weight * even_slope[k]) + slopes[k, i] * loaded
+            )
+            load[i, 1] += ratio * test * loaded * by_ell[k] / stiffness[k]
+            load[i, 2] += ratio * test * loaded * by_tension[k] / stiffness[k]
+            load[i, 3] -= (1.0 + ratio) * test * loaded
+    moved = np.zeros((TERMS, 4))
+    for i in range(TERMS):
+        for n in range(TERMS):
+            for c in range(4):
+                moved[i, c] += inverse[i, n] * load[n, c]
+    # mean pressure (2/3 of the parabola's top) of each shape over that of its wave
+    over = np.full(SHAPES, 2.0 / 3.0)
+    for n in range(1, TERMS):
+        over[n - 1] *= (4.0 * n + 3.0) / ((2.0 * n + 1.0) * (2.0 * n + 2.0))
+    out = np.empty((count, 7 + SHAPES), np.complex128)
+    for k in range(count):
+        odd, odd_slope = tilt * waves[k, 2 * TERMS], tilt * slopes[k, 2 * TERMS]
+        mine, mine_slope = 0.0, 0.0
+        for i in range(TERMS):
+            place = TERMS + 1 + i if i < TERMS - 1 else 0
+            mine += own[i] * over[i] * waves[k, place]
+            mine_slope += own[i] * over[i] * slopes[k, place]
+        for i in range(TERMS, SHAPES):
+            odd += own[i] * over[i] * waves[k, TERMS + 1 + i]
+            odd_slope += own[i] * over[i] * slopes[k, TERMS + 1 + i]
+        q, more = (ell * kappa[k]) ** 2, stiffer[k]
+        by_ell[k] += 4.0 * more * q * q / ell
+        total = stiffness[k] + more * (q * q + 1.0)
+        compliance = 1.0 / complex(total, damping * kappa[k] * ell)
+        # height: a curvature of the order of 1 / bending length^2 is divided out, so that heights
+        # stay comparable while a fit walks
+        response = -(kappa[k] ** 2) * ell * reach * compliance
+        # the tilt is carried by the parabola of the same load
+        spectrum = response * complex(even[k] + pressure[0] * mine, pressure[0] * odd)
+        out[k, 0] = spectrum
+        for c in range(4):
+            by = moved[0, c] * mine
+            for n in range(TERMS):
+                by += waves[k, TERMS + n] * moved[n, c]
+            out[k, 1 + c] = response * complex(by, odd * moved[0, c])
+        slope = complex(even_slope[k] + pressure[0] * mine_slope, pressure[0] * odd_slope)
+        out[k, 1] += response * slope + spectrum / L
+        out[k, 2] += spectrum * (1.0 / ell - complex(by_ell[k], damping * kappa[k]) * compliance)
+        out[k, 3] -= spectrum * by_tension[k] * compliance
+        out[k, 5] = spectrum * complex(0.0, -kappa[k] * ell) * compliance
+        out[k, 6] = response * complex(0.0, pressure[0] * waves[k, 2 * TERMS])
+        for i in range(SHAPES):
+            place = TERMS + 1 + i if i != TERMS - 1 else 0
+            size = pressure[0] * over[i] * waves[k, place]
+            out[k, 7 + i] = response * (complex(size, 0.0) if i < TERMS else complex(0.0, size))
+    return out
 
 
 ComplexArray = NDArray[np.complex128]
@@ -158,18 +309,6 @@ def _mass() -> FloatArray:
     )
 
 
-#: rows of `transforms` that are shapes of the tire's own pressure: even ones, then odd ones
-_OWN_WAVES = [*range(TERMS + 1, 2 * TERMS), 0, 2 * TERMS + 1, 2 * TERMS + 2]
-
-
-@lru_cache(maxsize=1)
-def _own_sizes() -> FloatArray:
-    """Mean pressure (2/3 of the parabola's top) of each own shape over its wave's, (SHAPES, 1)."""
-    n = np.arange(1.0, TERMS)
-    terms = (4.0 * n + 3.0) / ((2.0 * n + 1.0) * (2.0 * n + 2.0))
-    return np.asarray(np.r_[terms, np.ones(SHAPES - terms.size)][:, None] * (2.0 / 3.0))
-
-
 class EdgeFamily:
     """The family on one tire: wave numbers n / R up to `highest_1_m`, n = 1, 2, ...
 
@@ -221,54 +360,14 @@ class EdgeFamily:
         return np.column_stack([spectra, softer[:, None] * self._bells])
 
     def _spectra(self, shape: EdgeShape) -> ComplexArray:
-        """Spectrum, derivatives by the six parameters and by the own shapes, (n, 7 + SHAPES).
-
-        The own pressure and stiffness are no part of the contact that gives the series.
-        """
-        kappa, L, ell = self.kappa_1_m, shape.half_length_m, shape.bending_length_m
-        ratio, reach = np.exp(shape.tread) - 1.0, L / (np.pi * self.radius_m)
-        waves, slopes = np.empty((2, 2 * TERMS + 3, kappa.size))
-        transforms(kappa, L, waves, slopes)
-        tests, terms = waves[:TERMS], waves[TERMS : 2 * TERMS]
-        q = (ell * kappa) ** 2
-        stiffness = (q + shape.tension) * q + 1.0
-        by_ell = (4.0 * q + 2.0 * shape.tension) * q / ell
-        weight = reach / stiffness
-        # the contact condition, and what moves its solution
-        inverse = np.linalg.inv(_mass() + ratio * (tests * weight) @ terms.T)
-        pressure = inverse[:, 0] * (-4.0 / 15.0)  # <P_2, -x^2>
-        top, even, even_slope = pressure[0], pressure @ terms, pressure @ slopes[TERMS : 2 * TERMS]
-        loaded = weight * even
-        softer = ratio * loaded / stiffness
-        changes = -ratio * (loaded / L + weight * even_slope), softer * by_ell, softer * q
-        load = tests @ np.stack([*changes, -(1.0 + ratio) * loaded], axis=1)
-        load[:, 0] -= ratio * slopes[:TERMS] @ loaded
-        moved = inverse @ load
-        # the tire's own pressure; the tilt is carried by the parabola of the same load
-        own = waves[_OWN_WAVES] * _own_sizes()
-        sizes = self.own[:SHAPES] * _own_sizes()[:, 0]
-        added, added_slope = (
-            sizes[:TERMS] @ part[_OWN_WAVES[:TERMS]]
-            + 1j * (sizes[TERMS:] @ part[2 * TERMS + 1 :] + shape.tilt * part[2 * TERMS])
-            for part in (waves, slopes)
+        return form_spectra(
+            self.kappa_1_m,
+            self.radius_m,
+            shape.array(),
+            _mass(),
+            self.own[:SHAPES],
+            self._stiffer,
         )
-        compliance = 1.0 / self._stiffness(shape)
-        # height: a curvature of the order of 1 / bending length^2 is divided out, so that heights
-        # stay comparable while a fit walks
-        response = -(kappa**2) * ell * reach * compliance
-        spectrum = response * (even + top * added)
-        by_ell = by_ell + 4.0 * self._stiffer * q**2 / ell + 1j * shape.damping * kappa
-        out = np.empty((7 + SHAPES, kappa.size), complex)
-        out[0] = spectrum
-        out[1:5] = response * (moved.T @ terms + np.multiply.outer(moved[0], added))
-        out[1] += response * (even_slope + top * added_slope) + spectrum / L
-        out[2] += spectrum * (1.0 / ell - by_ell * compliance)
-        out[3] -= spectrum * q * compliance
-        out[5] = spectrum * (-1j * ell) * kappa * compliance
-        out[6] = response * (1j * top) * waves[2 * TERMS]
-        out[7:] = (top * response) * own
-        out[7 + TERMS :] *= 1j
-        return out.T
 
     def _stiffness(self, shape: EdgeShape) -> ComplexArray:
         """What resists a displacement at each wave number, over the foundation, shape (n,)."""

@@ -210,8 +210,8 @@ def _cut(
 #
 # Height, offset, position, length and oddness by one linear least squares per row.
 #
-#     Reference --on a fine grid of xi--> FormTables: columns of the linear model at some speeds
-#     PatchWindows --`kernels.fit_rows`, columns at each sample's distance--> PassageFits
+#     Reference --on a fine grid of xi--> columns of the linear model at some speeds
+#     PatchWindows --`kernels.fit_rows`, columns at each sample's distance--> FITS
 #
 # A passage is height x form(xi - shift; length, damping, tilt) + offset. Linear in everything about
 # the reference; what is quadratic in length and shift is known from two more columns of the same

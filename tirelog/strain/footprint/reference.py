@@ -9,6 +9,7 @@ mean passages by class of speed (`learn`) --> what they share, with or without t
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -193,14 +194,15 @@ class AverageFit:
         squares = np.array([one.speed_m_s**2 for one in averages])
         self.relative = squares / squares[-1]
         self.trust, self.near, self.shared = 1.0, False, (_MEAN, _SD)
+        self._last: tuple[Any, tuple[float, FloatArray, FloatArray]] | None = None
 
     def shape(self, theta: FloatArray, number: int) -> EdgeShape:
         """The form of average `number`."""
         apiece = theta[_SHARED + number * _APIECE :]
         tension = theta[1] - theta[2] * self.relative[number]
-        values = np.r_[np.exp([apiece[0], theta[0]]), tension, theta[3], apiece[1:3]]
-        values[:2] *= self.scale_m
-        return EdgeShape.of(np.clip(values, LOWEST, HIGHEST))
+        lengths = self.scale_m * np.exp([apiece[0], theta[0]])
+        values = np.array([*lengths, tension, theta[3], *apiece[1:3]])
+        return EdgeShape.of(np.minimum(np.maximum(values, LOWEST), HIGHEST))
 
     def start(self, reference: Reference) -> FloatArray:
         """The parameters of `reference`, whose speeds are those of the averages."""
@@ -240,6 +242,14 @@ class AverageFit:
         mean = np.r_[self.shared[0], np.zeros(OWN_FORM + _APIECE * len(self.averages))]
         weights = self.shared[1] ** -2.0, (size * _OWN_SD) ** -2.0, np.tile(odd, len(self.averages))
         return mean, np.concatenate(weights)
+
+    def sums(self, theta: FloatArray, length: float | None) -> tuple[float, FloatArray, FloatArray]:
+        """Squared residual, normal matrix and right side at `theta`, kept until it is another."""
+        if self._last is None or self._last[0] != (theta.tobytes(), self.trust, length):
+            left, slopes = self.at(theta, length)
+            sums = float(left @ left), slopes.T @ slopes, slopes.T @ left
+            self._last = (theta.tobytes(), self.trust, length), sums
+        return self._last[1]
 
     def at(self, theta: FloatArray, length: float | None) -> tuple[FloatArray, FloatArray]:
         """Weighted residuals (m,) and what they fall by with the parameters, (m, parameters).
@@ -317,13 +327,13 @@ def judged(
     problem: AverageFit, theta: FloatArray, size: float, length: float | None = None
 ) -> Descent:
     """What the averages say at `theta`, as of `descend`."""
-    (mean, known), (left, slopes) = problem.known(size), problem.at(theta, length)
+    (mean, known), (misfit, normal, right) = problem.known(size), problem.sums(theta, length)
     return Descent(
         theta,
-        float(left @ left + known @ (theta - mean) ** 2),
-        float(left @ left),
-        slopes.T @ slopes + np.diag(known),
-        slopes.T @ left + known * (mean - theta),
+        float(misfit + known @ (theta - mean) ** 2),
+        misfit,
+        normal + np.diag(known),
+        right + known * (mean - theta),
         float(np.log(known[4:_SHARED]).sum()),
     )
 
