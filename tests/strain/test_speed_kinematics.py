@@ -9,6 +9,7 @@ from tirelog.strain.passages.passage_flags import (
     TURN_RAD,
     kinematics,
     may_have_stopped,
+    turns_between,
 )
 
 
@@ -60,6 +61,25 @@ def test_noise_alone_has_the_error_of_the_centred_difference():
     np.testing.assert_allclose(
         found["omega_se_rad_s"][2:-2], 60.0 * 2e-6 / np.sqrt(2) / (TURN_RAD / 60.0), rtol=1e-9
     )
+
+
+def test_a_kink_goes_into_the_error_around_it_only():
+    """The acceleration jumps from 0 to 15 rad/s^2 at passage 20."""
+    first = passage_times(60.0, 0.0, range(21))
+    time = np.concatenate([first, first[-1] + passage_times(60.0, 15.0, range(1, 20))])
+    truth = 60.0 + 15.0 * np.maximum(time - first[-1], 0.0)
+    found = kinematics(time, np.full(40, 1e-7), np.append(np.ones(39), 0.0))
+    off = np.abs(found["omega_rad_s"] - truth)
+    near = np.abs(np.arange(40) - 20) <= 1
+    assert (off[near] < 2.0 * found["omega_se_rad_s"][near]).all()
+    away = np.abs(np.arange(40) - 20) > 5
+    assert off[away].max() < 1e-6
+    assert found["omega_se_rad_s"][away][1:-1].max() < 1e-3 * found["omega_se_rad_s"][near].max()
+
+
+def test_turns_by_the_mean_speed():
+    time = passage_times(10.0, 6.0, range(6))
+    np.testing.assert_allclose(turns_between(time, 10.0 + 6.0 * time), 1.0, rtol=1e-9)
 
 
 def test_a_wheel_of_exactly_one_speed_has_never_stopped() -> None:
