@@ -194,11 +194,11 @@ def _cut(
     """
     nearest = np.round(index).astype(np.int64)
     begins, ends = np.full(nearest.size, low), np.full(nearest.size, low + samples.size)
-    first = channel.axis.first
+    first = channel.axis.first.astype(np.int64)
     if channel.axis.explicit is None and first.size > 1:
         part = np.searchsorted(first, nearest, side="right")
-        begins = np.maximum(begins, first[part - 1].astype(np.int64))
-        ends = np.minimum(ends, np.append(first, channel.size)[part].astype(np.int64))
+        begins = np.maximum(begins, first[part - 1])
+        ends = np.minimum(ends, np.append(first, channel.size)[part])
     place = (nearest - size)[:, None] + np.arange(2 * size)
     inside = (place >= begins[:, None]) & (place < ends[:, None])
     values = np.full(place.shape, np.nan)
