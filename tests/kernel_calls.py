@@ -27,7 +27,6 @@ from tirelog.inference.stacks.hum import along_rises
 from tirelog.kernels.dispatch import Kernel, kind_of, spelled
 from tirelog.physics.spectral import MODES, Angles
 from tirelog.readers.text.kernels import rounded
-from tirelog.strain.footprint import kernels as footprint
 from tirelog.strain.footprint.measure import along_tread
 
 SAMPLES = Path(__file__).parents[1] / "sample_data"
@@ -72,9 +71,7 @@ def calls() -> dict[tuple[str, str], list[tuple[Any, ...]]]:
         run_on_a_wheel(Path(folder))
         run_models(Path(folder))
         roll()
-        call_the_rest(
-            next(given for (name, _), (given, *_) in kept.items() if "onset_rows" in name)
-        )
+        call_the_rest()
     return kept
 
 
@@ -161,13 +158,8 @@ def roll() -> None:
     made.run(orders(3, speed=8.0, load=2000.0, torque=20.0), every=2, riders=riders)
 
 
-def call_the_rest(onsets: tuple[Any, ...]) -> None:
-    """Kernels that commands call for longer logs only; `onsets` are arguments of `onset_rows`."""
-    values, motion, _, _, table, grid, waves, fine, shift, *_ = onsets
-    found, near = np.full(len(shift), np.nan, footprint.ONSET), np.full(len(shift), 4)
-    footprint.follow_rows(
-        values, motion, table, grid, waves, fine, near, shift, 0.002, 2, 0.02, 0.3, found
-    )
+def call_the_rest() -> None:
+    """Kernels that commands call for longer logs only."""
     rng, four = np.random.default_rng(1000), np.ones(4)
     along_tread(rng.normal(size=(4, 64)), 2500.0, 32 * four, 9 * four, -2 * four, 400 * four)
     rounded(np.uint64(2**60 + 12345), 5)

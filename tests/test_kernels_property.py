@@ -56,7 +56,7 @@ def decorated() -> Iterator[tuple[str, str]]:
 
 @cache
 def kernels() -> dict[str, Any]:
-    """Every kernel by its name in the package, as `strain.dissipation.revolution_sums`."""
+    """Every kernel by its name in the package, as `strain.dissipation.derivative`."""
     return {
         f"{module}.{name}".removeprefix("tirelog."): getattr(import_module(module), name)
         for module, name in decorated()

@@ -42,7 +42,7 @@ Options = Mapping[str, Any]
 #: what the tables of strain channels are made with, beside what is loaded already
 _OF_CHANNELS = (
     "tirelog.runs.in_memory",
-    "tirelog.strain.dissipation_table",
+    "tirelog.strain.dissipation",
     "tirelog.strain.footprint.footprint",
     "tirelog.strain.passages.find",
     "tirelog.strain.speed",
@@ -371,7 +371,7 @@ def _footprint_of_accelerometers(recording: Recording, options: Options) -> Iter
 
 
 def _dissipation(work: Work, options: Options) -> Part:
-    from tirelog.strain.dissipation_table import by_speed, dissipation_of_channel, regressions
+    from tirelog.strain.dissipation import by_speed, dissipation_of_channel, regressions
 
     found = dissipation_of_channel(
         work.recording, work.channel, work.passages, *_steadiness(options)

@@ -7,12 +7,15 @@ circumferences, found on a grid of 0.1 ms.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from tirelog.cli import run
 from tirelog.data.recording import Channel, TimeAxis
 
 RADIUS_M = 0.305
@@ -123,6 +126,15 @@ def make_drive(
     return Drive(channel, values, passed[whole], np.interp(passed, fine, speed)[whole])
 
 
+def without_rows(drive, kept):
+    """The channel of a drive of which only the rows `kept` (n,) bool were written."""
+    rows = np.flatnonzero(kept)
+    first = np.flatnonzero(np.diff(rows, prepend=-2) > 1)
+    rate = drive.channel.axis.rate_Hz
+    axis = TimeAxis(rows.size, rate, first, rows[first] / rate, np.full(first.size, 1.0 / rate))
+    return drive.with_values(drive.values[rows], axis)
+
+
 @pytest.fixture(scope="session")
 def drive() -> Callable[..., Drive]:
     """`make_drive`."""
@@ -138,3 +150,18 @@ def pulses() -> dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]]:
 @pytest.fixture(scope="session")
 def radius_m() -> float:
     return RADIUS_M
+
+
+@pytest.fixture
+def command(tmp_path, monkeypatch, capfdbinary):
+    """(status, table or None, standard error) of a command on a `log.csv` of these columns."""
+
+    def call(columns, setup, name, *arguments):
+        monkeypatch.chdir(tmp_path)
+        pd.DataFrame(columns).to_csv("log.csv", index=False)
+        (tmp_path / "log.toml").write_text(setup)
+        status = run([name, "log.csv", *arguments])
+        out, err = capfdbinary.readouterr()
+        return status, pd.read_csv(io.BytesIO(out)) if out.strip() else None, err.decode()
+
+    return call

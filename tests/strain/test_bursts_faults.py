@@ -87,15 +87,6 @@ def test_a_burst_takes_no_row_but_its_own(clean, kind, count):
     assert moved[~said].max() < 1.0
 
 
-def test_many_bursts_in_two_seconds(clean):
-    wavelength, _ = clean
-    hit = wavelength.copy()
-    for first in range(20_000, 25_000, 700):
-        hit[first : first + 5] = 1700.0
-    found = find_passages(channel(hit), RADIUS_M)
-    assert len(found) == len(find_passages(channel(wavelength), RADIUS_M))
-
-
 def test_bursts_leave_the_other_tables_as_they_were(clean):
     """The rows that follow the burst's own differ by what the form is learnt from."""
     wavelength, truth = clean

@@ -8,14 +8,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.strain.conftest import without_rows
 from tests.strain.strain_truth import Beam, Ring
-from tirelog.data.recording import Recording, TimeAxis
+from tirelog.data.recording import Recording
 from tirelog.data.setup import LogConditions, Setup, Tire
 from tirelog.dsp.filters import bridged, differentiator
 from tirelog.plots.tables import said
 from tirelog.products import tables_of
-from tirelog.strain.dissipation import dissipation, moving_average, regression, steady_stretches
-from tirelog.strain.dissipation_table import by_speed, regressions
+from tirelog.strain.dissipation import (
+    dissipation,
+    moving_average,
+    regression,
+    steady_stretches,
+)
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_quality
 from tirelog.vocabulary.quality import Quality, good, having
@@ -33,8 +38,11 @@ def response(coefficients, rate_Hz, frequency_Hz):
         return np.where(omega == 0, 1.0, gain / (omega * rate_Hz))
 
 
-def dissipation_of(recording):
-    return tables_of(recording, {"dissipation": {}})
+def tables(channels, radius_m, load_N=None, **more):
+    """The tables of the gratings `channels` on a tire of P1's strip."""
+    tire = {"section_height_m": 0.018, "width_m": 0.215, "viscosity_Pa_s": 2e3} | more
+    setup = Setup(Tire(rolling_radius_m=radius_m, **tire), LogConditions(load_N=load_N))
+    return list(tables_of(Recording("a.csv", channels, setup), {"dissipation": {}}))
 
 
 def measured(channel, radius_m, **more):
@@ -77,10 +85,7 @@ def test_gaps_are_bridged_or_said(drive, radius_m, rows_missing, seed):
     kept, rng = np.ones(made.values.size, bool), np.random.default_rng(seed)
     for first in rng.integers(500, made.values.size - 500, 150):
         kept[first : first + rows_missing] = False
-    rows = np.flatnonzero(kept)
-    first = np.flatnonzero(np.diff(rows, prepend=-2) > 1)
-    axis = TimeAxis(rows.size, 2500.0, first, rows[first] / 2500.0, np.full(first.size, 1 / 2500.0))
-    passages, found = measured(made.with_values(made.values[rows], axis), radius_m)
+    passages, found = measured(without_rows(made, kept), radius_m)
     ratio = found.factor_1_m / truth.dissipation_factor(10.0)
     clean = good(found.quality)
     assert clean.sum() > 30
@@ -123,12 +128,7 @@ def test_lost_samples_and_a_spike_are_bridged(drive, radius_m):
 def test_specific_power_power_and_rolling_resistance(drive, radius_m):
     truth = Beam(speeds=(12.0, 12.0))
     made = drive([0, 12], [12, 12], seed=1721, pulse=truth, **CALM)
-    tire = Tire(
-        rolling_radius_m=radius_m, section_height_m=0.018, width_m=0.215, viscosity_Pa_s=2e3
-    )
-    (table,) = dissipation_of(
-        Recording("a.csv", {"s": made.channel}, Setup(tire, LogConditions(load_N=3600.0)))
-    )
+    (table,) = tables({"s": made.channel}, radius_m, load_N=3600.0)
     c = table.columns
     np.testing.assert_allclose(
         c["specific_power_m3_s2"], 12.0**2 * 0.018 * 0.215 * c["dissipation_factor_1_m"], rtol=2e-3
@@ -146,24 +146,12 @@ def test_the_remark_on_bending_is_of_the_grating_s_own_surface(drive, radius_m):
     """P1 (25) without stretch over (27): 12 (y/h)^2, so 3 on the liner (y = h/2), 1 at y = 0.29 h
     and 1/33 at P2's y = h/20.
     """
-    tire = Tire(
-        rolling_radius_m=radius_m, section_height_m=0.018, width_m=0.215, viscosity_Pa_s=2e3
-    )
-    made = {
-        name: drive([0, 2], [12, 12], seed=1722, surface=name).channel
-        for name in ("outer", "inner")
-    }
-    tables = list(
-        dissipation_of(
-            Recording(
-                "a.csv",
-                {"in": made["inner"], "out": made["outer"], "more": made["outer"]},
-                Setup(tire),
-            )
-        )
+    inner, outer = (
+        drive([0, 2], [12, 12], seed=1722, surface=name).channel for name in ("inner", "outer")
     )
     bending = [
-        [remark for remark in table.remarks if "in pure bending" in remark] for table in tables
+        [remark for remark in table.remarks if "in pure bending" in remark]
+        for table in tables({"in": inner, "out": outer, "more": outer}, radius_m)
     ]
     assert "liner" in bending[0][0]
     assert "three times too much" in bending[0][0]
@@ -192,26 +180,6 @@ def test_moving_averages_stay_within_their_stretch():
     np.testing.assert_allclose(mean, [1.0, 2.0, 3.0, np.nan, 5.0, 6.0, 8.0, 9.0])
 
 
-def test_a_regression_gives_its_line_back():
-    rng = np.random.default_rng(1730)
-    speed = np.repeat(np.linspace(6, 24, 30), 10)
-    stretch = np.repeat(np.arange(30), 10)
-    pulls = []
-    for _ in range(60):
-        values = (
-            4e-4
-            - 5e-6 * speed
-            + np.repeat(rng.normal(0, 1e-5, 30), 10)
-            + rng.normal(0, 3e-6, speed.size)
-        )
-        line = regression("q", speed, values, stretch)
-        pulls.append((line["slope"] + 5e-6) / line["slope_se"])
-    assert np.std(pulls) == pytest.approx(1.0, abs=0.3)
-    assert abs(np.mean(pulls)) < 0.5
-    assert regression("q", np.full(20, 9.0), np.ones(20), np.zeros(20, int)) is None
-    assert regression("q", speed, values, np.full(speed.size, -1)) is None
-
-
 @pytest.mark.parametrize(
     ("stretches", "between"), [(3, 0.0), (3, 1e-5), (5, 0.0), (5, 1e-6), (5, 1e-5), (12, 1e-5)]
 )
@@ -229,6 +197,8 @@ def test_the_interval_of_a_slope_covers_it(stretches, between):
         line = regression("q", speed, values, np.repeat(np.arange(stretches), rows))
         covered.append(line["slope_lower"] < -5e-6 < line["slope_upper"])
     assert 0.90 <= np.mean(covered) <= 0.98
+    assert regression("q", np.full(20, 9.0), np.ones(20), np.zeros(20, int)) is None
+    assert regression("q", speed, values, np.full(speed.size, -1)) is None
 
 
 def line_of(means, scatter=1e-7):
@@ -283,18 +253,6 @@ def test_the_picture_of_a_line_says_what_speaks_against_it():
     assert "±" not in said(line_of([1.0, 3.0]))
 
 
-def test_the_table_behind_fig_11_and_its_lines(drive, radius_m):
-    made = drive([0, 10, 14, 24, 30, 40], [7, 7, 14, 14, 22, 22], seed=1731, pulse=Beam(), **CALM)
-    tire = Tire(rolling_radius_m=radius_m, section_area_m2=1e-3)
-    (table,) = dissipation_of(Recording("a.csv", {"s": made.channel}, Setup(tire)))
-    fig = by_speed(table.found)
-    assert (np.diff(fig["speed_m_s"]) >= 0).all()
-    assert np.isfinite(fig["dissipation_factor_mean_1_m"]).mean() > 0.95
-    lines, _ = regressions("a.csv", table.found)
-    assert lines["quantity"].tolist() == ["dissipation_factor_1_m", "specific_power_m3_s2"]
-    assert (lines["slope"] > 0).all()
-
-
 @pytest.mark.parametrize(
     ("rate", "edge", "averaged"), [(2500.0, 1000.0, 1), (2500.0, 200.0, 1), (6250.0, 1000.0, 4)]
 )
@@ -328,13 +286,7 @@ def test_a_log_of_few_revolutions_has_all_its_rows(drive, radius_m, seconds):
     part of it.
     """
     made = drive([0, seconds], [10, 10], seed=1740, pulse=Beam(speeds=(10.0, 10.0)), **CALM)
-    (table,) = dissipation_of(
-        Recording(
-            "a.csv",
-            {"s": made.channel},
-            Setup(Tire(rolling_radius_m=radius_m, section_area_m2=1e-3)),
-        )
-    )
+    (table,) = tables({"s": made.channel}, radius_m)
     factor = table.columns["dissipation_factor_1_m"]
     assert factor.size == len(table.found.passages) > 0
     known = np.isfinite(factor)

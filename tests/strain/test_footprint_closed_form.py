@@ -17,8 +17,8 @@ from tirelog.strain.footprint.family import (
     EdgeShape,
     spherical_bessel,
 )
+from tirelog.strain.footprint.learn import gather_windows
 from tirelog.strain.footprint.measure import find_edges, least
-from tirelog.strain.footprint.refine import gather_windows
 
 
 @pytest.mark.parametrize("z", [0.02, 0.9, 3.2, 4.4934, 15.9, 16.1, 60.0])
@@ -67,34 +67,18 @@ def by_quadrature(order: int, wave: np.ndarray) -> np.ndarray:
     )
 
 
-def test_a_tilted_parabola():
-    """Without tread the load is (1 - x^2)(1 - tilt x), heavier towards the entry."""
-    family, shape = EdgeFamily(0.305, 300.0), EdgeShape(0.055, 0.04, 0.4, 0.0, 0.0, 0.3)
-    load = family.spectrum(shape) / family.receptance(shape)
-    wave = family.kappa_1_m * shape.half_length_m
-    odd = np.array(
-        [2.0 * quad(lambda x: x * (1 - x**2), 0, 1, weight="sin", wvar=z)[0] for z in wave]
-    )
-    wanted = by_quadrature(0, wave) + 0.3j * odd
-    np.testing.assert_allclose(load / load[0], wanted / wanted[0], atol=1e-9)
+def assert_slopes(spectrum, at, slopes):
+    """The columns of `slopes` are what `spectrum` changes by with each number of `at`."""
+    for number, nudge in enumerate(1e-6 * np.eye(at.size)):
+        ahead, behind = (spectrum(at + sign * nudge) for sign in (1, -1))
+        slope = slopes[:, number]
+        np.testing.assert_allclose((ahead - behind) / 2e-6, slope, atol=2e-6 * np.abs(slope).max())
 
 
 def test_slopes_of_a_spectrum_are_differences():
-    family, shape = (
-        EdgeFamily(0.305, 900.0),
-        EdgeShape(0.055, 0.04, 0.4, 1.5, 0.2, -0.1),
-    )
-    spectra = family.jacobian(shape)
-    for number in range(6):
-        nudge = 1e-6 * np.eye(6)[number]
-        ahead, behind = (
-            family.spectrum(EdgeShape.of(shape.array() + sign * nudge)) for sign in (1, -1)
-        )
-        np.testing.assert_allclose(
-            (ahead - behind) / 2e-6,
-            spectra[:, 1 + number],
-            atol=2e-6 * np.abs(spectra[:, 1 + number]).max(),
-        )
+    family, shape = EdgeFamily(0.305, 900.0), EdgeShape(0.055, 0.04, 0.4, 1.5, 0.2, -0.1)
+    slopes = family.jacobian(shape)[:, 1:]
+    assert_slopes(lambda values: family.spectrum(EdgeShape.of(values)), shape.array(), slopes)
 
 
 def test_a_tire_s_own_pressure_and_stiffness():
@@ -119,18 +103,16 @@ def test_a_tire_s_own_pressure_and_stiffness():
     softer = plain.with_own(own).receptance(shape) / plain.receptance(shape)
     assert np.all(np.abs(softer[20:60]) < 1.0)
     spectra = plain.with_own(own).by_form(shape)
-    for number, nudge in enumerate(1e-6 * np.eye(own.size)):
-        ahead, behind = (plain.with_own(own + sign * nudge).spectrum(shape) for sign in (1, -1))
-        slope = spectra[:, 7 + number]
-        np.testing.assert_allclose((ahead - behind) / 2e-6, slope, atol=1e-6 * np.abs(slope).max())
+    assert_slopes(lambda values: plain.with_own(values).spectrum(shape), own, spectra[:, 7:])
 
 
 def test_the_least_of_a_row_between_samples():
     x = np.arange(40.0)
-    place, height, curvature = least(0.3 * (x - 17.3) ** 2 - 2.0, 10.2, 25.0)
-    assert (place, height, curvature) == pytest.approx((17.3, -2.0, 0.6))
-    assert np.isnan(least(x, 10.2, 25.0)[0])
-    assert np.isnan(least(-((x - 17.3) ** 2), 10.2, 25.0)[2])
+    rows = np.stack([0.3 * (x - 17.3) ** 2 - 2.0, x, -((x - 17.3) ** 2)])
+    place, height, curvature = least(rows, np.full(3, 10.2), np.full(3, 25.0))
+    assert (place[0], height[0], curvature[0]) == pytest.approx((17.3, -2.0, 0.6))
+    assert np.isnan(place[1])
+    assert np.isnan(curvature[2])
 
 
 @pytest.mark.parametrize(("columns", "off"), [(6.0, 0.005), (8.0, 0.0016), (16.0, 0.00012)])
@@ -138,14 +120,12 @@ def test_the_least_of_a_wave_lies_where_it_is(columns, off):
     """A wave of so many columns a period, wherever its trough lies between two of them; a parabola
     is off by 0.019 at six.
     """
-    x, omega = np.arange(40.0), 2 * np.pi / columns
-    for trough in np.linspace(19.0, 20.0, 21):
-        place, height, curvature = least(
-            -np.cos(omega * (x - trough)), trough - 0.6 * columns, trough + 0.6 * columns
-        )
-        assert place == pytest.approx(trough, abs=off)
-        assert height == pytest.approx(-1.0, abs=1.3 * off)
-        assert curvature == pytest.approx(omega**2, rel=10 * off)
+    trough, omega = np.linspace(19.0, 20.0, 21), 2 * np.pi / columns
+    rows = -np.cos(omega * (np.arange(40.0) - trough[:, None]))
+    place, height, curvature = least(rows, trough - 0.6 * columns, trough + 0.6 * columns)
+    np.testing.assert_allclose(place, trough, atol=off)
+    np.testing.assert_allclose(height, -1.0, atol=1.3 * off)
+    np.testing.assert_allclose(curvature, omega**2, rtol=10 * off)
 
 
 def test_edges_of_a_known_curve():
@@ -173,11 +153,11 @@ def test_windows_are_the_samples_around_and_end_at_gaps():
     axis = TimeAxis(1000, 2500.0, np.array([0, 600]), np.array([0.0, 9.0]), np.array([4e-4, 4e-4]))
     channel = Channel.of_array("s", "strain", values, axis)
     index = np.array([3.2, 300.4, 597.0, 603.0, 998.0])
-    (found,) = gather_windows(channel, 1.0, index, np.full(5, 16.0), np.arange(5))
+    (found,) = gather_windows(channel, 1.0, index, (index, index), np.full(5, 16.0), np.arange(5))
     for row, at in enumerate(np.round(index).astype(int)):
         own = np.arange(at - 16, at + 16)
         inside = (own >= 0) & (own < 1000) & ((own < 600) == (at < 600))
         np.testing.assert_array_equal(
             found.values[row], np.where(inside, -own.astype(float), np.nan)
         )
-        assert found.centre[row] == pytest.approx(index[row] - at + 16)
+        assert found.motion["centre"][row] == pytest.approx(index[row] - at + 16)

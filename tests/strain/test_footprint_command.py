@@ -5,14 +5,11 @@ refusals, pictures, statuses.
 from __future__ import annotations
 
 import builtins
-import io
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from tests.strain.strain_truth import Beam
-from tirelog.cli import run
 from tirelog.plots import style
 
 SETUP = """[tire]
@@ -34,21 +31,6 @@ unit = "bar"
 [log]
 time = "time_s"
 """
-
-
-@pytest.fixture
-def command(tmp_path, monkeypatch, capfdbinary):
-    """(status, table or None, standard error) of a command on a `log.csv` of these columns."""
-
-    def call(columns, name, *arguments):
-        monkeypatch.chdir(tmp_path)
-        pd.DataFrame(columns).to_csv("log.csv", index=False)
-        (tmp_path / "log.toml").write_text(SETUP)
-        status = run([name, "log.csv", *arguments])
-        out, err = capfdbinary.readouterr()
-        return status, pd.read_csv(io.BytesIO(out)) if out.strip() else None, err.decode()
-
-    return call
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +58,7 @@ def test_a_creeping_wheel_is_measured_or_said_to_be_too_slow(command, drive, spe
         [0, 60], [speed, speed], seed=1902, rate_Hz=200.0, pulse=truth, height=1.0, drift=0.0
     )
     columns = {"time_s": made.channel.axis.time(), "grating": made.values, "pressure": 2.2}
-    status, table, err = command(columns, "footprint")
+    status, table, err = command(columns, SETUP, "footprint")
     assert status == 0
     assert "too few passages" not in err
     if speed > 0.3:
@@ -88,7 +70,9 @@ def test_a_creeping_wheel_is_measured_or_said_to_be_too_slow(command, drive, spe
 
 
 def test_footprint(command, rolling):
-    status, table, err = command(rolling, "footprint", "--cutoff", "400Hz", "--plot", "page.svg")
+    status, table, err = command(
+        rolling, SETUP, "footprint", "--cutoff", "400Hz", "--plot", "page.svg"
+    )
     assert status == 0
     assert table.columns[0] == "log"
     assert table.columns[-1] == "quality"
@@ -108,7 +92,7 @@ def test_lengths_of_a_tire_whose_pressure_is_no_parabola(command, drive, power, 
     made = drive([0, 6, 8, 14, 17, 22], speeds, seed=1905, pulse=truth, height=1.0, drift=0.0)
     columns = {"time_s": made.channel.axis.time(), "grating": made.values}
     columns["pressure"] = np.full(made.values.size, 2.2)
-    status, table, _ = command(columns, "footprint")
+    status, table, _ = command(columns, SETUP, "footprint")
     rows = table[table.quality == "ok"]
     error = rows.length_m / (2 * truth.half_length_m) - 1
     told = np.hypot(rows.length_se_m, rows.length_form_se_m) / (2 * truth.half_length_m)
@@ -122,7 +106,7 @@ def test_lengths_of_a_tire_whose_pressure_is_no_parabola(command, drive, power, 
 
 
 def test_dissipation_and_its_lines(command, rolling):
-    status, table, err = command(rolling, "dissipation", "--plot", "page.png")
+    status, table, err = command(rolling, SETUP, "dissipation", "--plot", "page.png")
     assert status == 0
     assert "section height x width" in err
     assert {
@@ -132,16 +116,16 @@ def test_dissipation_and_its_lines(command, rolling):
     } <= set(table.columns)
     with open("page.png", "rb") as page:
         assert page.read(4) == b"\x89PNG"
-    status, lines, _ = command(rolling, "dissipation", "--fit")
+    status, lines, _ = command(rolling, SETUP, "dissipation", "--fit")
     assert status == 0
     assert lines["quantity"].tolist() == ["dissipation_factor_1_m", "specific_power_m3_s2"]
-    status, sorted_rows, _ = command(rolling, "dissipation", "--by-speed")
+    status, sorted_rows, _ = command(rolling, SETUP, "dissipation", "--by-speed")
     assert sorted_rows["speed_m_s"].is_monotonic_increasing
     assert sorted_rows["steady"].all()
 
 
 def test_inflation(command, resting):
-    status, table, err = command(resting, "inflation", "--plot", "page.png")
+    status, table, err = command(resting, SETUP, "inflation", "--plot", "page.png")
     assert status == 0
     assert table.loc[0, "stretch"] == "whole"
     assert table.loc[0, "strain_slope_1_Pa"] == pytest.approx(2.4e-9, rel=2e-3)
@@ -159,7 +143,7 @@ def test_inflation(command, resting):
     ],
 )
 def test_what_cannot_be_done_is_refused(command, rolling, name, arguments, says):
-    status, _, err = command(rolling, name, *arguments)
+    status, _, err = command(rolling, SETUP, name, *arguments)
     assert status == 2
     assert "tirelog: error:" in err
     assert says in err
@@ -167,7 +151,7 @@ def test_what_cannot_be_done_is_refused(command, rolling, name, arguments, says)
 
 @pytest.mark.parametrize("name", ["footprint", "dissipation"])
 def test_a_wheel_at_rest_is_refused_with_advice(command, resting, name):
-    status, _, err = command(resting, name)
+    status, _, err = command(resting, SETUP, name)
     assert status == 2
     assert "does not turn" in err
     assert "tirelog inflation" in err
@@ -183,6 +167,6 @@ def test_a_picture_without_matplotlib(command, rolling, monkeypatch):
 
     style._page.cache_clear()  # a page of another test has it
     monkeypatch.setattr(builtins, "__import__", without)
-    status, _, err = command(rolling, "footprint", "--plot", "page.png")
+    status, _, err = command(rolling, SETUP, "footprint", "--plot", "page.png")
     assert status == 2
     assert "tirelog[plot]" in err

@@ -12,7 +12,7 @@ from tirelog.data.recording import Channel, TimeAxis
 from tirelog.dsp.filters import (
     white_noise,
 )
-from tirelog.strain.passages.match import Signal, fit_passages, gather
+from tirelog.strain.passages.match import Signal, fit
 from tirelog.strain.passages.search import (
     PULSE,
     bucket_medians,
@@ -82,7 +82,13 @@ def passages_of_the_template(seed, axis, n=5):
     index = every * (np.arange(n) + 0.5) + rng.uniform(-3, 3, n)
     alpha = rng.normal(0, 5, n)
     start = records(
-        ROW, time_s=axis.at(index), index=index, omega_rad_s=OMEGA, alpha_rad_s2=alpha, stretch=0.1
+        ROW,
+        time_s=axis.at(index),
+        index=index,
+        omega_rad_s=OMEGA,
+        alpha_rad_s2=alpha,
+        stretch=0.1,
+        height=1.0,
     )
     shift, stretch = rng.normal(0, 0.01, n), rng.normal(0, 0.01, n)
     height, offset = rng.uniform(0.5, 2, n), rng.normal(size=n)
@@ -123,8 +129,7 @@ def test_the_fit_finds_shift_stretch_height_and_offset(sign, kind):
             np.full(2, 1 / RATE_HZ),
         )
     values, start, height, offset, shift, stretch = passages_of_the_template(1810, axis)
-    windows = gather(signal_of(values, axis, sign), start, TEMPLATE.window_rad)
-    found = fit_passages(windows, TEMPLATE, start, np.ones(5))
+    found = fit(signal_of(values, axis, sign), TEMPLATE, start)
     np.testing.assert_allclose(found["height"], height, rtol=2e-3)
     np.testing.assert_allclose(found["offset"], offset, atol=2e-3)
     np.testing.assert_allclose(found["omega_rad_s"], OMEGA * (1 + stretch), rtol=2e-3)
@@ -145,9 +150,7 @@ def test_windows_that_are_clipped_outside_or_empty_say_so(sign):
     values[400:600] = np.minimum(values[400:600], top)
     values[600:] = np.minimum(values[600:], top - 1e-6)
     start["index"][4] = 999.0
-    found = fit_passages(
-        gather(signal_of(values, axis, sign), start, TEMPLATE.window_rad), TEMPLATE, start, height
-    )
+    found = fit(signal_of(values, axis, sign), TEMPLATE, start)
     assert found["holds_clipped"].tolist()[:4] == [False, False, True, False]
     assert found["outside"].tolist() == [False, False, False, False, True]
     assert found["holds_lost"].tolist()[:4] == [True, True, False, False]
@@ -158,9 +161,7 @@ def test_windows_that_are_clipped_outside_or_empty_say_so(sign):
 def test_a_long_window_is_thinned():
     axis = TimeAxis.uniform(20_000, 50_000.0)
     values, start, height, *_ = passages_of_the_template(1813, axis, n=2)
-    found = fit_passages(
-        gather(signal_of(values, axis), start, TEMPLATE.window_rad), TEMPLATE, start, height
-    )
+    found = fit(signal_of(values, axis), TEMPLATE, start)
     assert (found["used"] <= MOST_SAMPLES).all()
     assert (found["used"] > MOST_SAMPLES // 2).all()
     np.testing.assert_allclose(found["height"], height, rtol=2e-3)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tirelog.data.recording import TimeAxis
+from tests.strain.conftest import without_rows
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_quality
 from tirelog.vocabulary.quality import Quality, having
@@ -20,15 +20,6 @@ BREAKS = Quality.STANDSTILL | Quality.REVERSING
 def assert_one_row_each(found, truth):
     """A row for each true passage, in order."""
     assert truth.nearest(found.time_s).tolist() == list(range(len(truth.time_s)))
-
-
-def without_rows(drive, kept):
-    """The channel of a drive of which only the rows `kept` (n,) bool were written."""
-    rows = np.flatnonzero(kept)
-    first = np.flatnonzero(np.diff(rows, prepend=-2) > 1)
-    rate = drive.channel.axis.rate_Hz
-    axis = TimeAxis(rows.size, rate, first, rows[first] / rate, np.full(first.size, 1.0 / rate))
-    return drive.with_values(drive.values[rows], axis)
 
 
 @pytest.mark.parametrize(

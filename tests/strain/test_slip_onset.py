@@ -19,7 +19,7 @@ from tirelog.simulation import Scenario, simulate, to_recording
 from tirelog.simulation.scenario.schema import Manoeuvre, Planted, Sensor
 from tirelog.strain.footprint import measure
 from tirelog.strain.footprint.footprint import choose_form, footprint
-from tirelog.strain.footprint.slip_onset import NO_FORM, TOO_SMALL, Tractions
+from tirelog.strain.footprint.slip_onset import NO_FORM, TOO_SMALL
 from tirelog.strain.passages.find import find_passages
 from tirelog.vocabulary.quality import good
 
@@ -120,7 +120,7 @@ def test_no_onset_is_sought_beside_a_form_that_is_none_of_a_tire(drive, radius_m
     made = drive([0, 60], [14, 14], seed=1660, pulse=lopsided, noise_pm=8.0, rate_Hz=1000.0)
     passages = find_passages(made.channel, radius_m)
     sought = []
-    monkeypatch.setattr(Tractions, "onsets", lambda *asked: sought.append(asked))
+    monkeypatch.setattr(measure, "sought_onsets", lambda *asked: sought.append(asked))
     found = footprint(made.channel, passages)
     assert found.learnt.unclear(passages.speed_m_s).all()
     assert not sought
@@ -134,14 +134,13 @@ def test_onsets_that_start_from_others_are_as_true_as_those_looked_for(
     samples decide where it ends. Wholly unlike passages are looked for themselves.
     """
     followed = []
-    plain = Tractions.followed
+    plain = measure.followed_onsets
 
-    def counted(self, *asked):
-        found = plain(self, *asked)
+    def counted(windows, form, waves, found, *asked):
+        plain(windows, form, waves, found, *asked)
         followed.append(np.isfinite(found["best"]))
-        return found
 
-    monkeypatch.setattr(Tractions, "followed", counted)
+    monkeypatch.setattr(measure, "followed_onsets", counted)
     errors = {}
     for searched in (measure.SEARCHED, 10**6):
         monkeypatch.setattr(measure, "SEARCHED", searched)

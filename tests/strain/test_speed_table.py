@@ -57,15 +57,6 @@ def test_columns_are_those_of_the_contract(drive):
     )
 
 
-def test_speed_is_over_the_rolling_circumference(drive):
-    d = drive([0, 10], [10, 10], seed=1302)
-    [columns], _ = speed_tables(recording(d.channel))
-    np.testing.assert_allclose(columns["speed_m_s"], 10.0, atol=1e-3)
-    [unloaded], remarks = speed_tables(recording(d.channel, radius="unloaded_radius_m = 0.3126"))
-    np.testing.assert_allclose(unloaded["speed_m_s"], 10.0 * 0.3126 / 0.305, atol=1e-3)
-    assert "unloaded radius" in remarks[0]
-
-
 def test_words_beside_a_standstill(drive, radius_m):
     d = drive([0, 4, 7, 12, 16, 20], [12, 12, 0, 0, 10, 10], seed=1303)
     columns = speed_columns("log", find_passages(d.channel, radius_m))
@@ -91,13 +82,6 @@ def test_several_gratings_of_one_wheel_agree(drive):
     for table in tables[1:]:
         other = np.interp(table["time_s"], tables[0]["time_s"], tables[0]["speed_m_s"])
         assert np.sqrt(np.mean((table["speed_m_s"] - other)[2:-2] ** 2)) < 0.02
-
-
-def test_no_channel_tells_the_speed():
-    with pytest.raises(
-        UsageError, match=r"allowed are strain, wheel_encoder and radial_acceleration"
-    ):
-        speed_tables(recording(vehicle_speed([0, 1], [1, 1])))
 
 
 def test_radial_acceleration_tells_the_speed(drive, radius_m):

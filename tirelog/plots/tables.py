@@ -44,11 +44,16 @@ from tirelog.plots.style import (
 )
 from tirelog.plots.turns import TurnsSketch, turns_picture
 from tirelog.products import Part
-from tirelog.strain.dissipation import AVERAGED, Regression, regression
-from tirelog.strain.dissipation_table import DissipationOfChannel, clean_rows
+from tirelog.strain.dissipation import (
+    AVERAGED,
+    DissipationOfChannel,
+    Regression,
+    clean_rows,
+    regression,
+)
 from tirelog.strain.footprint.footprint import FootprintOfChannel
+from tirelog.strain.footprint.learn import PatchWindows, gather_windows
 from tirelog.strain.footprint.measure import along_tread
-from tirelog.strain.footprint.refine import PatchWindows, gather_windows
 from tirelog.strain.inflation import InflationOfChannel
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import OK, good
@@ -266,8 +271,9 @@ def passage_window(
     """
     rate = channel.axis.rate_Hz
     reach = 0.7 * WINDOW * length_m / speed_m_s * rate + _BESIDE * rate / cutoff_Hz
+    motions = np.array([speed_m_s]), np.zeros(1)
     windows = gather_windows(
-        channel, sign, np.array([index]), np.array([reach]), np.zeros(1, np.int64)
+        channel, sign, np.array([index]), motions, np.array([reach]), np.zeros(1, np.int64)
     )
     return next(iter(windows), None)
 
@@ -297,7 +303,14 @@ def passage_panels(
     marks: list[list[Mark]] = [[], [], []]
     shown: list[FloatArray] = []
     for cut, upsample, name, colour, look in looks:
-        of = (windows.rate_Hz, windows.centre, speed, acceleration, np.array([cut]), upsample)
+        of = (
+            windows.rate_Hz,
+            windows.motion["centre"],
+            speed,
+            acceleration,
+            np.array([cut]),
+            upsample,
+        )
         along_m, first, second = along_tread(windows.values, *of)
         spectra, m = window_spectra(windows.values), windows.values.shape[1]
         strain = lowpassed(spectra, windows.rate_Hz, np.array([cut]), m, upsample)[0]

@@ -51,7 +51,7 @@ from tirelog.report.page import (
 from tirelog.report.sections import models
 from tirelog.report.sections import recorded as sections
 from tirelog.storage.whole import json_of
-from tirelog.strain.dissipation_table import regressions
+from tirelog.strain.dissipation import regressions
 from tirelog.tables.frame import frame_of, table_parts
 from tirelog.version import __version__
 from tirelog.vocabulary.columns import OPTIONAL, TABLES

@@ -24,53 +24,27 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.data.recording import BLOCK_SAMPLES, Channel
+from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.dsp.filters import bridged, differentiator
 from tirelog.kernels import compiled
+from tirelog.runs.in_memory import released
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.passage_flags import doubted, in_gap
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
-from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records
-from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked
-
-# Samples to the energy of their derivative in each revolution, in one pass.
-#
-# values (n,) --antisymmetric FIR--> slope (n,)
-#     --square, and square of its own change--> sums over each row's samples
-
-#: a row's sums: of the squared slope, and of its squared change from one place to the next
-ENERGY = np.dtype([("slope2", "f8"), ("change2", "f8")])
+from tirelog.strain.speed import PassageRows, identity_columns, speed_quality
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray
+from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked, quality_column
 
 
 @compiled
-def revolution_sums(
-    values: FloatArray, side: FloatArray, rows: IntArray, low: IntArray, high: IntArray,
-    sums: Records,
-) -> None:  # fmt: skip
-    """Adds to `sums` the squared derivative of `values`, and its squared changes.
+def derivative(values: FloatArray, side: FloatArray, slope: FloatArray) -> None:
+    """Fills `slope` (n,) with the derivative of `values` (n,) by an antisymmetric filter.
 
-    `sums` (m,) of ENERGY, of the `rows` (k,): the squared derivative of `values` (n,) over their
-    places [low, high) (k,), and its squared change from one place to the next. `side` (half,) are
-    the filter's coefficients on one side; `values` reach a place more than those beyond the places.
-
-    derivative[i] = sum over k of side[k - 1] (values[i + k] - values[i - k]), 0 if that leaves
-    `values`.
+    `side` (half,) are the filter's coefficients on one side: slope[i] = sum over k of
+    side[k - 1] (values[i + k] - values[i - k]), 0 if that leaves `values`.
     """
-    slope = _derivative(values, side)
-    for j in range(rows.size):
-        row = sums[rows[j]]
-        energy, bend = row["slope2"], row["change2"]
-        for i in range(max(low[j], 1), min(high[j], values.size - 1)):
-            change = 0.5 * (slope[i + 1] - slope[i - 1])
-            energy += slope[i] * slope[i]
-            bend += change * change
-        row["slope2"], row["change2"] = energy, bend
-
-
-@compiled
-def _derivative(values: FloatArray, side: FloatArray) -> FloatArray:
-    """The derivative of `values` (n,), shape (n,)."""
-    half, n, slope = side.size, values.size, np.zeros(values.size)
+    half, n = side.size, values.size
+    slope[:] = 0.0
     # so many samples at a time stay in the fastest cache while all coefficients pass over them
     for begin in range(half, n - half, 512):
         end = min(begin + 512, n - half)
@@ -83,7 +57,12 @@ def _derivative(values: FloatArray, side: FloatArray) -> FloatArray:
             )
             for i in range(out.size):
                 out[i] += factor * (after[i] - before[i])
-    return slope
+
+
+def sums_within(values: FloatArray, low: IntArray, high: IntArray) -> FloatArray:
+    """Sums (k,) of `values` (n,) over the places [low, high) (k,), which lie within it."""
+    edges = np.stack([low, high], axis=1).ravel()
+    return np.where(high > low, np.add.reduceat(values, edges)[::2], 0.0)
 
 
 #: pass edge of the differentiator, in half lengths: wave number x half length
@@ -123,37 +102,21 @@ class Dissipation:
     quality: QualityFlags
 
 
-@dataclass(frozen=True)
-class _Filter:
-    """How the derivative is taken.
+def _filter(channel: Channel, passages: Passages) -> tuple[FloatArray, int, bool]:
+    """The differentiator for the fastest passage: coefficients, averaged samples, limited.
 
-    Coefficients on means of `averaged` samples, with `rate_Hz` means per second; `limited`: the
-    sampling is too coarse for the patch.
+    The coefficients hold on means of so many samples; limited: the sampling is too coarse for the
+    patch.
     """
-
-    coefficients: FloatArray
-    averaged: int
-    rate_Hz: float
-    limited: bool
-
-
-def _filter(channel: Channel, passages: Passages) -> _Filter:
-    """The differentiator for the fastest passage."""
     rate = channel.axis.rate_Hz
     half_width = passages.template.half_width_rad if passages.template is not None else 0.12
     half_length = LENGTH_TO_WIDTH * half_width * passages.radius_m
-    top = float(np.nanmax(passages.speed_m_s))
-    wanted = PASS / half_length * top / (2.0 * np.pi)
+    wanted = PASS / half_length * float(np.nanmax(passages.speed_m_s)) / (2.0 * np.pi)
     # means are taken of as many samples as leave this many per period of the pass edge; twice as
     # many take twice as long and change what the filter passes no more
     averaged = int(2 ** np.floor(np.log2(max(rate / (4.0 * wanted), 1.0))))
     edge = min(wanted, SHARE_OF_NYQUIST * 0.5 * rate / averaged)
-    return _Filter(
-        differentiator(rate / averaged, edge, averaged),
-        averaged,
-        rate / averaged,
-        edge < LEAST / PASS * wanted,
-    )
+    return differentiator(rate / averaged, edge, averaged), averaged, edge < LEAST / PASS * wanted
 
 
 class _Filled:
@@ -227,29 +190,33 @@ def _means(values: FloatArray, averaged: int) -> FloatArray:
 
 
 def _energies(
-    channel: Channel, passages: Passages, how: _Filter, block_samples: int
+    channel: Channel,
+    passages: Passages,
+    coefficients: FloatArray,
+    averaged: int,
+    block_samples: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Sums over each revolution: energy, bend, and how many means; (n,) each.
 
     The squared derivative, and its own squared slope (for the error).
     """
     filled = _Filled(channel)
-    bounds = [np.round(b / how.averaged) for b in _bounds(passages, filled.place(passages.index))]
-    last = filled.size // how.averaged
+    bounds = [np.round(b / averaged) for b in _bounds(passages, filled.place(passages.index))]
+    last = filled.size // averaged
     known = np.isfinite(bounds[0]) & np.isfinite(bounds[1])
     low, high = (np.clip(np.where(known, b, 0.0), 0, last).astype(np.int64) for b in bounds)
     # a sample off its neighbours' cubic by more than these many sigmas and this share of the
     # passages' height is bridged; twice as much of either leaves spikes in that are half as large
     # as what counts
     wild = max(
-        10.0 * passages.noise / np.sqrt(how.averaged),
+        10.0 * passages.noise / np.sqrt(averaged),
         0.06 * float(np.nanmedian(np.abs(passages.height))),
     )
-    half = how.coefficients.size // 2
-    side = how.coefficients[:half][::-1].copy()
-    step = max(min(block_samples, MOST_AT_ONCE) // how.averaged, 4 * how.coefficients.size)
-    sums = np.zeros(len(passages), ENERGY)
-    breaks = np.concatenate([[0], filled.breaks // how.averaged, [last]])
+    half = coefficients.size // 2
+    side = coefficients[:half][::-1].copy()
+    step = max(min(block_samples, MOST_AT_ONCE) // averaged, 4 * coefficients.size)
+    energy, bend = np.zeros((2, len(passages)))
+    breaks = np.concatenate([[0], filled.breaks // averaged, [last]])
     # rows are in order, and their revolutions nearly so: those of a block stand together
     furthest, nearest = (
         np.maximum.accumulate(high),
@@ -264,19 +231,23 @@ def _energies(
             if rows.size:
                 # a place more for changes, and `bridged` judges a sample by three on either side
                 first, final = max(start - half - 4, begin), min(stop + half + 4, end)
-                raw = filled.read(first * how.averaged, final * how.averaged)
-                means = bridged(np.ascontiguousarray(_means(raw, how.averaged)), wild)
-                within = np.maximum(low[rows], start), np.minimum(high[rows], stop)
-                revolution_sums(means, side, rows, within[0] - first, within[1] - first, sums)
-    return sums["slope2"], sums["change2"], (high - low).astype(float) * known
+                raw = filled.read(first * averaged, final * averaged)
+                means = bridged(np.ascontiguousarray(_means(raw, averaged)), wild)
+                slope = np.empty(means.size)
+                derivative(means, side, slope)
+                begins, ends = np.maximum(low[rows], start), np.minimum(high[rows], stop)
+                places = np.clip(np.stack([begins, ends]) - first, 1, means.size - 1)
+                energy[rows] += sums_within(slope**2, *places)
+                bend[rows] += sums_within(np.gradient(slope) ** 2, *places)
+    return energy, bend, (high - low).astype(float) * known
 
 
-def _in_long_gap(channel: Channel, passages: Passages, how: _Filter) -> BoolArray:
+def _in_long_gap(channel: Channel, passages: Passages, averaged: int) -> BoolArray:
     """Whether a gap is too long to be bridged in each passage's revolution, (n,)."""
     axis, index = channel.axis, passages.index
     turn = 2.0 * np.pi / passages.omega_rad_s * axis.rate_Hz
     shoulders = SHOULDERS * passages.window_rad / (2.0 * np.pi) * turn
-    near = in_gap(axis, index, shoulders, BRIDGED_MEANS * how.averaged)
+    near = in_gap(axis, index, shoulders, BRIDGED_MEANS * averaged)
     low, high = index - 0.5 * turn, index + 0.5 * turn
     missing = axis.missing_before(high) - axis.missing_before(low)
     return np.asarray(near | (missing > BRIDGED_TURNS * turn))
@@ -339,26 +310,24 @@ def dissipation(
     if not np.isfinite(passages.speed_m_s).any():
         nan = np.full(n, np.nan)
         return Dissipation(nan, nan, nan, np.zeros(n, bool), nan, nan, np.full(n, -1), quality)
-    how = _filter(channel, passages)
-    energy, bend, means = _energies(channel, passages, how, block_samples)
+    coefficients, of_each, limited = _filter(channel, passages)
+    energy, bend, means = _energies(channel, passages, coefficients, of_each, block_samples)
     speed = passages.speed_m_s
-    sigma2 = passages.noise**2 / how.averaged
-    per_mean = sigma2 * float((how.coefficients**2).sum())
-    step = 1.0 / how.rate_Hz
-    lags = np.correlate(how.coefficients, how.coefficients, "full")
+    sigma2 = passages.noise**2 / of_each
+    per_mean = sigma2 * float((coefficients**2).sum())
+    step = of_each / channel.axis.rate_Hz
+    lags = np.correlate(coefficients, coefficients, "full")
     # the slope's own noise is in `bend` too, and does not belong there
     bend = np.maximum(
-        bend - means * sigma2 * float((np.convolve(how.coefficients, (0.5, 0.0, -0.5)) ** 2).sum()),
+        bend - means * sigma2 * float((np.convolve(coefficients, (0.5, 0.0, -0.5)) ** 2).sum()),
         0.0,
     )
-    variance = 4.0 * sigma2 * bend * how.rate_Hz**2 + 2.0 * sigma2**2 * means * float(
-        (lags**2).sum()
-    )
+    variance = 4.0 * sigma2 * bend / step**2 + 2.0 * sigma2**2 * means * float((lags**2).sum())
     with np.errstate(invalid="ignore", divide="ignore"):
         # a revolution whose patch the log cuts off has no energy of its own
         reach = (
             SHOULDERS * passages.window_rad / passages.omega_rad_s * channel.axis.rate_Hz
-            + (how.coefficients.size // 2 + 2) * how.averaged
+            + (coefficients.size // 2 + 2) * of_each
         )
         whole = (
             (means > 0) & (passages.index - reach >= 0) & (passages.index + reach <= channel.size)
@@ -375,7 +344,7 @@ def dissipation(
     error = np.where(absurd, np.nan, error)
     bursts = doubted(channel, Quality.SPIKE, *_bounds(passages, passages.index))
     quality = quality | marked(absurd, Quality.ERROR_UNKNOWN) | marked(bursts, Quality.SPIKE)
-    quality = quality | marked(_in_long_gap(channel, passages, how), Quality.GAP)
+    quality = quality | marked(_in_long_gap(channel, passages, of_each), Quality.GAP)
     power = speed**2 * area_m2 * factor if area_m2 is not None else np.full(n, np.nan)
     stretch = steady_stretches(speed, passages.turn_after, steady_step_m_s)
     clean = good(quality)
@@ -387,7 +356,7 @@ def dissipation(
         moving_average(np.where(clean, factor, np.nan), stretch, averaged),
         moving_average(np.where(clean, power, np.nan), stretch, averaged),
         stretch,
-        quality | np.uint32(Quality.CUTOFF) if how.limited else quality,
+        quality | np.uint32(Quality.CUTOFF) if limited else quality,
     )
 
 
@@ -581,3 +550,160 @@ def _judgement(speeds: int, free: int, bent: bool, sigmas: float) -> str:
     if bent:
         return "the line misses the means, a parabola follows them" + (f"; {far}" if far else "")
     return f"{SCATTERED} ({far})" if far else ""
+
+
+# ---- The tables of the command `dissipation`.
+#
+# A row per revolution, its moving averages sorted by speed, and the regressions on speed.
+#
+# Recording --passages, dissipation--> columns
+#     --power, force, coefficient if the setup gives what they need--> table
+# rows of constant speed
+#     --`regression`: lines through the means of their stretches--> regressions
+
+
+#: distance from the neutral axis, in heights of the strip, at which P1 (27) is right in pure
+#: bending: 12 (y/h)^2 = 1
+RIGHT_LEVER = 12.0**-0.5
+
+
+@dataclass(frozen=True)
+class DissipationOfChannel(PassageRows):
+    """The table's rows of one channel, and the dissipation behind them."""
+
+    dissipation: Dissipation
+
+
+def dissipation_of_channel(
+    recording: Recording,
+    channel: Channel,
+    passages: Passages,
+    steady_step_m_s: float = STEADY_STEP_M_S,
+    averaged: int = AVERAGED,
+    block_samples: int = BLOCK_SAMPLES,
+) -> DissipationOfChannel:
+    """The dissipation of one strain channel of `recording`."""
+    found = dissipation(
+        channel,
+        passages,
+        recording.setup.tire.area_m2,
+        speed_quality(passages),
+        steady_step_m_s=steady_step_m_s,
+        averaged=averaged,
+        block_samples=block_samples,
+    )
+    columns = identity_columns(recording.log, passages) | {
+        "dissipation_factor_1_m": found.factor_1_m,
+        "dissipation_factor_se_1_m": found.factor_se_1_m,
+        "specific_power_m3_s2": found.specific_power_m3_s2,
+        "steady": found.steady,
+        "dissipation_factor_mean_1_m": found.factor_mean_1_m,
+        "specific_power_mean_m3_s2": found.specific_power_mean_m3_s2,
+    }
+    columns |= _with_viscosity(recording, found, passages.speed_m_s)
+    columns["quality"] = quality_column(found.quality)
+    remarks = (passages.doubt,) if passages.doubt else _remarks(recording, channel.surface)
+    return DissipationOfChannel(columns, remarks, released(channel), passages, found)
+
+
+def _with_viscosity(
+    recording: Recording, found: Dissipation, speed_m_s: FloatArray
+) -> dict[str, FloatArray]:
+    """Power eta P_d of the strip under the grating, and that over speed and over load.
+
+    No columns without viscosity and area; the last one only if the load is known.
+
+    P1 (27) is the power of one strip of the belt, of the given section and viscosity, under one
+    grating: of a whole tire's rolling resistance (some 1 % of the load) it is a part that only the
+    true section, viscosity and lever arm would tell.
+    """
+    tire, load = recording.setup.tire, recording.setup.conditions.load_N
+    if tire.viscosity_Pa_s is None or tire.area_m2 is None:
+        return {}
+    power = tire.viscosity_Pa_s * found.specific_power_m3_s2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        force = power / speed_m_s
+    more = {"strip_power_W": power, "strip_rolling_resistance_N": force}
+    return more | (
+        {"strip_rolling_resistance_coefficient": force / load} if load is not None else {}
+    )
+
+
+def _remarks(recording: Recording, surface: str | None) -> tuple[str, ...]:
+    """What the setup left open, and what a power in watts holds for."""
+    tire = recording.setup.tire
+    remarks = []
+    if tire.area_m2 is None:
+        remarks.append(
+            "no section area in the setup: no specific power; give section_area_m2, or "
+            "section_height_m and width_m, under [tire]"
+        )
+    elif tire.section_area_m2 is None:
+        remarks.append(
+            f"section area taken as section height x width = {tire.area_m2:.4g} m^2; "
+            "section_area_m2 under [tire] overrides it"
+        )
+    if tire.viscosity_Pa_s is not None and tire.area_m2 is not None:
+        remarks.append(
+            "the powers and resistances in W and N are of the strip under the grating alone, "
+            "with the setup's viscosity (P1 27)"
+        )
+        remarks.append(_in_bending(surface, tire.section_height_m))
+    return tuple(remarks)
+
+
+def _in_bending(surface: str | None, height_m: float | None) -> str:
+    """What P1 (27) reads of a strip that bends and does not stretch.
+
+    For a strip of height h: 12 (y / h)^2 of its power, y off the neutral axis.
+
+    The strain at z is then z / y times the grating's, so that P1 (25) is eta A h^2 / (12 y^2) int
+    (d eps_m / ds)^2 ds; (27) leaves the factor out.
+    """
+    text = "P1 (27) is exact for membrane strain; in pure bending "
+    if surface == "inner":
+        return (
+            f"{text}a grating on the liner, half the strip's height from its neutral axis, reads "
+            "three times too much"
+        )
+    right = f" = {1e3 * RIGHT_LEVER * height_m:.1f} mm" if height_m is not None else ""
+    return (
+        f"{text}a grating in a groove reads 12 (y/h)^2 of the power, y its distance from the "
+        "neutral axis, h the strip's height: "
+        f"right at y = 0.29 h{right}, too little nearer the axis (33 times too little at y = "
+        "0.05 h, as in P2)"
+    )
+
+
+def clean_rows(found: DissipationOfChannel) -> IntArray:
+    """The stretch of each row, -1 if a quality word spoils the row or its speed is not constant."""
+    return np.where(good(found.dissipation.quality), found.dissipation.stretch, -1)
+
+
+def regressions(
+    log: str, found: DissipationOfChannel
+) -> tuple[dict[str, Any] | None, tuple[str, ...]]:
+    """(regressions of factor and specific power on speed, why there are none).
+
+    The regressions are rows of a table; None if there are too few revolutions.
+    """
+    stretch = clean_rows(found)
+    lines = [
+        regression(name, found.passages.speed_m_s, found.columns[name], stretch)
+        for name in ("dissipation_factor_1_m", "specific_power_m3_s2")
+    ]
+    kept = [line for line in lines if line is not None]
+    if not kept:
+        return None, (
+            f"{found.channel.name}: no regression: too few revolutions of constant speed, "
+            "or one speed",
+        )
+    columns = {name: np.array([line[name] for line in kept]) for name in COLUMNS}
+    return {"log": log, "channel": found.channel.name} | columns, ()
+
+
+def by_speed(found: DissipationOfChannel) -> dict[str, Any]:
+    """The rows of constant speed sorted by speed: the table behind P1 Fig. 11."""
+    rows = np.flatnonzero(found.dissipation.stretch >= 0)
+    rows = rows[np.argsort(found.passages.speed_m_s[rows], kind="stable")]
+    return {name: column[rows] for name, column in found.columns.items()}

@@ -144,7 +144,7 @@ class PassageRows(TableRows):
     passages: Passages
 
 
-def begin(log: str, passages: Passages) -> dict[str, Any]:
+def identity_columns(log: str, passages: Passages) -> dict[str, Any]:
     """The columns that every table with one row per revolution begins with.
 
     The names take no memory for each row.
@@ -172,7 +172,7 @@ def speed_columns(log: str, passages: Passages, radius_se_m: float = 0.0) -> dic
         # blank; half of it would blank those of a wheel that is about to stand, twice as much would
         # keep what no reader can use
         absurd = error > np.maximum(np.abs(passages.speed_m_s), 1.0)
-    return begin(log, passages) | {
+    return identity_columns(log, passages) | {
         "period_s": period(passages),
         "speed_se_m_s": np.where(absurd, np.nan, error),
         "acceleration_m_s2": passages.acceleration_m_s2,

@@ -355,8 +355,8 @@ def _passage(
     if window is None or not np.isfinite(window.values).any():
         return []
     found = find_edges(
-        window.values, window.rate_Hz, window.centre, v, a, cutoff, np.array([0.5 * length]), 0.0,
-        _UPSAMPLED,
+        window.values, window.rate_Hz, window.motion["centre"], v, a, cutoff,
+        np.array([0.5 * length]), 0.0, _UPSAMPLED,
     )  # fmt: skip
     times = np.array([row["entry_time_s"], row["exit_time_s"]], float) - float(row["time_s"])
     edges_mm = 1e3 * distance_along(times, v, a)

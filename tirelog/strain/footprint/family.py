@@ -20,7 +20,7 @@ in which tread passes: entry edge at -L, exit edge at +L, so xi grows with time.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 
 import numpy as np
@@ -384,11 +384,11 @@ class EdgeFamily:
         height = -(self.kappa_1_m**2) * shape.bending_length_m / (np.pi * self.radius_m)
         return np.asarray(height / self._stiffness(shape), complex)
 
-    def second_by_length(self, shape: EdgeShape) -> ComplexArray:
-        """The second derivative of the spectrum by the half length, shape (n,)."""
+    def second_by_length(self, shape: EdgeShape, spectra: ComplexArray) -> ComplexArray:
+        """The second derivative of the spectrum by the half length, (n,); `spectra`: `jacobian`."""
         nudge = 1e-3 * shape.half_length_m
-        longer = EdgeShape.of(shape.array() + nudge * np.eye(6)[0])
-        return np.asarray((self.jacobian(longer) - self.jacobian(shape))[:, 1] / nudge)
+        longer = replace(shape, half_length_m=shape.half_length_m + nudge)
+        return np.asarray((self.jacobian(longer)[:, 1] - spectra[:, 1]) / nudge)
 
     def basis(self, xi_m: FloatArray) -> ComplexArray:
         """exp(1j kappa xi), shape (len(xi), n).

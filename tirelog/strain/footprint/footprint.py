@@ -26,26 +26,28 @@ from tirelog.strain.footprint.learn import (
     FREE_ROLLING_M_S2,
     LEAST_OF_CLASS,
     LEAST_SPEED_M_S,
+    REMARKABLE,
     EdgeForm,
     learn_own,
     learn_reference,
 )
 from tirelog.strain.footprint.measure import (
     Forms,
-    WindowPlan,
+    PassageForms,
     find_onsets,
     look_at_some,
     measure_windows,
     nothing_measured,
 )
-from tirelog.strain.footprint.refine import REMARKABLE
-from tirelog.strain.footprint.slip_onset import (
-    TOO_WIDE,
-    FreeRollingReference,
-    FrictionRatio,
-)
+from tirelog.strain.footprint.slip_onset import TOO_WIDE, FrictionRatio
 from tirelog.strain.passages.find import Passages, passages_of
-from tirelog.strain.speed import PassageRows, begin, not_turning, speed_quality, strain_channels
+from tirelog.strain.speed import (
+    PassageRows,
+    identity_columns,
+    not_turning,
+    speed_quality,
+    strain_channels,
+)
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, having, marked, quality_column
 
@@ -75,9 +77,6 @@ MISSES, CLEARER = 0.15, 0.5
 #: with a misfit above this a form is no start for another; twice as much starts from forms that
 #: have gone astray, half as much learns from the beginning what would have been near
 NO_START = 10.0
-#: where the form of the first does not hold yet, at other speeds, passages are told by a gap: the
-#: misfit above it is so many times that below; twice as much leaves out speeds
-GAP = 2.0
 #: times that they are chosen, at most, and how many times as many there have to be if the form is
 #: not much clearer; half as many times may leave out speeds that the first ones do not have
 MOST_CHOSEN, MORE = 6, 1.05
@@ -91,14 +90,15 @@ MOST_LEARNT = 3
 class FormChoice:
     """A channel's form, and what is known with it.
 
-    `usual`: what passages that roll freely leave, None if there are none; `clearer`: whether the
-    form of steady passages alone is clearer, None if that was not asked; `chosen`: whether it is
-    that of passages which are alike; `forms`: at the knots of the channel's speeds, None if
-    they are to be made.
+    `scatter`, `gain`: what passages that roll freely leave (`measure.look_at_some`); `clearer`:
+    whether the form of steady passages alone is clearer, None if that was not asked; `chosen`:
+    whether it is that of passages which are alike; `forms`: at the knots of the channel's speeds,
+    None if they are to be made.
     """
 
     learnt: EdgeForm
-    usual: FreeRollingReference | None = None
+    scatter: float = 1.0
+    gain: float = np.inf
     clearer: bool | None = None
     chosen: bool = False
     forms: Forms | None = None
@@ -123,46 +123,46 @@ def choose_form(
     if not len(passages):
         return None
     steady = np.abs(passages.acceleration_m_s2) < FREE_ROLLING_M_S2
-    start = None if like is None else like.learnt
-    learnt, clearer = None, None
-    if like is not None and like.clearer and _enough(steady):
+    # passages at steady speed are not all, and enough to learn a form from
+    enough = bool((~steady).mean() >= DRIVEN_SHARE and steady.sum() >= LEAST_OF_CLASS)
+    start, clearer = (None, None) if like is None else (like.learnt, like.clearer)
+    learnt = None
+    if clearer and enough:
         learnt = learn_reference(channel, passages, block_samples, start, ~steady)
-        clearer = True
     if learnt is None:
         learnt = learn_reference(channel, passages, block_samples, start)
         if learnt is None:
             return None
         missed = learnt.reference.misfit - 1.0
-        clearer = None if like is None else like.clearer
-        if missed > MISSES and clearer is None and _enough(steady):
+        if missed > MISSES and clearer is None and enough:
             begin = learnt if missed < NO_START else None
             freely = learn_reference(channel, passages, block_samples, begin, ~steady)
             clearer = freely is not None and freely.reference.misfit - 1.0 <= CLEARER * missed
-            if clearer and freely is not None:
-                learnt = freely
+            learnt = freely if clearer and freely is not None else learnt
     left_out = ~steady if clearer else np.zeros(len(passages), bool)
-    settled = _undriven(channel, passages, block_samples, learnt, left_out, clearer)
+    settled = _undriven(channel, passages, block_samples, learnt, left_out)
+    settled = replace(settled, clearer=clearer)
     if like is None or like.chosen:
         settled = _of_alike(channel, passages, block_samples, settled, like) or settled
-    return _with_own(channel, passages, block_samples, settled)
+    own = learn_own(channel, passages, settled.learnt, block_samples)
+    if own.reference.family is settled.learnt.reference.family:
+        return replace(settled, learnt=own)
+    # what free passages leave beside the tire's own form
+    rolls = ~own.without if settled.chosen and own.without is not None else None
+    return _beside(channel, passages, block_samples, replace(settled, learnt=own), rolls)
 
 
-def _with_own(
-    channel: Channel, passages: Passages, block_samples: int, settled: FormChoice
+def _beside(
+    channel: Channel,
+    passages: Passages,
+    block_samples: int,
+    settled: FormChoice,
+    rolls: BoolArray | None,
 ) -> FormChoice:
-    """`settled` with the tire's own form, and what free passages leave beside that."""
-    learnt = learn_own(channel, passages, settled.learnt, block_samples)
-    if learnt.reference.family is settled.learnt.reference.family:
-        return replace(settled, learnt=learnt)
-    look = WindowPlan.of(channel, passages, learnt, block_samples)
-    rolls = ~learnt.without if settled.chosen and learnt.without is not None else None
-    _, _, usual = look_at_some(look, LOOKED, rolls)
-    return replace(settled, learnt=learnt, usual=usual, forms=look.forms)
-
-
-def _enough(steady: BoolArray) -> bool:
-    """Whether passages at steady speed (n,) are not all, and enough to learn a form from."""
-    return bool((~steady).mean() >= DRIVEN_SHARE and steady.sum() >= LEAST_OF_CLASS)
+    """`settled` with what free passages leave beside its form; `rolls` (n,): those known to."""
+    look = PassageForms.of(channel, passages, settled.learnt, block_samples)
+    _, scatter, gain = look_at_some(look, LOOKED, rolls)
+    return replace(settled, scatter=scatter, gain=gain, forms=look.forms)
 
 
 def _undriven(
@@ -171,34 +171,29 @@ def _undriven(
     block_samples: int,
     learnt: EdgeForm,
     left_out: BoolArray,
-    clearer: bool | None,
 ) -> FormChoice:
     """The form without passages that show a traction, if the `learnt` one bends to them.
 
     `left_out` (n,): passages that it was not learnt from.
     """
-    again = 0
-    while True:
-        look = WindowPlan.of(channel, passages, learnt, block_samples)
-        rows, work, usual = look_at_some(look, LOOKED)
-        settled = FormChoice(learnt, usual, clearer, forms=look.forms)
-        new = work["driven"] & ~left_out
-        if (
-            again == MOST_LEARNT
-            or not new.any()
-            or usual is None
-            # neither few of them nor nearly all show a traction, and the form missed both
-            or abs(work["driven"].sum() / rows.size - 0.5) >= 0.5 - DRIVEN_SHARE
-            or learnt.reference.misfit <= REMARKABLE * usual.scatter**2
-        ):
-            return settled
-        left_out = left_out | work["driven"]
+    for again in range(MOST_LEARNT + 1):
+        look = PassageForms.of(channel, passages, learnt, block_samples)
+        rows, scatter, gain = look_at_some(look, LOOKED)
+        settled = FormChoice(learnt, scatter, gain, forms=look.forms)
+        driven = look.work["driven"]
+        # neither few of them nor nearly all show a traction, and the form missed both
+        share = driven.sum() / rows.size
+        bends = abs(share - 0.5) < 0.5 - DRIVEN_SHARE and bool((driven & ~left_out).any())
+        if again == MOST_LEARNT or not bends or learnt.reference.misfit <= REMARKABLE * scatter**2:
+            break
+        left_out = left_out | driven
         without = left_out.copy()
         without[np.setdiff1d(np.arange(len(passages)), rows)] = True  # who knows of the others
         freed = learn_reference(channel, passages, block_samples, learnt, without)
         if freed is None:
-            return settled
-        learnt, again = freed, again + 1
+            break
+        learnt = freed
+    return settled
 
 
 def _of_alike(
@@ -217,11 +212,11 @@ def _of_alike(
     learnt, missed = (like or settled).learnt, settled.learnt.reference.misfit - 1.0
     if missed < MISSES:
         return None
-    kept, count = np.zeros(len(passages), bool), 0
+    kept = np.zeros(len(passages), bool)
     for again in range(MOST_CHOSEN):
-        look = WindowPlan.of(channel, passages, learnt, block_samples)
-        rows, work, _ = look_at_some(look, LOOKED)
-        misfit = np.nan_to_num(work["fits"]["chi2"][rows], nan=np.inf)
+        look = PassageForms.of(channel, passages, learnt, block_samples)
+        rows = look_at_some(look, LOOKED)[0]
+        misfit = np.nan_to_num(look.work["fits"]["chi2"][rows], nan=np.inf)
         # passages differ among themselves if what the form misses of each alone is this share of
         # what it misses of all; half of it asks of forms that miss all alike
         if not again and like is None and np.median(misfit) - 1.0 < 0.3 * missed:
@@ -230,42 +225,25 @@ def _of_alike(
         # this chi-square per degree of freedom; twice the share mixes those that pull with those
         # that do not, half the chi-square leaves out speeds that the first ones do not have
         best = misfit <= max(np.quantile(misfit, 0.2), 4.0)
-        if again:
-            best |= _below_gap(misfit, look.number[rows])
         groups = [best, ~best] if again and learnt.reference.misfit > REMARKABLE else [best]
         start = learnt if learnt.reference.misfit < NO_START else None
         made = []
         for group in groups:
             others = np.ones(len(passages), bool)
             others[rows[group]] = False
-            if (found := learn_reference(channel, passages, block_samples, start, others)) is None:
+            found = learn_reference(channel, passages, block_samples, start, others)
+            if found is None:
                 return None
             made.append((found.reference.misfit, found, ~others))
         least, found, those = min(made, key=lambda one: one[0])
-        if again and least > CLEARER * learnt.reference.misfit and those.sum() < MORE * count:
+        more = those.sum() >= MORE * kept.sum()
+        if again and least > CLEARER * learnt.reference.misfit and not more:
             break
-        learnt, kept, count = found, those, int(those.sum())
+        learnt, kept = found, those
     if learnt.reference.misfit - 1.0 > min(CLEARER * missed, NO_START):
         return None
-    look = WindowPlan.of(channel, passages, learnt, block_samples)
-    _, _, usual = look_at_some(look, LOOKED, kept)
-    return FormChoice(learnt, usual, settled.clearer, True, look.forms)
-
-
-def _below_gap(misfit: FloatArray, group: IntArray) -> BoolArray:
-    """Which of the rows (n,) are below a gap among the misfits of their `group`.
-
-    The widest one, if it is as wide as GAP and has a tenth of the group on either side.
-    """
-    below = np.zeros(misfit.size, bool)
-    for number in np.unique(group):
-        own = np.flatnonzero((group == number) & np.isfinite(misfit))
-        own = own[np.argsort(misfit[own])]
-        few = own.size // 10 + 1
-        steps = misfit[own[few:-few]] / misfit[own[few - 1 : -few - 1]]
-        if steps.size and steps.max() > GAP:
-            below[own[: few + int(np.argmax(steps))]] = True
-    return below
+    settled = FormChoice(learnt, clearer=settled.clearer, chosen=True)
+    return _beside(channel, passages, block_samples, settled, kept)
 
 
 @dataclass(frozen=True)
@@ -303,47 +281,25 @@ class Footprint:
     quality: QualityFlags
 
 
-@dataclass(frozen=True)
-class Measuring:
-    """How the windows of a channel are looked at.
+def measure_stretch(
+    look: PassageForms, settled: FormChoice, cutoff: Cutoff, stretch: int = 0, of: int = 1
+) -> IntArray:
+    """Measure all but slip onsets in one `stretch` of the log, of so many; its passages.
 
-    `look`: the plan of the windows; `asked_Hz` (n,): cut-off of the low-pass of each passage;
-    `usual`: what free passages leave; `work` (n,) of MEASURED.
+    A row does not depend on the stretch that it is measured with.
     """
+    rows = np.array_split(look.rows, of)[stretch]
+    cutoff_Hz = np.minimum(_asked_Hz(look, settled, cutoff), 0.98 * 0.5 * look.channel.axis.rate_Hz)
+    clear = ~settled.learnt.unclear(look.passages.speed_m_s)
+    measure_windows(look, cutoff_Hz, clear, (settled.scatter, settled.gain), rows)
+    return rows
 
-    look: WindowPlan
-    learnt: EdgeForm
-    asked_Hz: FloatArray
-    usual: FreeRollingReference | None
-    work: Records
 
-    @classmethod
-    def of(
-        cls,
-        channel: Channel,
-        passages: Passages,
-        settled: FormChoice,
-        cutoff: Cutoff,
-        block_samples: int = BLOCK_SAMPLES,
-    ) -> Measuring:
-        """Those of the `passages` of `channel`, whose form is `settled`."""
-        learnt = settled.learnt
-        asked = cutoff.frequency(passages.speed_m_s, passages.radius_m, learnt.wave_number_1_m)
-        if cutoff.unit == "auto":
-            asked = np.minimum(asked, 0.9 * 0.5 * channel.axis.rate_Hz)
-        look = WindowPlan.of(channel, passages, learnt, block_samples, settled.forms)
-        return cls(look, learnt, asked, settled.usual, nothing_measured(len(passages)))
-
-    def measure(self, stretch: int = 0, of: int = 1) -> IntArray:
-        """Measure all but slip onsets in one `stretch` of the log, of so many; its passages.
-
-        A row does not depend on the stretch that it is measured with.
-        """
-        rows = np.array_split(self.look.rows, of)[stretch]
-        cutoff_Hz = np.minimum(self.asked_Hz, 0.98 * 0.5 * self.look.channel.axis.rate_Hz)
-        clear = ~self.learnt.unclear(self.look.passages.speed_m_s)
-        measure_windows(self.look, cutoff_Hz, clear, self.work, self.usual, rows)
-        return rows
+def _asked_Hz(look: PassageForms, settled: FormChoice, cutoff: Cutoff) -> FloatArray:
+    """Cut-off of the low-pass of each passage (n,) [Hz], which may lie above what samples hold."""
+    passages, rate = look.passages, look.channel.axis.rate_Hz
+    asked = cutoff.frequency(passages.speed_m_s, passages.radius_m, settled.learnt.wave_number_1_m)
+    return np.minimum(asked, 0.9 * 0.5 * rate) if cutoff.unit == "auto" else asked
 
 
 def footprint(
@@ -358,7 +314,7 @@ def footprint(
     """The footprint at each of `passages` of the strain `channel`.
 
     `cutoff` of the low-pass (auto); `settled`: the form of its passages, which is learnt here if it
-    is not given; `measured`: passages and what was measured of them (`Measuring`), if it was;
+    is not given; `measured`: passages and what was measured of them (`measure_stretch`), if it was;
     `friction`: of the tread, the usual one if it is not given.
     """
     cutoff, friction = cutoff or Cutoff(), friction or FrictionRatio()
@@ -368,14 +324,14 @@ def footprint(
     if settled is None:
         work, learnt, asked = nothing_measured(n), None, np.full(n, np.nan)
     else:
-        how = Measuring.of(channel, passages, settled, cutoff, block_samples)
-        work, learnt, asked = how.work, how.learnt, how.asked_Hz
+        learnt = settled.learnt
+        look = PassageForms.of(channel, passages, learnt, block_samples, settled.forms)
+        work, asked = look.work, _asked_Hz(look, settled, cutoff)
         if measured is None:
-            how.measure()
+            measure_stretch(look, settled, cutoff)
         for rows, some in measured or ():
             work[rows] = some
-        if how.usual is not None:
-            find_onsets(how.look, work, how.usual, friction)
+        find_onsets(look, friction, settled.scatter)
     return _assembled(
         passages,
         learnt,
@@ -599,7 +555,7 @@ def footprint_of_channel(
         friction_ratio = recording.setup.tire.friction_ratio
     friction = FrictionRatio.given(friction_ratio)
     found = footprint(channel, passages, cutoff, block_samples, settled, measured, friction)
-    columns = begin(recording.log, passages) | {
+    columns = identity_columns(recording.log, passages) | {
         "length_m": found.length_m,
         "length_se_m": found.length_se_m,
         "length_form_se_m": found.form_se_m,

@@ -18,7 +18,7 @@ import numpy as np
 from tirelog.data.recording import Channel, Recording
 from tirelog.runs.in_memory import without_spikes
 from tirelog.strain.passages.find import Passages, passages_of
-from tirelog.strain.speed import PassageRows, begin, speed_quality
+from tirelog.strain.speed import PassageRows, identity_columns, speed_quality
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked, quality_column
@@ -31,8 +31,6 @@ _FAR = np.radians([25.0, 130.0])
 _INSIDE = 0.35
 #: samples that a cubic needs beside its four numbers; fewer get a line, of which two are enough
 _CUBIC, _LINE = 8, 3
-#: passages that the mean form is learnt from, over the log, and its grid [rad]
-_LEARNT = 200
 _FORM = np.radians(np.arange(-60.0, 60.01, 0.25))
 #: half widths of a patch that a tire has [rad]; outside of these nothing is a front
 _LEAST_HALF, _MOST_HALF = np.radians([2.0, 45.0])
@@ -52,7 +50,7 @@ def footprint_of_accelerometer(recording: Recording, channel: Channel) -> Passag
     passages = passages_of(recording, channel)
     told, flags = lengths(channel, passages)
     nothing = np.full(len(passages), np.nan)
-    columns = begin(recording.log, passages) | {
+    columns = identity_columns(recording.log, passages) | {
         "length_m": told[0],
         "length_se_m": told[1],
         **dict.fromkeys(_OF_STRAIN, nothing),
@@ -159,7 +157,8 @@ def _mean_form(channel: Channel, passages: Passages) -> tuple[FloatArray, FloatA
     known = np.isfinite(passages.omega_rad_s)
     clean = known & good(passages.quality)
     rows = np.flatnonzero(clean if clean.any() else known)
-    places = np.linspace(0, rows.size - 1, min(_LEARNT, rows.size))
+    # passages that the mean form is learnt from, over the log, and its grid [rad]
+    places = np.linspace(0, rows.size - 1, min(200, rows.size))
     forms = []
     for row in rows[places.round().astype(int)].tolist():
         turned, values = _samples(channel, passages, row)

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tirelog.kernels import compiled
+from tirelog.strain.passages.template import SPARE, apply_inverse, invert, products
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records, records
 
 #: how a row moves: column of the patch centre, columns per second, speed and acceleration of the
@@ -86,11 +87,9 @@ OWN, HEIGHT, OFFSET, SHIFT, LENGTH, DAMPING, TILT = 6, 0, 1, 2, 3, 4, 5
 #: columns of a fit: a passage's own and the quadratic ones
 FITTED = OWN + 2
 #: turns of a fit's quadratic terms
-ROUNDS = 4
+ROUNDS = 5
 #: largest quadratic term [m^2]: half of the square of 15 mm
 MOST_BEND = 1.1e-4
-#: rows that arrays of columns have beyond the samples
-SPARE = 3
 
 
 @compiled
@@ -135,84 +134,29 @@ def look_up(
 
 
 @compiled
-def products(columns: FloatArray, used: int, wide: int, gram: FloatArray) -> None:
-    """Fills `gram` (wide + 1, wide + 1) with products of all pairs of columns, the values last.
-
-    Summed over the `used` samples. `columns` has room for SPARE more than are used. SPARE + 1
-    samples at a time: what is summed is loaded and stored once for all of them.
-    """
-    for i in range(wide + 1):
-        for j in range(i + 1):
-            gram[i, j] = 0.0
-    for k in range(used, used + SPARE):
-        for i in range(wide + 1):
-            columns[k, i] = 0.0
-    for k in range(0, used, SPARE + 1):
-        for i in range(wide + 1):
-            a, b, c, d = columns[k, i], columns[k + 1, i], columns[k + 2, i], columns[k + 3, i]
-            for j in range(i + 1):
-                gram[i, j] += (
-                    a * columns[k, j]
-                    + b * columns[k + 1, j]
-                    + c * columns[k + 2, j]
-                    + d * columns[k + 3, j]
-                )
-    for i in range(wide + 1):
-        for j in range(i):
-            gram[j, i] = gram[i, j]
-
-
-@compiled
 def own_inverse(
-    gram: FloatArray, wide: int, sigma: float, odd_sd: float, lower: FloatArray, inverse: FloatArray
+    gram: FloatArray, wide: int, sigma: float, odd_sd: float, inverse: FloatArray
 ) -> float:
     """Inverse of a passage's own block, with what is known added; its rough height.
 
     What is known: damping and tilt (standard deviation `odd_sd`, in heights), beside values with
     the noise `sigma`. Scaled to a diagonal of one, which is lifted a little so that columns that
-    cannot be told apart share what there is. `gram` of `products`; `lower` (OWN, OWN) is room,
-    `inverse` (OWN, OWN) is filled.
+    cannot be told apart share what there is. `gram` of `products`; `inverse` (OWN, OWN) is filled.
     """
     # oddness is a ratio to the height, whose rough size is the right side's
     rough: float = max(abs(gram[HEIGHT, wide]) / max(gram[HEIGHT, HEIGHT], 1e-300), 1e-300)
-    prior = (sigma / (odd_sd * rough)) ** 2
     scale = np.empty(OWN)
     for i in range(OWN):
-        scale[i] = 1.0 / np.sqrt(max(gram[i, i] + (prior if i >= DAMPING else 0.0), 1e-300))
-    for i in range(OWN):
+        prior = (sigma / (odd_sd * rough)) ** 2 if i >= DAMPING else 0.0
+        scale[i] = 1.0 / np.sqrt(max(gram[i, i] + prior, 1e-300))
         for j in range(i + 1):
-            value = gram[i, j] * scale[i] * scale[j]
-            if i == j:
-                value += (prior * scale[i] ** 2 if i >= DAMPING else 0.0) + 1e-13
-            for k in range(j):
-                value -= lower[i, k] * lower[j, k]
-            lower[i, j] = np.sqrt(max(value, 1e-16)) if i == j else value / lower[j, j]
-    for c in range(OWN):  # a column of the inverse: forward, then backward
-        for i in range(c, OWN):
-            value = 1.0 if i == c else 0.0
-            for k in range(c, i):
-                value -= lower[i, k] * inverse[k, c]
-            inverse[i, c] = value / lower[i, i]
-        for i in range(OWN - 1, c - 1, -1):
-            value = inverse[i, c]
-            for k in range(i + 1, OWN):
-                value -= lower[k, i] * inverse[k, c]
-            inverse[i, c] = value / lower[i, i]
+            inverse[i, j] = inverse[j, i] = gram[i, j] * scale[i] * scale[j]
+        inverse[i, i] += prior * scale[i] ** 2 + 1e-13
+    invert(inverse)
     for i in range(OWN):
-        for j in range(i + 1):
-            inverse[i, j] *= scale[i] * scale[j]
-            inverse[j, i] = inverse[i, j]
-    return rough
-
-
-@compiled
-def apply_inverse(inverse: FloatArray, right: FloatArray, out: FloatArray) -> None:
-    """Fills `out` (OWN,) with the product of `inverse` (OWN, OWN) and the head of `right`."""
-    for i in range(OWN):
-        value = 0.0
         for j in range(OWN):
-            value += inverse[i, j] * right[j]
-        out[i] = value
+            inverse[i, j] *= scale[i] * scale[j]
+    return rough
 
 
 @compiled
@@ -247,7 +191,7 @@ def fitted(
     """
     for k, column in enumerate((FITTED, OWN, OWN + 1)):
         apply_inverse(inverse, gram[column], bends[k])
-    for turn in range(ROUNDS + 1):
+    for turn in range(ROUNDS):
         for i in range(OWN):
             whole[i] = bends[0, i] - (
                 bends[1, i] * whole[OWN] + bends[2, i] * whole[OWN + 1] if turn else 0.0
@@ -256,6 +200,26 @@ def fitted(
             bend(whole[LENGTH], whole[HEIGHT], rough),
             bend(whole[SHIFT], whole[HEIGHT], rough),
         )
+
+
+@compiled
+def _fit(
+    values: FloatArray, motion: Record, table: FloatArray, grid: Record, sigma: float,
+    odd_sd: float, columns: FloatArray, place: FloatArray, gram: FloatArray, inverse: FloatArray,
+    whole: FloatArray,
+) -> tuple[int, float]:  # fmt: skip
+    """Fills `whole` (FITTED,) with the fit of one row, if it has FITTED samples.
+
+    Samples used, and their mean, which is off. The rest is filled on the way.
+    """
+    used, middle = look_up(
+        values, motion, table, grid, grid["shift_m"], 1.0, FITTED - 1, FITTED, columns, place
+    )  # fmt: skip
+    if used >= FITTED:
+        products(columns, used, FITTED, gram)
+        rough = own_inverse(gram, FITTED, sigma, odd_sd, inverse)
+        fitted(gram, inverse, rough, np.empty((3, OWN)), whole)
+    return used, middle
 
 
 @compiled
@@ -269,32 +233,23 @@ def fit_rows(
     as NaN, which a row with too few samples keeps. The offset is the values' own. `sigma`: standard
     deviation of a value; `odd_sd`: of damping and tilt, in heights.
     """
-    wide = tables.shape[2]
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
-    gram, lower, inverse = (
-        np.empty((FITTED + 1, FITTED + 1)),
-        np.zeros((OWN, OWN)),
-        np.empty((OWN, OWN)),
-    )
-    bends, whole = np.empty((3, OWN)), np.empty(FITTED)
+    gram, inverse = np.empty((FITTED + 1, FITTED + 1)), np.empty((OWN, OWN))
+    whole = np.empty(FITTED)
     for row in range(values.shape[0]):
-        k = number[row]
-        used, middle = look_up(
-            values[row], motion[row], tables[k], grids[k], grids[k]["shift_m"], 1.0, wide - 1,
-            wide, columns, place,
+        k, made = number[row], found[row]
+        used, middle = _fit(
+            values[row], motion[row], tables[k], grids[k], sigma, odd_sd, columns, place, gram,
+            inverse, whole,
         )  # fmt: skip
-        made = found[row]
         made["used"] = used
         if used < FITTED:
             continue
-        products(columns, used, wide, gram)
-        rough = own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
-        fitted(gram, inverse, rough, bends, whole)
         made["height"], made["offset"] = whole[HEIGHT], whole[OFFSET] + middle
         made["shift"], made["length"] = whole[SHIFT], whole[LENGTH]
         made["damping"], made["tilt"] = whole[DAMPING], whole[TILT]
         made["length_se"] = np.sqrt(inverse[LENGTH, LENGTH])
-        made["chi2"] = max(quadratic_form(gram, wide, whole), 0.0) / sigma**2
+        made["chi2"] = max(quadratic_form(gram, FITTED, whole), 0.0) / sigma**2
 
 
 @compiled
@@ -312,11 +267,7 @@ def class_sums(
     rows, chi2, samples = np.zeros((count, OWN)), np.zeros(count), np.zeros(count)
     left, counts = np.zeros(cells), np.zeros(cells)
     columns, place = np.empty((values.shape[1] + SPARE, wide + 1)), np.empty(values.shape[1])
-    gram, lower, inverse = (
-        np.empty((wide + 1, wide + 1)),
-        np.zeros((OWN, OWN)),
-        np.empty((OWN, OWN)),
-    )
+    gram, inverse = np.empty((wide + 1, wide + 1)), np.empty((OWN, OWN))
     per_cell = cells / (2.0 * grid["half_window_m"])
     for row in range(values.shape[0]):
         used, _ = look_up(
@@ -327,7 +278,7 @@ def class_sums(
         if used < OWN:
             continue
         products(columns, used, wide, gram)
-        own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
+        own_inverse(gram, wide, sigma, odd_sd, inverse)
         own = rows[row]
         apply_inverse(inverse, gram[wide], own)
         for k in range(used):
@@ -353,23 +304,23 @@ def class_sums(
 #: squared residual over sigma^2, and length over height [m], at the onset before the middle one, at
 #: it, and after it; at the best one with the length's standard error; samples used; the least
 #: squared residual with an onset that is far from the best; where the form was put, and how much
-#: farther the solution would move it [m]
+#: farther the solution would move it [m]. Beside them the ordinal of the passage, half length of
+#: its form, and where its fit without traction puts the form
 ONSET = np.dtype(
     [("best", "f8"), ("middle", "f8"), ("chi2_before", "f8"), ("chi2_middle", "f8"),
      ("chi2_after", "f8"), ("length_before", "f8"), ("length_middle", "f8"),
      ("length_after", "f8"), ("chi2", "f8"), ("length", "f8"), ("length_se", "f8"), ("used", "f8"),
-     ("rival", "f8"), ("shift", "f8"), ("to_go", "f8")]
+     ("rival", "f8"), ("shift", "f8"), ("to_go", "f8"), ("row", "f8"), ("half_length_m", "f8"),
+     ("without_m", "f8")]
 )  # fmt: skip
 #: one onset that was tried: squared residual over sigma^2, length over height and its standard
 #: error [m]
 TRIED = np.dtype([("chi2", "f8"), ("length", "f8"), ("length_se", "f8")])
 #: a traction of which the passage's other columns leave less than this share cannot be told from
-#: them; turns of its quadratic terms; twice as much tells fewer tractions
-LEAST_OWN, JOINT_ROUNDS = 1e-5, 5
-#: a joint solution is trusted this share of the starts' spacing about where the form was put;
-#: beyond, its cost grows with this power; twice as far follows solutions that the next start is
-#: nearer to
-TRUST, FAR = 0.5, 4
+#: them; twice as much tells fewer tractions
+LEAST_OWN = 1e-5
+#: a joint solution is trusted about where the form was put; beyond, its cost grows with this power
+FAR = 4
 
 
 @compiled
@@ -380,33 +331,24 @@ def _beside(
     """Fills `sums` (FITTED + 2, t) for the t onsets from number `first` on.
 
     Products of each one's traction with the columns, with the values, and with itself, over the
-    `used` samples. `columns` (m + SPARE, FITTED + 1) and `place` (m,) as `kernels.look_up` fills
-    them; `waves` (g, c); `lined` (SPARE + 1, t) is room. SPARE + 1 samples at a time, and onsets
-    innermost: what lies side by side is worked on at once (a third of the time of one onset after
-    the other).
+    `used` samples. `columns` (m + SPARE, FITTED + 1) and `place` (m,) as `look_up` fills them;
+    `waves` (g, c); `lined` (t,) is room. Onsets are innermost: what lies side by side is worked on
+    at once.
     """
-    count = sums.shape[1]
+    count = lined.size
     for i in range(FITTED + 2):
         for t in range(count):
             sums[i, t] = 0.0
-    for k in range(used, used + SPARE):
-        for i in range(FITTED + 1):
-            columns[k, i] = 0.0
-    for k in range(0, used, SPARE + 1):
-        for j in range(SPARE + 1):
-            low = int(place[min(k + j, used - 1)])
-            share = place[min(k + j, used - 1)] - low
-            here, rest = (share, 1.0 - share) if k + j < used else (0.0, 0.0)
-            for t in range(count):
-                lined[j, t] = waves[low, first + t] * rest + waves[low + 1, first + t] * here
-        for i in range(FITTED + 1):
-            a, b, c, d = columns[k, i], columns[k + 1, i], columns[k + 2, i], columns[k + 3, i]
-            for t in range(count):
-                sums[i, t] += a * lined[0, t] + b * lined[1, t] + c * lined[2, t] + d * lined[3, t]
+    for k in range(used):
+        low = int(place[k])
+        share = place[k] - low
         for t in range(count):
-            sums[FITTED + 1, t] += (
-                lined[0, t] ** 2 + lined[1, t] ** 2 + lined[2, t] ** 2 + lined[3, t] ** 2
-            )
+            lined[t] = waves[low, first + t] * (1.0 - share) + waves[low + 1, first + t] * share
+            sums[FITTED + 1, t] += lined[t] ** 2
+        for i in range(FITTED + 1):
+            factor = columns[k, i]
+            for t in range(count):
+                sums[i, t] += factor * lined[t]
 
 
 @compiled
@@ -441,26 +383,18 @@ def traction_gains(
     table's grid. `values` (n, m) move as `motion` (n,) says; `table` (g, FITTED) on `grid`, one
     GRID; `odd_sd`: of damping and tilt, in heights.
     """
-    out, wide = np.zeros(values.shape[0]), table.shape[1]
+    out, whole = np.zeros(values.shape[0]), np.empty(FITTED)
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
-    lined, sums = np.empty((SPARE + 1, waves.shape[1])), np.empty((FITTED + 2, waves.shape[1]))
-    gram, lower, inverse = (
-        np.empty((FITTED + 1, FITTED + 1)),
-        np.zeros((OWN, OWN)),
-        np.empty((OWN, OWN)),
-    )
-    bends, whole = np.empty((3, OWN)), np.empty(FITTED)
+    lined, sums = np.empty(waves.shape[1]), np.empty((FITTED + 2, waves.shape[1]))
+    gram, inverse = np.empty((FITTED + 1, FITTED + 1)), np.empty((OWN, OWN))
     moved, free = np.empty((OWN, waves.shape[1])), np.empty(waves.shape[1])
     for row in range(values.shape[0]):
-        used, _ = look_up(
-            values[row], motion[row], table, grid, grid["shift_m"], 1.0, wide - 1, wide, columns,
-            place,
+        used, _ = _fit(
+            values[row], motion[row], table, grid, sigma, odd_sd, columns, place, gram, inverse,
+            whole,
         )  # fmt: skip
         if used < FITTED:
             continue
-        products(columns, used, wide, gram)
-        rough = own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
-        fitted(gram, inverse, rough, bends, whole)
         for k in range(used):
             for i in range(FITTED):
                 columns[k, FITTED] -= columns[k, i] * whole[i]
@@ -486,17 +420,13 @@ def _joint(
     columns  (m + SPARE, FITTED + 1) and place (m,) as `kernels.look_up` fills them, `used` of them
     waves    (g, c): the traction with each onset, on the table's grid
     """
-    gram, lower, inverse = (
-        np.empty((FITTED + 1, FITTED + 1)),
-        np.zeros((OWN, OWN)),
-        np.empty((OWN, OWN)),
-    )
+    gram, inverse = np.empty((FITTED + 1, FITTED + 1)), np.empty((OWN, OWN))
     count, wide, bends = told.size, FITTED, np.empty((3, OWN))
-    lined, sums = np.empty((SPARE + 1, count)), np.empty((FITTED + 2, count))
+    lined, sums = np.empty(count), np.empty((FITTED + 2, count))
     whole, moved = np.zeros((FITTED, count)), np.empty((OWN, count))
     free, size, left = np.empty(count), np.empty(count), np.empty(count)
     products(columns, used, wide, gram)
-    own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
+    own_inverse(gram, wide, sigma, odd_sd, inverse)
     for k, column in enumerate((FITTED, OWN, OWN + 1)):
         apply_inverse(inverse, gram[column], bends[k])
     _beside(columns, place, used, waves, first, lined, sums)
@@ -505,7 +435,7 @@ def _joint(
         free[t] = max(free[t], LEAST_OWN * sums[FITTED + 1, t] + 1e-300)
     rough = abs(bends[0, HEIGHT])
     # onsets are innermost in all loops: what is the same for each of them is worked on at once
-    for _ in range(JOINT_ROUNDS):
+    for _ in range(ROUNDS):
         for t in range(count):
             size[t] = sums[FITTED, t] - sums[OWN, t] * whole[OWN, t]
             size[t] -= sums[OWN + 1, t] * whole[OWN + 1, t]
@@ -567,10 +497,10 @@ def _moved_on(
     The form stands at `shift` [m] at first, and then where the joint solution `best` moves it; the
     onsets of `told` (t,) lie about the best one, which is `onset` at first.
     """
-    wide, used, first, top = table.shape[1], 0, 0, 0
+    used, first, top = 0, 0, 0
     for turn in range(turns):
         used, _ = look_up(
-            values, motion, table, grid, grid["shift_m"] + shift, 1.0, wide - 1, wide, columns,
+            values, motion, table, grid, grid["shift_m"] + shift, 1.0, FITTED - 1, FITTED, columns,
             place,
         )  # fmt: skip
         if used <= FITTED:
@@ -586,60 +516,40 @@ def _moved_on(
 
 
 @compiled
-def _put(
-    used: int, first: int, top: int, shift: float, near_told: Records, best: FloatArray,
-    made: Record,
-) -> bool:  # fmt: skip
-    """Fills `made`, one ONSET but for its rival, with what `_moved_on` gave; False if it is none.
-
-    None are too few samples and a form that is not upright.
-    """
-    if used <= FITTED or not best[HEIGHT] > 0.0 or np.isnan(near_told[top]["chi2"]):
-        return False
-    middle = min(max(top, 1), near_told.size - 2)
-    made["best"], made["middle"], made["used"] = first + top, first + middle, used
-    before, after = near_told[middle - 1], near_told[middle + 1]
-    made["chi2_before"], made["length_before"] = before["chi2"], before["length"]
-    made["chi2_middle"] = near_told[middle]["chi2"]
-    made["length_middle"] = near_told[middle]["length"]
-    made["chi2_after"], made["length_after"] = after["chi2"], after["length"]
-    made["chi2"], made["length"] = near_told[top]["chi2"], near_told[top]["length"]
-    made["length_se"] = near_told[top]["length_se"]
-    made["shift"], made["to_go"] = shift, best[SHIFT] / best[HEIGHT]
-    return True
-
-
-@compiled
 def follow_rows(
     values: FloatArray, motion: Records, table: FloatArray, grid: Record, waves: FloatArray,
-    fine: int, onset: IntArray, shift_m: FloatArray, trust_m: float, turns: int, sigma: float,
-    odd_sd: float, found: Records,
+    fine: int, trust_m: float, turns: int, sigma: float, odd_sd: float, found: Records,
 ) -> None:  # fmt: skip
-    """Fills `found` (n,) of ONSET as `onset_rows` does, from where each row's solution should be.
+    """Fills `found` (n,) of ONSET: form and traction of each row with the onset near a start.
 
-    The form is put where `shift_m` (n,) says, with the onset of number `onset` (n,), and then
-    `turns` times where the solution moves it, with onsets about that one. A rival is not looked
-    for: NaN.
+    The start is the best onset that `found` has, and where it puts the form; this is put `turns`
+    times where the joint solution moves it, with onsets about the best one. NaN is no start; it
+    becomes the best onset of a row with too few samples or whose form is not upright. The rival of
+    a start is less what that one leaves.
     """
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
-    alone, near_told, best = (
-        np.empty(1, TRIED),
-        np.empty(2 * fine + 1, TRIED),
-        np.empty(FITTED + 1),
-    )
+    told, best = np.empty(2 * fine + 1, TRIED), np.empty(FITTED + 1)
     for row in range(values.shape[0]):
-        used, first, top, shift = _moved_on(
-            values[row], motion[row], table, grid, int(onset[row]), shift_m[row], 1, waves, sigma,
-            odd_sd, trust_m, alone, best, columns, place,
-        )  # fmt: skip
-        if used <= FITTED:
+        made = found[row]
+        if np.isnan(made["best"]):
             continue
-        shift += _own_shift(best, trust_m)
         used, first, top, shift = _moved_on(
-            values[row], motion[row], table, grid, int(onset[row]), shift, turns, waves, sigma,
-            odd_sd, trust_m, near_told, best, columns, place,
+            values[row], motion[row], table, grid, int(made["best"]), made["shift"], turns, waves,
+            sigma, odd_sd, trust_m, told, best, columns, place,
         )  # fmt: skip
-        _put(used, first, top, shift, near_told, best, found[row])
+        if used <= FITTED or not best[HEIGHT] > 0.0 or np.isnan(told[top]["chi2"]):
+            made["best"] = np.nan
+            continue
+        middle = min(max(top, 1), told.size - 2)
+        before, here, after = told[middle - 1], told[middle], told[middle + 1]
+        made["best"], made["middle"], made["used"] = first + top, first + middle, used
+        made["chi2_before"], made["length_before"] = before["chi2"], before["length"]
+        made["chi2_middle"], made["length_middle"] = here["chi2"], here["length"]
+        made["chi2_after"], made["length_after"] = after["chi2"], after["length"]
+        made["chi2"], made["length"] = told[top]["chi2"], told[top]["length"]
+        made["length_se"] = told[top]["length_se"]
+        made["shift"], made["to_go"] = shift, best[SHIFT] / best[HEIGHT]
+        made["rival"] += made["chi2"]
 
 
 @compiled
@@ -666,65 +576,45 @@ def moved_waves(
 
 
 @compiled
-def onset_rows(
-    values: FloatArray, motion: Records, rough_values: FloatArray, rough_motion: Records,
-    table: FloatArray, grid: Record, waves: FloatArray, fine: int, shift_m: FloatArray,
-    starts_m: FloatArray, turns: int, last_turns: int, sigma: float, rough_sigma: float,
-    odd_sd: float, enough: float, apart: int, found: Records,
+def seek_rows(
+    values: FloatArray, motion: Records, table: FloatArray, grid: Record, waves: FloatArray,
+    fine: int, starts_m: FloatArray, trust_m: float, turns: int, sigma: float, odd_sd: float,
+    enough: float, apart: int, found: Records,
 ) -> None:  # fmt: skip
-    """Fills `found` (n,) of ONSET: form and traction of each row with the best onset.
+    """Fills starts of `found` (n,) of ONSET: best onset, where the form stands with it, its rival.
 
-    `found` comes as NaN, which a row keeps that has too few samples or whose form is not upright.
+    The form of each row is put first where the fit without traction has it, with the evenly spaced
+    `starts_m` about that and every `fine`-th of the onsets of `waves` (g, c) tried. From the best
+    of these the form is put `turns` times where the joint solution moves it, with onsets about the
+    best; the next best ones follow while more than `enough` squared sigmas per sample are left.
 
-    Searched is with `rough_values` (n, l), averages of neighbours, which move as `rough_motion`
-    (n,) says and whose noise is `rough_sigma`: the form is put first where `shift_m` (n,) says,
-    with the evenly spaced `starts_m` about it and every `fine`-th of the onsets of `waves` (g, c)
-    tried. From the best of these the form is put `turns` times where the joint solution moves it,
-    with onsets about the best; the next best ones follow while more than `enough` squared sigmas
-    per sample are left. What is found then is put `last_turns` times with `values` (n, m).
-
-    The rival is more than `apart` onsets from the best one; costs of what is not to be trusted are
-    in its squared residual. It is of the averages, and as much is added as they leave less than
-    the samples do of the best.
+    The rival is the least squared residual with an onset more than `apart` from the best one, less
+    that one's; costs of what is not to be trusted are in it. A row without a start stays NaN.
     """
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
-    wide, near = table.shape[1], 2 * fine + 1
     few = np.ascontiguousarray(waves[:, ::fine])
-    told, near_told, best = (
+    told, near, best = (
         np.empty(few.shape[1], TRIED),
-        np.empty(near, TRIED),
+        np.empty(2 * fine + 1, TRIED),
         np.empty(FITTED + 1),
     )
-    cost, onset, moved = (
-        np.empty(starts_m.size),
-        np.zeros(starts_m.size, np.int64),
-        np.empty(starts_m.size),
-    )
-    trust_m = TRUST * (starts_m[1] - starts_m[0])
+    cost, onset, moved = np.empty((3, starts_m.size))
     costs = np.empty((starts_m.size, few.shape[1]))
     for row in range(values.shape[0]):
+        made = found[row]
         for k in range(starts_m.size):
-            shift = shift_m[row] + starts_m[k]
-            used, _ = look_up(
-                rough_values[row], rough_motion[row], table, grid, grid["shift_m"] + shift, 1.0,
-                wide - 1, wide, columns, place,
-            )  # fmt: skip
-            cost[k] = np.inf
-            if used <= FITTED:
-                costs[k] = np.inf
-                continue
-            top = _joint(
-                columns, place, used, few, 0, rough_sigma, odd_sd, trust_m, told,
-                best,
+            shift = made["without_m"] + starts_m[k]
+            used, _, top, _ = _moved_on(
+                values[row], motion[row], table, grid, 0, shift, 1, few, sigma, odd_sd, trust_m,
+                told, best, columns, place,
             )  # fmt: skip
             far = max(abs(best[SHIFT] / best[HEIGHT]) / trust_m, 1.0) ** FAR
-            some = not np.isnan(told[top]["chi2"] * far)
+            some = used > FITTED and not np.isnan(told[top]["chi2"] * far)
             for t in range(few.shape[1]):
                 costs[k, t] = told[t]["chi2"] * far if some else np.inf
-            if some:
-                cost[k] = told[top]["chi2"] * far
+            cost[k] = costs[k, top]
             onset[k], moved[k] = top * fine, shift + _own_shift(best, trust_m)
-        chosen, kept, left = -1, 0.0, np.inf
+        left = np.inf
         # starts that are followed to their end at most; twice as many take up to twice as long
         # where the first ones fail
         for _ in range(4):
@@ -733,31 +623,16 @@ def onset_rows(
                 break
             cost[k] = np.inf
             used, first, top, shift = _moved_on(
-                rough_values[row], rough_motion[row], table, grid, int(onset[k]), moved[k], turns,
-                waves, rough_sigma, odd_sd, trust_m, near_told, best, columns, place,
+                values[row], motion[row], table, grid, int(onset[k]), moved[k], turns, waves,
+                sigma, odd_sd, trust_m, near, best, columns, place,
             )  # fmt: skip
-            if used > FITTED and best[HEIGHT] > 0.0 and near_told[top]["chi2"] < left:
-                chosen, kept, left = first + top, shift, near_told[top]["chi2"]
+            if used > FITTED and best[HEIGHT] > 0.0 and near[top]["chi2"] < left:
+                made["best"], made["shift"], left = first + top, shift, near[top]["chi2"]
             if left < enough * used:
                 break
-        if chosen < 0:
-            continue
-        made = found[row]
-        used, first, top, kept = _moved_on(
-            values[row], motion[row], table, grid, chosen, kept, last_turns, waves, sigma, odd_sd,
-            trust_m, near_told, best, columns, place,
-        )  # fmt: skip
-        chosen = first + top
-        if not _put(used, first, top, kept, near_told, best, made):
-            continue
         rival = np.inf
         for t in range(few.shape[1]):
-            if abs(t * fine - chosen) > apart:
+            if abs(t * fine - made["best"]) > apart:
                 for k in range(starts_m.size):
                     rival = min(rival, costs[k, t])
-        used, _ = look_up(
-            rough_values[row], rough_motion[row], table, grid, grid["shift_m"] + kept, 1.0,
-            wide - 1, wide, columns, place,
-        )  # fmt: skip
-        _joint(columns, place, used, waves, first, rough_sigma, odd_sd, trust_m, near_told, best)
-        made["rival"] = rival + (made["chi2"] - near_told[top]["chi2"])
+        made["rival"] = rival - left

@@ -1,37 +1,509 @@
-"""The log's own form.
-
-Which passages it is learnt from, their averages by speed, and what is known of its error.
+"""The log's form: what all passages share, with each one's own numbers taken out exactly.
 
 Passages
     --clean ones, preferably at steady speed, by classes of speed, in clusters-->
-    a few hundred windows
+    windows of a few hundred
     --those of one speed: scaled by their heights, cells along xi--> average --form--> a start
-         --the samples themselves--> EdgeForm
+    --height, offset, shift, length, damping, tilt of each passage eliminated--> what is left,
+      averaged along xi by class of speed: mean passages, each put where the form is
+    --`reference.AverageFit`--> the shared parameters; again, until they stay
+    --`learn_form`--> with the tire's own pressure and stiffness: EdgeForm
+
+The misfit is a true chi-square, of the samples. Shared: bending length, tension, inertia (fall of
+the tension with the squared speed), tread.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
-from tirelog.strain.footprint.family import HIGHEST, LOWEST
-from tirelog.strain.footprint.reference import Average, Reference, average, fit_average
-from tirelog.strain.footprint.refine import (
-    Sample,
-    gather_windows,
-    joined_windows,
-    learn_form,
-    refine_edges,
+from tirelog.strain.footprint.family import HIGHEST, LOWEST, ComplexArray
+from tirelog.strain.footprint.kernels import (
+    GRID,
+    HEIGHT,
+    OWN,
+    SHIFT,
+    ClassSums,
+    class_sums,
+    distance_along,
+    motion_of,
+)
+from tirelog.strain.footprint.reference import (
+    CELLS,
+    HIGHEST_SHARE,
+    TREAD,
+    Average,
+    AverageFit,
+    Reference,
+    cell_centres,
+    descend,
+    fit_average,
+    judged,
 )
 from tirelog.strain.passages.find import Passages
+from tirelog.strain.passages.match import clusters
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
-from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Record, Records, records
 from tirelog.vocabulary.quality import good
 
-#: window of averages and fits in half lengths
-WINDOW = 2.7
+# ---- Rectangular windows of a channel around its passages.
+#
+# With the distance of every sample along the tread.
+#
+#     Channel + Passages
+#         --passages of like window length, read one stretch of the log at a time-->
+#         PatchWindows (rows x columns)
+#         --neighbouring samples averaged if they lie closer than needed-->
+#         PatchWindows, fewer columns
+#
+# A row's window depends on its own passage only (its length is the next power of two above what its
+# speed needs), so rows do not change with the blocks that are read. Values are turned so that the
+# patch is a minimum, whatever the surface.
+
+
+#: speed and acceleration at the passages of a log, (n,) each
+Motions = tuple[FloatArray, FloatArray]
+
+
+@dataclass(frozen=True)
+class PatchWindows:
+    """Windows of some passages: rows of samples with the patch downward.
+
+    `row` (n,): ordinals of the passages; `values` (n, m): strain, patch downward, NaN where lost or
+    beyond a gap; `motion` (n,) of MOTION: where the patch centre is and how the row moves;
+    `averaged`: samples per column.
+    """
+
+    row: IntArray
+    values: FloatArray
+    motion: Records
+    averaged: int = 1
+
+    @property
+    def rate_Hz(self) -> float:
+        """Columns per second."""
+        return float(self.motion["rate_Hz"][0])
+
+    @property
+    def speed_m_s(self) -> float:
+        """Root mean square of the passages' speeds."""
+        return float(np.sqrt(np.mean(self.motion["speed_m_s"] ** 2)))
+
+    def take(self, which: Any) -> PatchWindows:
+        """The rows `which` (mask, slice or indices)."""
+        return PatchWindows(self.row[which], self.values[which], self.motion[which], self.averaged)
+
+    def alike(self, keys: IntArray) -> Iterator[tuple[int, PatchWindows]]:
+        """The rows in groups of equal `keys` (one per passage of the log)."""
+        own = keys[self.row]
+        for key in np.unique(own):
+            same = own == key
+            yield int(key), self if same.all() else self.take(same)
+
+    def distance_m(self) -> FloatArray:
+        """Distance of each sample from the patch centre along the tread, shape (n, m)."""
+        rows = self.motion[:, None]
+        time = (np.arange(self.values.shape[1]) - rows["centre"]) / rows["rate_Hz"]
+        return distance_along(time, rows["speed_m_s"], rows["acceleration_m_s2"])
+
+    def reduced(self, averaged: int) -> PatchWindows:
+        """The same windows with `averaged` neighbouring columns as one, NaN if any is lost."""
+        if averaged <= 1:
+            return self
+        count = self.values.shape[1] // averaged
+        parts = self.values[:, : count * averaged].reshape(len(self.row), count, averaged)
+        motion = self.motion.copy()
+        motion["centre"] = (motion["centre"] - 0.5 * (averaged - 1)) / averaged
+        motion["rate_Hz"] /= averaged
+        return PatchWindows(self.row, parts.mean(axis=2), motion, self.averaged * averaged)
+
+
+def window_class(reach_samples: FloatArray) -> IntArray:
+    """Half window [samples] of each passage.
+
+    `reach_samples` rounded up to 2^k or 3 x 2^k, at least 8 (quick lengths of an FFT).
+
+    A passage whose speed is unknown has no reach; it gets the least window, and nothing is cut out
+    for it.
+    """
+    reach = np.fmax(reach_samples, 8.0)
+    two = 2.0 ** np.ceil(np.log2(reach))
+    return np.where(reach <= 0.75 * two, 0.75 * two, two).astype(np.int64)
+
+
+def gather_windows(
+    channel: Channel,
+    sign: float,
+    index: FloatArray,
+    motions: Motions,
+    reach_samples: FloatArray,
+    rows: IntArray,
+    block_samples: int = BLOCK_SAMPLES,
+) -> Iterator[PatchWindows]:
+    """Windows around `index` of the passages `rows`, many of one length at a time.
+
+    `index`: fractional samples, NaN is left out. `sign`: +1 if the patch is a maximum of the
+    recorded signal; `motions` and `reach_samples` (n,) of all passages, half of the window that
+    each needs. The channel is read in blocks of about `block_samples`.
+    """
+    rows = rows[np.isfinite(index[rows])]
+    half = window_class(np.minimum(reach_samples, channel.size))
+    block = np.floor(index[rows] / max(block_samples, 1)).astype(np.int64)
+    waiting: dict[int, list[PatchWindows]] = {}
+    for number in np.unique(block):
+        inside = rows[block == number]
+        nearest = np.round(index[inside]).astype(np.int64)
+        low = max(int((nearest - half[inside]).min()), 0)
+        high = min(int((nearest + half[inside]).max()) + 1, channel.size)
+        samples = -sign * np.ascontiguousarray(channel.read(low, high), np.float64)
+        for size in np.unique(half[inside]).tolist():
+            some = inside[half[inside] == size]
+            centre = index[some] - np.round(index[some]) + size
+            motion = motion_of(centre, channel.axis.rate_Hz, *(one[some] for one in motions))
+            values = _cut(channel, samples, low, index[some], size)
+            held = waiting.setdefault(size, [])
+            held.append(PatchWindows(some, values, motion))
+            # numbers in the windows that are given at a time: what works on them does so without
+            # leaving the processor's cache
+            if sum(part.values.size for part in held) >= (1 << 17):
+                yield joined_windows(waiting.pop(size))
+    for held in waiting.values():
+        yield joined_windows(held)
+
+
+def joined_windows(parts: list[PatchWindows]) -> PatchWindows:
+    """One set of windows from several of the same length and rate."""
+    row, values, motion = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("row", "values", "motion")
+    )
+    return replace(parts[0], row=row, values=values, motion=motion)
+
+
+def _cut(
+    channel: Channel, samples: FloatArray, low: int, index: FloatArray, size: int
+) -> FloatArray:
+    """Windows (n, 2 size) about `index` (n,) out of `samples`, NaN beyond these and beyond a gap.
+
+    These start at sample `low` of the channel.
+    """
+    nearest = np.round(index).astype(np.int64)
+    begins, ends = np.full(nearest.size, low), np.full(nearest.size, low + samples.size)
+    first = channel.axis.first.astype(np.int64)
+    if channel.axis.explicit is None and first.size > 1:
+        part = np.searchsorted(first, nearest, side="right")
+        begins = np.maximum(begins, first[part - 1])
+        ends = np.minimum(ends, np.append(first, channel.size)[part])
+    place = (nearest - size)[:, None] + np.arange(2 * size)
+    inside = (place >= begins[:, None]) & (place < ends[:, None])
+    values = np.full(place.shape, np.nan)
+    values[inside] = samples[place[inside] - low]
+    return values
+
+
+# ---- Every passage against the log's own form.
+#
+# Height, offset, position, length and oddness by one linear least squares per row.
+#
+#     Reference --on a fine grid of xi--> columns of the linear model at some speeds
+#     PatchWindows --`kernels.fit_rows`, columns at each sample's distance--> FITS
+#
+# A passage is height x form(xi - shift; length, damping, tilt) + offset. Linear in everything about
+# the reference; what is quadratic in length and shift is known from two more columns of the same
+# products and taken off in turns, without touching the samples again. At the noise of the log the
+# errors are those of Cramer and Rao.
+
+
+#: points of the form's table over a revolution: every half a millimetre, straight lines between
+#: them
+TABLE_POINTS = 4096
+#: weak knowledge of a passage's own oddness beside the log's: standard deviation of damping and
+#: tilt; twice as much lets the noise of a passage move them twice as far
+ODD_SD = 0.3
+
+
+def grid_of(
+    reference: Reference,
+    number: int,
+    half_window_m: float,
+    spectra: ComplexArray,
+    points: int = TABLE_POINTS,
+) -> tuple[FloatArray, Record]:
+    """Waves (g, c) of `spectra` (n, c) at speed `number` of `reference`, and their grid.
+
+    The grid as the kernels take it, one GRID, of so many `points` per revolution.
+    """
+    xi, columns = reference.family.on_grid(spectra, points, 1.02 * half_window_m)
+    grid = records(
+        GRID,
+        first_m=xi[0],
+        step_m=xi[1] - xi[0],
+        speed2_m2_s2=reference.speed_m_s[number] ** 2,
+        shift_m=reference.shifts_m[number],
+        half_window_m=half_window_m,
+    )
+    return columns, grid[0]
+
+
+def form_table(
+    reference: Reference, number: int, half_window_m: float
+) -> tuple[FloatArray, Record]:
+    """The columns that a fit needs at speed `number`, and their grid.
+
+    Height, -shift, length, damping, tilt | second by length, second by shift, by the squared speed.
+    The height's wave holds what the form left of the learnt passages.
+    """
+    family, shape = reference.family, reference.shapes[number]
+    spectra = family.jacobian(shape)
+    base, wave_number = spectra[:, 0], 1j * family.kappa_1_m
+    second = family.second_by_length(shape, spectra), wave_number**2 * base
+    columns, grid = grid_of(
+        reference,
+        number,
+        half_window_m,
+        np.column_stack(
+            [
+                base,
+                -wave_number * base,
+                spectra[:, [1, 5, 6]],
+                *second,
+                -reference.inertia * spectra[:, 3],
+            ]
+        ),
+    )
+    if reference.residuals is not None and reference.residual_xi_m is not None:
+        xi = grid["first_m"] + grid["step_m"] * np.arange(columns.shape[0])
+        columns[:, 0] += np.interp(
+            xi, reference.residual_xi_m, reference.residuals[number], 0.0, 0.0
+        )
+    return columns, grid
+
+
+#: misfit above which what is left is more than noise
+REMARKABLE = 1.3
+#: what an average misses by passages that are unlike each other, as a share of the height in each
+#: cell: a third of it halves the errors of trapezoids, which are then 3.5 of these off; squared, in
+#: such units, what a form that is believed may leave (blocks and soft sectors leave 4 to 40); sizes
+#: of the form over the ordinary one
+UNLIKE, MOST_MISFIT, SIZES = 3e-4, 2.0, (1.0, 0.3, 0.1, 0.02)
+#: a form is sought with averages that are trusted more and more, and in few steps beside the tread
+#: of the reference
+TRUSTS, FIRST_STEPS, FEW_STEPS = (0.01, 0.1, 1.0), 30, 5
+#: lengths (logarithm) that are tried: at first an error apart, within these bounds, then twice as
+#: far, until the evidence falls by so much, or that far
+STEPS, UNLIKELY, FARTHEST = (0.002, 0.02), 5.0, 0.3
+#: error of a length over what the prior of the form's series gives: boxes and trapezoids, which the
+#: series does not follow, are 1 to 2.1 times that off; the error is proportional to it
+UNFOLLOWED = 2.0
+
+
+def _sums(
+    reference: Reference, number: int, sample: PatchWindows, noise: float, half_window_m: float
+) -> ClassSums:
+    """What the passages of one class leave about the form, each put where it is.
+
+    The class' form holds at its own speed: the tension of each passage follows its squared speed.
+    """
+    # height, -shift, length, damping, tilt | tension
+    spectra = reference.family.jacobian(reference.shapes[number])
+    moved = -1j * reference.family.kappa_1_m * spectra[:, 0]
+    columns = np.column_stack([spectra[:, 0], moved, spectra[:, [1, 5, 6, 3]]])
+    # the same while a form is learnt, in half of the time: what the straight lines miss, up to 5e-5
+    # of a passage's height, is a tenth of the noise of the quietest log; half as many miss four
+    # times as much
+    table, grid = grid_of(reference, number, half_window_m, columns, 2048)
+    sigma = noise / np.sqrt(sample.averaged)
+    # weak knowledge of a passage's own damping and tilt; twice as much lets the noise of a passage
+    # move them twice as far
+    return class_sums(
+        sample.values, sample.motion, table, grid, -reference.inertia, sigma, 0.5, CELLS
+    )
+
+
+def _averages(
+    reference: Reference,
+    samples: list[PatchWindows],
+    sums: list[ClassSums],
+    noise: float,
+    half_window_m: float,
+    unlike: float,
+) -> list[Average]:
+    """Mean passages of the classes, each row put where the class' form is.
+
+    What is quadratic in the rows' lengths and shifts, which are linear in their fits, is taken off.
+    `unlike`: what a mean misses, as a share of its height.
+    """
+    family, made = reference.family.up_to(HIGHEST_SHARE), []
+    basis, kappa = family.basis(cell_centres(half_window_m)), family.kappa_1_m
+    for shape, sample, one in zip(reference.shapes, samples, sums, strict=True):
+        spectra, own = family.jacobian(shape), one.own[one.own[:, HEIGHT] > 0.0]
+        own = own if len(own) else np.eye(OWN)[:1]  # no passage is like the form: it stays there
+        beside = own[:, SHIFT:] / own[:, :1]
+        low, middle, high = np.quantile(beside, (0.16, 0.5, 0.84), axis=0)
+        spread = 0.5 * (0.5 * (high - low)) ** 2
+        change = np.column_stack([-1j * kappa * spectra[:, 0], spectra[:, [1, 5, 6]]]) @ middle
+        bent = (
+            spread[1] * family.second_by_length(shape, spectra)
+            - spread[0] * kappa**2 * spectra[:, 0]
+        )
+        plain, moved = (basis @ np.column_stack([spectra[:, 0], change - bent])).real.T
+        height, size = float(np.median(own[:, HEIGHT])), float(np.ptp(plain))
+        counts = np.maximum(one.counts, 1.0)
+        sigma2 = noise**2 / (sample.averaged * counts)
+        # weight of a cell without samples, so that a class without any is known to nothing and not
+        # unknown
+        weight = (one.counts > 0.0) / (sigma2 / (height * size) ** 2 + unlike**2) + 1e-6
+        values = (plain + moved + one.left / counts) / size
+        made.append(Average(sample.speed_m_s, values, weight))
+    return made
+
+
+def refine_edges(
+    reference: Reference,
+    samples: list[PatchWindows],
+    noise: float,
+    half_window_m: float,
+) -> Reference:
+    """`reference` (one shape per sample, ascending speed) fitted to the samples.
+
+    `noise`: standard deviation of one sample of the log.
+    """
+    best, trial = reference, reference
+    # rounds of refining, at most; twice as many only help a refinement that has not settled by then
+    for again in range(6):
+        sums = [_sums(trial, k, s, noise, half_window_m) for k, s in enumerate(samples)]
+        samples, sums = _without_foreign(samples, sums, trial, noise, half_window_m)
+        free = float(sum(one.free.sum() for one in sums))
+        misfit = float(sum(one.chi2.sum() for one in sums)) / free
+        if again and misfit >= best.misfit:
+            break  # where a whole step does harm, shorter ones gain next to nothing
+        gain = best.misfit / misfit - 1.0 if again else np.inf
+        averages = _averages(trial, samples, sums, noise, half_window_m, 0.0)
+        problem = AverageFit(
+            trial.family, averages, half_window_m, trial.shapes[0].half_length_m, own=False
+        )
+        start = problem.start(trial)
+        found = descend(problem, start)
+        left = np.array([one.left / np.maximum(one.counts, 1.0) for one in sums])
+        smooth = np.array([np.convolve(row, (0.25, 0.5, 0.25), "same") for row in left])
+        lengths = np.array([shape.half_length_m for shape in trial.shapes])
+        errors = np.sqrt(np.diag(problem.lengths(found.normal)) * max(misfit, 1.0))
+        best = replace(
+            trial,
+            heights=np.array([float(np.median(one.own[:, HEIGHT])) for one in sums]),
+            length_se_m=2.0 * lengths * errors,
+            misfit=misfit,
+            freedom=free,
+            residual_xi_m=cell_centres(half_window_m) if misfit > REMARKABLE else None,
+            residuals=smooth if misfit > REMARKABLE else None,
+        )
+        # stay if the next round promises less than this of the whole chi-square, or the last one
+        # has changed it by less than that share; half of the latter goes on for some rounds with
+        # forms that are those of no tire, and nowhere else
+        if gain < 0.01 or found.gain < max(misfit, 1.0):
+            break
+        trial = problem.reference(found.theta, trial)
+    return best
+
+
+def _without_foreign(
+    samples: list[PatchWindows],
+    sums: list[ClassSums],
+    reference: Reference,
+    noise: float,
+    half_window_m: float,
+) -> tuple[list[PatchWindows], list[ClassSums]]:
+    """Samples without the passages that fit the start much worse than their neighbours do."""
+    kept, again = list(samples), list(sums)
+    for number, one in enumerate(sums):
+        share = one.chi2 / one.free
+        # passages with more than this times the usual misfit do not belong; three times the usual
+        # size; twice as much keeps passages of 4.2 times
+        good = (share < 9.0 * max(float(np.median(share)), 1.0)) & (one.own[:, HEIGHT] > 0)
+        if good.any() and not good.all():
+            kept[number] = samples[number].take(good)
+            again[number] = _sums(reference, number, kept[number], noise, half_window_m)
+    return kept, again
+
+
+def learn_form(
+    reference: Reference, samples: list[PatchWindows], noise: float, half_window_m: float
+) -> Reference:
+    """`reference` with the tire's own form, if that earns its place, and its share of the error.
+
+    The evidence decides on the form's size: the prior of each number times one of SIZES. If it is
+    the least, or the form leaves more than noise, the reference stays. The length is the mean, its
+    error the standard deviation over all lengths that the averages and the prior allow, each with
+    the form that fits best there: the valley of length against pressure is bent.
+    """
+    sums = [_sums(reference, k, s, noise, half_window_m) for k, s in enumerate(samples)]
+    samples, sums = _without_foreign(samples, sums, reference, noise, half_window_m)
+    averages = _averages(reference, samples, sums, noise, half_window_m, UNLIKE)
+    problem = AverageFit(
+        reference.family, averages, half_window_m, reference.shapes[0].half_length_m, own=True
+    )
+    start = problem.start(reference)
+    here = [judged(problem, start, size) for size in SIZES]
+    promised = np.array([one.evidence + one.promise for one in here])
+    chances = np.exp(promised - promised.max())
+    unseen = np.array([problem.lengths(one.normal).mean() ** 0.5 for one in here])
+    unseen[0] /= UNFOLLOWED  # what looks like a large form, and is none, is mostly a misfit
+    share = UNFOLLOWED * float(np.sqrt(chances @ unseen**2 / chances.sum()))
+    plain = replace(reference, form_share=share)
+    speeds = reference.speed_m_s
+    # a form is learnt if the fastest class has so many times the speed of the slowest: at one speed
+    # a traction or the stiffness is as good as a pressure
+    if np.argmax(promised) == len(SIZES) - 1 or speeds[-1] < 1.4 * speeds[0]:
+        return plain
+    # the tread may have stood for the form, or be what it is beside
+    kept = descend(problem, start, SIZES[0], steps=FEW_STEPS)
+    start[TREAD] = 0.0
+    for problem.trust in TRUSTS:
+        best = descend(problem, start, SIZES[0], steps=FIRST_STEPS)
+        start = best.theta
+    best, chosen = max(best, kept, key=lambda one: one.evidence), SIZES[0]
+    for size in SIZES[1:-1]:
+        found = descend(problem, best.theta, size)
+        if found.evidence < best.evidence:
+            break
+        best, chosen = found, size
+    if best.misfit > MOST_MISFIT * sum(np.sum(one.weight > 1.0) for one in averages):
+        return plain
+    middle, step = (
+        problem.length(best.theta),
+        np.clip(problem.lengths(best.normal).mean() ** 0.5, *STEPS),
+    )
+    nodes = {0.0: descend(problem, best.theta, chosen, middle)}
+    for sign in (1.0, -1.0):
+        place, last = sign * step, nodes[0.0]
+        while abs(place) < FARTHEST:
+            nodes[place] = last = descend(problem, last.theta, chosen, middle + place)
+            if last.evidence < max(n.evidence for n in nodes.values()) - UNLIKELY:
+                break
+            place *= 2.0
+    places = np.array(sorted(nodes))
+    fine = np.linspace(places[0], places[-1], 400)
+    chance = np.interp(fine, places, [nodes[place].evidence for place in places])
+    chance = np.exp(chance - chance.max())
+    mean = float(chance @ fine / chance.sum())
+    share = UNFOLLOWED * float(np.sqrt(chance @ (fine - mean) ** 2 / chance.sum()))
+    near = nodes[min(nodes, key=lambda place: abs(place - mean))].theta
+    theta = descend(problem, near, chosen, middle + mean).theta
+    formed = replace(problem.reference(theta, reference), form_share=share)
+    return refine_edges(formed, samples, noise, half_window_m)
+
+
+# ---- Which passages the form is learnt from, and what is known of its error.
+
+
+#: window of averages and fits in half lengths, of which samples are averaged while they lie closer
+#: than this share
+WINDOW, FIT_STEP = 2.7, 1.0 / 36.0
 #: classes of speed: at most, as many as there are steps of this ratio; passages of all and at
 #: least of each, in clusters of neighbours; twice as many passages or classes take twice as long;
 #: steps of twice the ratio average over forms that differ
@@ -46,14 +518,8 @@ LEAST_SPEED_M_S = 0.3
 #: as the noise of a sample may be overestimated; errors shrink to 0.77 at most; half as much would
 #: let them shrink to 0.55
 LEAST_SCATTER = 0.6
-#: what the form may leave of a passage at any place, as a share of its height.  Finite differences
-#: of beam and ring leave 0.001, a planted water film 0.036 and a true length within 0.3 %; a
-#: ring-down of 0.2 goes with lengths 5 % too long, lopsided pulses of 0.05 to 0.07 with lengths
-#: half as long again.  Half of it would doubt the water film, twice as much would let all lopsided
-#: pulses pass
-MOST_LEFT = 0.045
-#: their places among a form's parameters
-TREAD, TILT = 3, 5
+#: its place among a form's parameters
+TILT = 5
 
 
 @dataclass(frozen=True)
@@ -96,7 +562,12 @@ class EdgeForm:
         missed = np.zeros(len(values)) if left is None or own else np.abs(left).max(axis=1)
         # largest tilt of the pressure, as p (1 - tilt xi / L): beyond it the road would pull at one
         # edge; twice as much would let it pull there as far as it presses in the middle
-        doubted = at_bound | (np.abs(values[:, TILT]) > 1.0) | (missed > MOST_LEFT)
+        # what the form may leave of a passage at any place, as a share of its height.  Finite
+        # differences of beam and ring leave 0.001, a planted water film 0.036 and a true length
+        # within 0.3 %; a ring-down of 0.2 goes with lengths 5 % too long, lopsided pulses of 0.05
+        # to 0.07 with lengths half as long again.  Half of it would doubt the water film, twice as
+        # much would let all lopsided pulses pass
+        doubted = at_bound | (np.abs(values[:, TILT]) > 1.0) | (missed > 0.045)
         speed = np.nan_to_num(speed_m_s)
         nearest = np.argmin(np.abs(speed[:, None] - self.reference.speed_m_s), axis=1)
         return np.asarray(doubted[nearest], dtype=bool)
@@ -166,15 +637,6 @@ def _steady_first(passages: Passages, rows: IntArray) -> tuple[IntArray, IntArra
     return rows[kept], classes[kept], bool(steady[kept].mean() > 0.5)
 
 
-def _chosen(rows: IntArray, most: int) -> IntArray:
-    """At most `most` of `rows`, as clusters of neighbours spread over them."""
-    if rows.size <= most:
-        return rows
-    size = most // CLUSTERS
-    firsts = np.linspace(0, rows.size - size, CLUSTERS).astype(np.int64)
-    return np.unique(np.concatenate([rows[k : k + size] for k in firsts]))
-
-
 def _samples(
     channel: Channel,
     passages: Passages,
@@ -182,49 +644,35 @@ def _samples(
     classes: IntArray,
     half_window_m: float,
     block_samples: int,
-) -> list[Sample]:
+) -> list[PatchWindows]:
     """Windows of each class of speed out of the passages `rows`, by ascending speed."""
-    speed, acceleration = passages.speed_m_s, np.nan_to_num(passages.acceleration_m_s2)
-    out = []
-    names = np.unique(classes)
+    motions = passages.speed_m_s, np.nan_to_num(passages.acceleration_m_s2)
+    rate, out, names = channel.axis.rate_Hz, [], np.unique(classes)
+    most = max(LEARNT_FROM // names.size, LEAST_OF_CLASS)
     for number in names:
-        chosen = _chosen(rows[classes == number], max(LEARNT_FROM // names.size, LEAST_OF_CLASS))
-        reach = 1.02 * half_window_m / float(speed[chosen].min()) * channel.axis.rate_Hz + 1.0
-        # samples are averaged while they lie closer than this share of the half length
-        fewer = 2 ** int(
-            np.log2(
-                max(
-                    (1.0 / 36.0)
-                    * half_window_m
-                    / WINDOW
-                    * channel.axis.rate_Hz
-                    / float(speed[chosen].max()),
-                    1.0,
-                )
-            )
+        chosen = clusters(rows[classes == number], most, CLUSTERS)
+        speed = motions[0][chosen]
+        reach = np.full(len(passages), 1.02 * half_window_m / float(speed.min()) * rate + 1.0)
+        share = FIT_STEP * half_window_m / WINDOW * rate / float(speed.max())
+        fewer = 2 ** int(np.log2(max(share, 1.0)))
+        windows = gather_windows(
+            channel, passages.sign, passages.index, motions, reach, chosen, block_samples
         )
-        same = np.full(len(passages), reach)
-        parts = [
-            w.reduced(fewer)
-            for w in gather_windows(
-                channel, passages.sign, passages.index, same, chosen, block_samples
-            )
-        ]
-        windows = joined_windows(parts)
-        out.append(Sample(windows, windows.motion(speed, acceleration)))
+        out.append(joined_windows([one.reduced(fewer) for one in windows]))
     return sorted(out, key=lambda sample: sample.speed_m_s)
 
 
-def _average(sample: Sample, passages: Passages, half_window_m: float) -> Average:
+def _average(sample: PatchWindows, passages: Passages, half_window_m: float) -> Average:
     """Mean passage of the rows of `sample`, scaled by height and offset of the template."""
-    row = sample.windows.row
-    height = np.maximum(np.abs(passages.height[row]), 1e-300)[:, None]
-    values = (sample.windows.values + passages.offset[row][:, None]) / height
-    noise = np.broadcast_to(
-        passages.noise / np.sqrt(sample.windows.averaged) / height, values.shape
-    )
-    xi = sample.windows.distance_m(sample.motion)
-    return average(xi, values, noise, sample.speed_m_s, half_window_m)
+    height = np.maximum(np.abs(passages.height[sample.row]), 1e-300)[:, None]
+    values = (sample.values + passages.offset[sample.row][:, None]) / height
+    cell = (sample.distance_m() / half_window_m + 1.0) * (0.5 * CELLS)
+    inside = np.isfinite(values) & (cell > 0.0) & (cell < CELLS)
+    cells, each = cell[inside].astype(np.int64), np.broadcast_to(height**2, values.shape)[inside]
+    weight, total = (np.bincount(cells, w, CELLS) for w in (each, each * values[inside]))
+    mean = total / np.where(weight > 0.0, weight, 1.0)
+    sharp = np.asarray(weight * (sample.averaged / passages.noise**2), np.float64)
+    return Average(sample.speed_m_s, mean, sharp)
 
 
 def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noise: float) -> float:
@@ -242,7 +690,7 @@ def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noi
     return float(family.kappa_1_m[above[-1]]) if above.size else float(2.0 * np.pi / half_window_m)
 
 
-def _at(reference: Reference, samples: list[Sample]) -> Reference:
+def _at(reference: Reference, samples: list[PatchWindows]) -> Reference:
     """`reference`, as another grating has taught it, at the speeds of `samples`."""
     return replace(
         reference.at_speeds(np.array([s.speed_m_s for s in samples])),
@@ -252,7 +700,7 @@ def _at(reference: Reference, samples: list[Sample]) -> Reference:
 
 
 def _from_a_start(
-    samples: list[Sample], passages: Passages, half_window_m: float, rough_m: float
+    samples: list[PatchWindows], passages: Passages, half_window_m: float, rough_m: float
 ) -> Reference:
     """The form without anything known of it.
 
@@ -263,7 +711,7 @@ def _from_a_start(
     first = max(range(len(samples)), key=lambda k: (free[k], -abs(k - middle)))
     speeds = np.array([sample.speed_m_s for sample in samples])
     mean = _average(samples[first], passages, half_window_m)
-    start = fit_average(mean, speeds, passages.radius_m, rough_m)
+    start = fit_average(mean, half_window_m, speeds, passages.radius_m, rough_m)
     return refine_edges(start, samples, passages.noise, half_window_m)
 
 
@@ -301,7 +749,7 @@ def learn_reference(
 
 def _to_learn_from(
     channel: Channel, passages: Passages, block_samples: int, without: BoolArray | None
-) -> tuple[list[Sample], float, float, bool] | None:
+) -> tuple[list[PatchWindows], float, float, bool] | None:
     """Samples to learn from, half of their window, a rough half length [m], whether they roll."""
     rows = _usable(passages, without)
     if passages.template is None or not rows.size:

@@ -12,21 +12,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tirelog.data.recording import Channel
+from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.dsp.filters import derivatives, window_spectra
-from tirelog.kernels import compiled
-from tirelog.strain.footprint.kernels import OWN, distance_along, motion_of
+from tirelog.strain.footprint.kernels import (
+    FIT,
+    ONSET,
+    OWN,
+    distance_along,
+    fit_rows,
+    motion_of,
+    traction_gains,
+)
 from tirelog.strain.footprint.learn import (
     ENOUGH_STEADY,
+    FIT_STEP,
     FREE_ROLLING_M_S2,
+    LEAST_SCATTER,
     LEAST_SPEED_M_S,
+    ODD_SD,
     EdgeForm,
-)
-from tirelog.strain.footprint.refine import (
-    FITS,
-    FormTables,
     PatchWindows,
-    fit_edges,
+    form_table,
     gather_windows,
 )
 from tirelog.strain.footprint.slip_onset import (
@@ -34,20 +40,21 @@ from tirelog.strain.footprint.slip_onset import (
     FINE,
     LEAST_SHARE,
     NO_FORM,
-    ONSETS,
     RATIO,
     SEARCHED,
     SLIP,
     SPEED_UNKNOWN,
     TOO_SMALL,
     WORST_SPEED,
-    FreeRollingReference,
     FrictionRatio,
-    Tractions,
     TractionWaves,
+    as_starts,
+    followed_onsets,
     form_error,
-    onset_starts,
     slip_onsets,
+    sought_onsets,
+    traction_table,
+    traction_waves,
 )
 from tirelog.strain.passages.find import Passages
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
@@ -86,19 +93,6 @@ STEPS, FARTHEST = 4, 0.75
 DENSE = 8.0
 
 
-@compiled
-def _along(
-    first_s: float, second_s: float, time: float, speed: float, acceleration: float
-) -> tuple[float, float]:
-    """First and second derivative along the tread out of those in time.
-
-    `time`: from the patch centre.
-    """
-    now = max(speed + acceleration * time, 0.05 * abs(speed) + 1e-9)
-    first = first_s / now
-    return first, (second_s - acceleration * first) / now**2
-
-
 def along_tread(
     windows: FloatArray,
     rate_Hz: float,
@@ -112,10 +106,19 @@ def along_tread(
 
     Abscissae from the patch centre [m], first and second derivative by them [1/m, 1/m^2].
     """
-    count, spectra = windows.shape[1], window_spectra(windows)
-    first_s, second_s, _ = derivatives(spectra, rate_Hz, cutoff_Hz, count, upsample)
-    speed, acceleration = speed_m_s[:, None], acceleration_m_s2[:, None]
-    time = (np.arange(count * upsample) / upsample - centre[:, None]) / rate_Hz
+    count = windows.shape[1]
+    derived = derivatives(window_spectra(windows), rate_Hz, cutoff_Hz, count, upsample)
+    motion = motion_of(centre, rate_Hz, speed_m_s, acceleration_m_s2)
+    return _by_distance(*derived[:2], motion, upsample)
+
+
+def _by_distance(
+    first_s: FloatArray, second_s: FloatArray, motion: Records, upsample: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Abscissae [m], first and second derivative along the tread out of those in time, (n, m)."""
+    rows = motion[:, None]
+    speed, acceleration = rows["speed_m_s"], rows["acceleration_m_s2"]
+    time = (np.arange(first_s.shape[1]) / upsample - rows["centre"]) / rows["rate_Hz"]
     now = np.maximum(speed + acceleration * time, 0.05 * np.abs(speed) + 1e-9)
     first = first_s / now
     second = (second_s - acceleration * first) / now**2
@@ -139,146 +142,118 @@ def find_edges(
     expected to be, to look for extrema; `noise`: standard deviation of a sample; `upsample`: points
     per sample, 2 unless samples are DENSE.
     """
-    first, second, noises = derivatives(
+    first_s, second_s, noises = derivatives(
         window_spectra(windows), rate_Hz, cutoff_Hz, windows.shape[1], upsample
     )
-    # an extremum moves by the noise of the next derivative
-    wiggle = noise * noises
     motion = motion_of(centre, rate_Hz, speed_m_s, acceleration_m_s2)
-    found = np.empty(centre.size, EDGES)
-    edge_rows(first, second, motion, SEARCH * half_length_m, wiggle, upsample, found)
-    return found
+    _, first, second = _by_distance(first_s, second_s, motion, upsample)
+    rate, middle = rate_Hz * upsample, centre * upsample
+    reach = SEARCH * half_length_m / speed_m_s * rate
+    low, high = middle - reach, middle + reach
+    # steepest fall and rise, then the sharpest bends outside of them
+    fall, rise = least(first, low, middle), least(-first, middle, high)
+    steepest = [np.where(np.isnan(one[0]), middle, one[0]) for one in (fall, rise)]
+    entry, leave = least(second, low, steepest[0]), least(second, steepest[1], high)
+    times = [(one[0] - middle) / rate for one in (fall, rise, entry, leave)]
+    places = [distance_along(time, speed_m_s, acceleration_m_s2) for time in times]
+    # an extremum moves by the noise of the next derivative
+    wiggle = noise * noises.T / [speed_m_s, speed_m_s**2] / rate**2 * speed_m_s
+    return records(
+        EDGES,
+        length_d2_m=places[3] - places[2],
+        length_d2_se_m=np.hypot(wiggle[1] / entry[2], wiggle[1] / leave[2]),
+        length_d1_m=places[1] - places[0],
+        length_d1_se_m=np.hypot(wiggle[0] / fall[2], wiggle[0] / rise[2]),
+        entry_m=places[2],
+        exit_m=places[3],
+        entry_height=-entry[1],
+        exit_height=-leave[1],
+    )
 
 
-@compiled
-def least(row: FloatArray, low: float, high: float) -> tuple[float, float, float]:
-    """Place, height and curvature of the least value of `row` between two columns.
+def least(
+    rows: FloatArray, low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Place, height and curvature of the least value of each of the `rows` (n, m), (n,) each.
 
-    Between `low` and `high`, of the quartic through five columns: place in columns (NaN if it lies
-    at the border of its range), height, curvature per column^2 (NaN if it is no minimum).
+    Between the columns `low` and `high` (n,), of the quartic through five columns: place in columns
+    (NaN if it lies at the border of its range), height, curvature per column^2 (NaN if it is no
+    minimum).
 
     At six columns per period of the low-pass' cut-off, a place in a passage is true to 0.02 columns
     (rms); a parabola through three: 0.1.
     """
-    count = row.size
-    first, last = max(int(np.ceil(low)), 0), min(int(np.floor(high)), count - 1)
-    index = first
-    for k in range(first, last + 1):
-        if row[k] < row[index]:
-            index = k
-    safe = min(max(index, 2), count - 3)
-    a, b, c, d, e = row[safe - 2], row[safe - 1], row[safe], row[safe + 1], row[safe + 2]
+    count = rows.shape[1]
+    column = np.arange(count)
+    inside = (column >= low[:, None]) & (column <= high[:, None])
+    index = np.argmin(np.where(inside, rows, np.inf), axis=1)
+    safe = np.clip(index, 2, count - 3)
+    a, b, c, d, e = np.take_along_axis(rows, safe[:, None] + np.arange(-2, 3), axis=1).T
     # derivatives in the middle by central differences
     slope, bend = (a - e + 8.0 * (d - b)) / 12.0, (16.0 * (b + d) - 30.0 * c - a - e) / 12.0
     third, fourth = (e - a + 2.0 * (b - d)) / 2.0, a + e - 4.0 * (b + d) + 6.0 * c
-    shift = float(index - safe)
-    for _ in range(STEPS):
-        curvature = bend + shift * (third + 0.5 * shift * fourth)
-        if not curvature > 0.0:
-            return np.nan, row[index], np.nan
-        shift -= (slope + shift * (bend + shift * (0.5 * third + shift * fourth / 6.0))) / curvature
-        shift = min(max(shift, index - safe - FARTHEST), index - safe + FARTHEST)
-    curvature = bend + shift * (third + 0.5 * shift * fourth)
-    height = c + shift * (
-        slope + shift * (0.5 * bend + shift * (third / 6.0 + shift * fourth / 24.0))
+    begin = (index - safe).astype(np.float64)
+    shift = begin
+    for _ in range(STEPS + 1):
+        place = shift
+        curvature = bend + place * (third + 0.5 * place * fourth)
+        curvature = np.where(curvature > 0.0, curvature, np.nan)
+        steep = slope + place * (bend + place * (0.5 * third + place * fourth / 6.0))
+        shift = np.clip(place - steep / curvature, begin - FARTHEST, begin + FARTHEST)
+    height = c + place * (
+        slope + place * (0.5 * bend + place * (third / 6.0 + place * fourth / 24.0))
     )
-    inner = np.ceil(low) < index < np.floor(high) and 0 < index < count - 1
-    return safe + shift if inner else np.nan, height, curvature if curvature > 0.0 else np.nan
+    height = np.where(np.isnan(height), rows[np.arange(len(rows)), index], height)
+    inner = (index > np.ceil(low)) & (index < np.floor(high)) & (index > 0) & (index < count - 1)
+    return np.where(inner, safe + place, np.nan), height, curvature
 
 
-@compiled
-def edge_rows(
-    first_s: FloatArray,
-    second_s: FloatArray,
-    motion: Records,
-    reach_m: FloatArray,
-    wiggle: FloatArray,
-    upsample: int,
-    found: Records,
-) -> None:
-    """Fills `found` (n,) of EDGES out of derivatives in time.
-
-    The derivatives (n, m x upsample) are looked at within `reach_m` (n,) of the centre; rows move
-    as `motion` (n,) says; `wiggle` (n, 2): standard deviations of the second and third derivative's
-    noise.
-    """
-    n, count = first_s.shape
-    fall, rise, bend = np.empty(count), np.empty(count), np.empty(count)
-    place, squares, heights = np.empty(4), np.empty(4), np.empty(4)
-    for row in range(n):
-        rate, speed = motion[row]["rate_Hz"] * upsample, motion[row]["speed_m_s"]
-        acceleration, middle = motion[row]["acceleration_m_s2"], motion[row]["centre"] * upsample
-        reach = reach_m[row] / speed * rate
-        for k in range(max(int(middle - reach) - 2, 0), min(int(middle + reach) + 3, count)):
-            fall[k], bend[k] = _along(
-                first_s[row, k], second_s[row, k], (k - middle) / rate, speed, acceleration
-            )
-            rise[k] = -fall[k]
-        low, high = middle - reach, middle + reach
-        for e in range(4):  # steepest fall and rise, then the sharpest bends outside of them
-            if e < 2:
-                least_of = least(rise if e else fall, middle if e else low, high if e else middle)
-            else:
-                steepest = middle if np.isnan(place[e - 2]) else place[e - 2]
-                least_of = least(bend, steepest if e == 3 else low, high if e == 3 else steepest)
-            place[e], heights[e] = least_of[0], least_of[1]
-            squares[e] = (wiggle[row, e // 2] / speed ** (e // 2 + 1) / rate**2 / least_of[2]) ** 2
-        for e in range(4):
-            time = (place[e] - middle) / rate
-            place[e] = time * (speed + 0.5 * acceleration * time)
-        edges = found[row]
-        edges["length_d2_m"] = place[3] - place[2]
-        edges["length_d2_se_m"] = np.sqrt(squares[2] + squares[3]) * speed
-        edges["length_d1_m"] = place[1] - place[0]
-        edges["length_d1_se_m"] = np.sqrt(squares[0] + squares[1]) * speed
-        edges["entry_m"], edges["exit_m"] = place[2], place[3]
-        edges["entry_height"], edges["exit_height"] = -heights[2], -heights[3]
-
-
-#: samples are averaged while they lie closer than this share of the half length, for the fit
-FIT_STEP = 1.0 / 36.0
-#: the same, while the rough place of a slip onset is looked for; twice as coarse, it has half of
-#: the samples and may begin beside the onset
-ROUGH_STEP = 1.0 / 9.0
-#: the gain of a traction is asked for at every so many-th onset: every other coarse one; twice as
-#: far apart, an onset between two loses more of its gain
-GAIN_EVERY = 2 * FINE
 #: rows whose plain edges are worked on at once
 ROWS = 256
 
-#: speed and acceleration at the passages of a log, (n,) each
-Motions = tuple[FloatArray, FloatArray]
-
-
-#: what is filled row by row, one row per passage: samples between the edges, whether a traction is
-#: seen, edges, fit of the form, and slip onset
+#: the fit of a passage: height and offset (patch downward), shift of the patch's middle behind the
+#: passage's centre, full contact length with its standard error, damping and tilt beside the
+#: reference's, chi-square per degree of freedom, samples used
+FITS = np.dtype(
+    [("height", "f8"), ("offset", "f8"), ("shift_m", "f8"), ("length_m", "f8"), ("damping", "f8"),
+     ("tilt", "f8"), ("length_se_m", "f8"), ("chi2", "f8"), ("used", "f8")]
+)  # fmt: skip
+#: how a passage is looked at, a row of each: number of its form, whether its speed is vague,
+#: samples that are averaged for the fit and roughly, half of the window that a fit needs [samples];
+#: then what is filled: samples between the edges, whether a traction is seen, edges, fit of the
+#: form, and slip onset
 MEASURED = np.dtype(
-    [("inside", "f8"), ("driven", "?"), ("edges", EDGES), ("fits", FITS), ("slip", SLIP)]
-)
+    [("number", "i8"), ("vague", "?"), ("averaged", "i8"), ("roughly", "i8"), ("reach", "f8"),
+     ("inside", "f8"), ("driven", "?"), ("edges", EDGES), ("fits", FITS), ("slip", SLIP)]
+)  # fmt: skip
 
 
 def nothing_measured(n: int) -> Records:
     """`n` rows of MEASURED, nothing known."""
-    work = np.full(n, np.nan, MEASURED)
-    work["driven"], work["slip"]["reason"] = False, NO_FORM
+    work = np.zeros(n, MEASURED)
+    for name in ("inside", "edges", "fits", "slip"):
+        work[name] = np.full(n, np.nan, MEASURED[name])
+    work["slip"]["reason"] = NO_FORM
     return work
 
 
 class Forms:
-    """The log's form at the knots of speed.
+    """The log's form at the knots of speed: columns of fits, and waves of tractions.
 
-    Tables of the fit, and of the traction (made when first asked for).
+    `columns` (k, g, FITTED) on `grids` (k,) of GRID, `half_length_m` and `shift_m` behind the
+    passages' centres (k,); waves are made when they are first asked for.
     """
 
     def __init__(self, learnt: EdgeForm, speed_m_s: FloatArray) -> None:
-        reference = learnt.reference
-        self.reference = reference.at_speeds(
-            reference.knots(float(speed_m_s.min()), float(speed_m_s.max()))
-        )
-        self.tables = FormTables.of(self.reference, learnt.half_window_m)
+        knots = learnt.reference.knots(float(speed_m_s.min()), float(speed_m_s.max()))
+        self.reference = learnt.reference.at_speeds(knots)
         self._half_window_m, self.form_error = learnt.half_window_m, form_error(learnt)
+        made = [form_table(self.reference, k, learnt.half_window_m) for k in range(knots.size)]
+        self.columns, self.grids = (np.stack(part) for part in zip(*made, strict=True))
+        self.half_length_m = np.array([shape.half_length_m for shape in self.reference.shapes])
+        self.shift_m = self.reference.shifts_m
         self._waves: dict[int, TractionWaves] = {}
-        self._tractions: dict[tuple[int, int, float], Tractions] = {}
+        self._tractions: dict[tuple[int, int, float], FloatArray] = {}
 
     def nearest(self, speed_m_s: FloatArray) -> IntArray:
         """Number of the form for each speed."""
@@ -287,44 +262,72 @@ class Forms:
         )
         return number
 
-    def traction(self, number: int, every: int = 1, ratio: float = RATIO) -> Tractions:
-        """What slip onsets are looked for with at knot `number`, with `every`-th of them.
+    def traction(self, number: int, every: int = 1, ratio: float = RATIO) -> FloatArray:
+        """Waves (g, c) of the tractions at knot `number`, with `every`-th of the onsets.
 
         `ratio` of sliding to sticking friction.
         """
         key = number, every, ratio
         if key not in self._tractions:
-            tables = self.tables
             if number not in self._waves:
-                self._waves[number] = TractionWaves.of(self.reference, number, self._half_window_m)
-            self._tractions[key] = Tractions(
-                tables.columns[number],
-                tables.grids[number],
-                self._waves[number].table(ratio, every),
-                float(tables.half_length_m[number]),
-            )
+                self._waves[number] = traction_waves(self.reference, number, self._half_window_m)
+            L = float(self.half_length_m[number])
+            self._tractions[key] = traction_table(self._waves[number], L, ratio, every)
         return self._tractions[key]
+
+    def gains(self, knot: int, windows: PatchWindows, sigma: float) -> FloatArray:
+        """Squared sigmas of misfit that a small traction removes from the fit of each row.
+
+        That of the best of its onsets.
+        """
+        # every other coarse onset; twice as far apart, one between two loses more of its gain
+        waves = self.traction(knot, 2 * FINE)
+        return traction_gains(
+            windows.values, windows.motion, self.columns[knot], self.grids[knot], waves, sigma,
+            ODD_SD,
+        )  # fmt: skip
+
+    def fit(self, windows: PatchWindows, number: IntArray, noise: float) -> Records:
+        """The fits of the rows of `windows`, each against its form `number`: (n,) of FITS.
+
+        `noise`: standard deviation of a sample of the log.
+        """
+        sigma = noise / np.sqrt(windows.averaged)
+        found = np.full(number.size, np.nan, FIT)
+        fit_rows(
+            windows.values, windows.motion, number, self.columns, self.grids, sigma, ODD_SD, found
+        )
+        height, used = found["height"], found["used"]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative = {name: found[name] / height for name in FIT.names or ()}
+            nan = np.where(height > 0, 1.0, np.nan)
+        return records(
+            FITS,
+            height=height * nan,
+            offset=found["offset"] * nan,
+            shift_m=(self.shift_m[number] + relative["shift"]) * nan,
+            length_m=2.0 * (self.half_length_m[number] + relative["length"]) * nan,
+            damping=relative["damping"] * nan,
+            tilt=relative["tilt"] * nan,
+            length_se_m=2.0 * sigma * relative["length_se"] * nan,
+            chi2=found["chi2"] / np.maximum(used - OWN, 1) * nan,
+            used=used,
+        )
 
 
 @dataclass(frozen=True)
-class WindowPlan:
-    """What windows of some rows are looked at with: what is known of all passages of a channel.
+class PassageForms:
+    """The passages of a channel beside the forms of their speeds, and what is measured of them.
 
-    `rows` (k,): passages whose speed is known; of all (n,): `motions`, the forms' `number`, whether
-    the speed is `vague`, samples that are `averaged` for the fit and `roughly`, and `reach`, half
-    of the window that a fit needs [samples].
+    `rows` (k,): passages whose speed is known; `motions`: of all; `work` (n,) of MEASURED.
     """
 
     channel: Channel
     passages: Passages
     forms: Forms
     rows: IntArray
-    motions: Motions
-    number: IntArray
-    vague: BoolArray
-    reach: FloatArray
-    averaged: IntArray
-    roughly: IntArray
+    motions: tuple[FloatArray, FloatArray]
+    work: Records
     block_samples: int
 
     @classmethod
@@ -333,35 +336,27 @@ class WindowPlan:
         channel: Channel,
         passages: Passages,
         learnt: EdgeForm,
-        block_samples: int,
+        block_samples: int = BLOCK_SAMPLES,
         forms: Forms | None = None,
-    ) -> WindowPlan:
-        """The plan of passages that `learnt` was learnt from: the speed of some is known.
+    ) -> PassageForms:
+        """Those of passages that `learnt` was learnt from: the speed of some is known.
 
         `forms`: those of `learnt`, if they are at hand.
         """
         rate, speed = channel.axis.rate_Hz, passages.speed_m_s
         rows = np.flatnonzero((speed > LEAST_SPEED_M_S) & np.isfinite(passages.time_s))
-        forms = forms or Forms(learnt, speed[rows])
-        number = forms.nearest(speed)
-        half_length = forms.tables.half_length_m[number]
+        forms, work = forms or Forms(learnt, speed[rows]), nothing_measured(len(passages))
+        work["number"] = forms.nearest(speed)
+        half_length = forms.half_length_m[work["number"]]
         with np.errstate(divide="ignore", invalid="ignore"):
-            reach = 1.02 * learnt.half_window_m / speed * rate + 2.0
-            averaged = _power_of_two(FIT_STEP * half_length * rate / speed)
-            roughly = _power_of_two(ROUGH_STEP * half_length * rate / speed)
-        return cls(
-            channel,
-            passages,
-            forms,
-            rows,
-            (speed, np.nan_to_num(passages.acceleration_m_s2)),
-            number,
-            ~(passages.speed_se_m_s < WORST_SPEED * speed),
-            reach,
-            averaged,
-            roughly,
-            block_samples,
-        )
+            work["reach"] = 1.02 * learnt.half_window_m / speed * rate + 2.0
+            work["averaged"] = _power_of_two(FIT_STEP * half_length * rate / speed)
+            # four times as many while the rough place of a slip onset is looked for; twice as
+            # coarse, it may begin beside the onset
+            work["roughly"] = _power_of_two(4.0 * FIT_STEP * half_length * rate / speed)
+        work["vague"] = ~(passages.speed_se_m_s < WORST_SPEED * speed)
+        motions = speed, np.nan_to_num(passages.acceleration_m_s2)
+        return cls(channel, passages, forms, rows, motions, work, block_samples)
 
     def gathered(self, rows: IntArray, reach: FloatArray | None = None) -> Iterator[PatchWindows]:
         """Windows of `rows`, many at a time, of a fit's `reach` if no other is given."""
@@ -369,87 +364,98 @@ class WindowPlan:
             self.channel,
             self.passages.sign,
             self.passages.index,
-            self.reach if reach is None else reach,
+            self.motions,
+            self.work["reach"] if reach is None else reach,
             rows,
             self.block_samples,
         )
 
-    def by_form(self, windows: PatchWindows) -> Iterator[tuple[PatchWindows, Records, float, int]]:
-        """Rows of `windows`, motion, noise of a value and number of each form, a form at a time."""
-        for knot, part in _alike(windows, self.number):
-            noise = self.passages.noise / np.sqrt(part.averaged)
-            yield part, part.motion(*self.motions), noise, knot
+    def by_form(self, windows: PatchWindows) -> Iterator[tuple[PatchWindows, float, int]]:
+        """Rows of `windows`, noise of a value and number of each form, a form at a time."""
+        for knot, part in windows.alike(self.work["number"]):
+            yield part, self.passages.noise / np.sqrt(part.averaged), knot
 
-    def alike(self, rows: IntArray) -> Iterator[tuple[PatchWindows, Records, float, int]]:
-        """As `by_form`, of windows of `rows` that are averaged as a fit's."""
+    def averaged(self, rows: IntArray) -> Iterator[PatchWindows]:
+        """Windows of `rows`, averaged as a fit needs them."""
         for windows in self.gathered(rows):
-            for averaged, part in _alike(windows, self.averaged):
-                yield from self.by_form(part.reduced(averaged))
+            for averaged, part in windows.alike(self.work["averaged"]):
+                yield part.reduced(averaged)
 
-    def seek_driven(
-        self, windows: PatchWindows, fits: Records, work: Records, usual: FreeRollingReference
-    ) -> None:
-        """Fill `driven` of the rows of `windows`, which are averaged as a fit's.
+    def fit(self, windows: PatchWindows) -> None:
+        """Fill the fits of rows that share averaging."""
+        row = windows.row
+        fits = self.forms.fit(windows, self.work["number"][row], self.passages.noise)
+        self.work["fits"][row] = fits
+        reason = np.where(self.work["vague"][row], SPEED_UNKNOWN, TOO_SMALL)
+        self.work["slip"]["reason"][row] = np.where(np.isfinite(fits["length_m"]), reason, NO_FORM)
 
-        Driven are rows that show a traction beyond what the form misses of free ones. `fits`:
-        theirs, row by row; `usual`: what free ones leave.
+    def seek_driven(self, windows: PatchWindows, scatter: float, gain: float) -> None:
+        """Fill `driven` of the rows of `windows`, which are averaged and fitted.
+
+        Driven are rows in which a traction removes more than `gain` squared sigmas of misfit;
+        `scatter` of what free rows leave.
         """
-        known = ~self.vague[windows.row] & np.isfinite(fits["length_m"])
+        work = self.work[windows.row]
+        fits = work["fits"]
         # no row with less misfit than that can hold an onset
-        misfit = (fits["chi2"] - usual.scatter**2) * np.maximum(fits["used"] - OWN, 1.0)
-        asked = np.flatnonzero(known & (misfit > LEAST_SHARE * usual.gain))
-        if not asked.size:
-            return
-        for part, motion, sigma, knot in self.by_form(windows.take(asked)):
-            gains = self.forms.traction(knot, GAIN_EVERY).gains(part, motion, sigma)
-            work["driven"][part.row] = gains > usual.gain
+        misfit = (fits["chi2"] - scatter**2) * np.maximum(fits["used"] - OWN, 1.0)
+        asked = ~work["vague"] & np.isfinite(fits["length_m"]) & (misfit > LEAST_SHARE * gain)
+        for part, sigma, knot in self.by_form(windows.take(asked)):
+            self.work["driven"][part.row] = self.forms.gains(knot, part, sigma) > gain
 
 
 def look_at_some(
-    look: WindowPlan, most: int, rolls: BoolArray | None = None
-) -> tuple[IntArray, Records, FreeRollingReference | None]:
-    """Fits of at most so many rows, evenly, what free ones of them leave, and which are driven.
+    look: PassageForms, most: int, rolls: BoolArray | None = None
+) -> tuple[IntArray, float, float]:
+    """Fits of at most so many rows, evenly, and which are driven: the rows, scatter, least gain.
 
-    The rows, what was measured of them, and what free ones leave, None if there are none to ask.
-    `rolls` (n,): those known to roll freely.
+    `scatter` is how much larger the residuals of free rows are than the noise of a sample tells;
+    a traction that is more than what the form misses of all passages removes the `gain`, in squared
+    sigmas of misfit: infinite if there are no free rows. `rolls` (n,): those known to roll freely.
     """
-    work = nothing_measured(len(look.passages))
-    rows, kept = _spread(look.rows, most), []
-    for windows in look.gathered(rows):
-        for averaged, part in _alike(windows, look.averaged):
-            reduced = part.reduced(averaged)
-            kept.append((reduced, _fit(look, reduced, work)))
-    known = rows[~look.vague[rows] & np.isfinite(work["fits"]["length_m"][rows])]
+    work, rows = look.work, _spread(look.rows, most)
+    kept = list(look.averaged(rows))
+    for windows in kept:
+        look.fit(windows)
+    known = rows[~work["vague"][rows] & np.isfinite(work["fits"]["length_m"][rows])]
     free = _free(look, known) if rolls is None else known[rolls[known]]
     if not free.size:
-        return rows, work, None
-    gains = []
+        return rows, 1.0, np.inf
     among = np.zeros(len(look.passages), bool)
     among[_spread(free, ASKED)] = True
-    for windows, _ in kept:
-        for part, motion, sigma, knot in look.by_form(windows.take(among[windows.row])):
-            gains.append(look.forms.traction(knot, GAIN_EVERY).gains(part, motion, sigma))
-    usual = FreeRollingReference.of(work["fits"]["chi2"][free], np.concatenate(gains))
-    for windows, fits in kept:
-        look.seek_driven(windows, fits, work, usual)
-    return rows, work, usual
+    gains = [
+        look.forms.gains(knot, part, sigma)
+        for windows in kept
+        for part, sigma, knot in look.by_form(windows.take(among[windows.row]))
+    ]
+    scatter = float(np.sqrt(max(LEAST_SCATTER, np.median(work["fits"]["chi2"][free]))))
+    usual = float(np.median(np.concatenate(gains)))
+    # a traction must remove so much of the misfit (squared sigmas, if free passages leave noise):
+    # noise alone does so in far less than one passage of a hundred; twice as much loses the
+    # faintest tenth of the slips. And so many times what it usually removes from free passages: of
+    # those that pass fewer than one in ten thousand has no slip, at half of it one in a hundred of
+    # the worst logs
+    gain = max(20.0 * scatter**2, 10.0 * usual)
+    for windows in kept:
+        look.seek_driven(windows, scatter, gain)
+    return rows, scatter, gain
 
 
 def measure_windows(
-    look: WindowPlan,
+    look: PassageForms,
     cutoff_Hz: FloatArray,
     clear: BoolArray,
-    work: Records,
-    usual: FreeRollingReference | None,
+    usual: tuple[float, float],
     rows: IntArray,
 ) -> None:
-    """Fill all of `work` but slip onsets, of the `rows`, whose speed is known.
+    """Fill all that is measured but slip onsets, of the `rows`, whose speed is known.
 
-    `cutoff_Hz` (n,) of the plain edges' low-pass. Driven rows are sought if `usual` is known,
-    where the form is `clear` (n,): beside one that is none of a tire a traction is no sign of slip.
+    `cutoff_Hz` (n,) of the plain edges' low-pass. Driven rows are sought by the `usual` scatter and
+    gain where the form is `clear` (n,): beside one that is none of a tire a traction is no sign of
+    slip.
     """
-    rate, speed = look.channel.axis.rate_Hz, look.passages.speed_m_s
-    half_length = look.forms.tables.half_length_m[look.number]
+    rate, speed, work = look.channel.axis.rate_Hz, look.passages.speed_m_s, look.work
+    half_length = look.forms.half_length_m[work["number"]]
     with np.errstate(divide="ignore", invalid="ignore"):
         # the low-pass needs this many samples per period of its cut-off; above, samples are
         # averaged; twice as many take twice as long
@@ -457,56 +463,55 @@ def measure_windows(
         upsample = np.where(rate / for_plain < DENSE * cutoff_Hz, 2, 1)
         reach = (SEARCH * half_length + 2.5 * speed / cutoff_Hz) / speed * rate + 2.0
     work["inside"][rows] = (2.0 * half_length * rate / speed)[rows]
-    for windows in look.gathered(rows, np.maximum(look.reach, reach)):
-        for averaged, part in _alike(windows, look.averaged):
+    for windows in look.gathered(rows, np.maximum(work["reach"], reach)):
+        for averaged, part in windows.alike(work["averaged"]):
             reduced = part.reduced(averaged)
-            fits = _fit(look, reduced, work)
-            sought = clear[part.row]
-            if usual is not None and sought.any():
-                look.seek_driven(reduced.take(sought), fits[sought], work, usual)
-        for key, part in _alike(windows, 8 * for_plain + upsample):
+            look.fit(reduced)
+            look.seek_driven(reduced.take(clear[part.row]), *usual)
+        for key, part in windows.alike(8 * for_plain + upsample):
             plain = part.reduced(key // 8)
             for low in range(0, len(plain.row), ROWS):
-                rows_alike = plain.take(slice(low, low + ROWS))
-                row, per_s = rows_alike.row, rows_alike.rate_Hz
+                some = plain.take(slice(low, low + ROWS))
+                row, motion = some.row, some.motion
                 shift_s = np.nan_to_num(work["fits"]["shift_m"][row]) / speed[row]
                 work["edges"][row] = find_edges(
-                    rows_alike.values,
-                    per_s,
-                    rows_alike.centre + shift_s * per_s,
-                    speed[row],
-                    look.motions[1][row],
+                    some.values,
+                    some.rate_Hz,
+                    motion["centre"] + shift_s * some.rate_Hz,
+                    motion["speed_m_s"],
+                    motion["acceleration_m_s2"],
                     cutoff_Hz[row],
                     half_length[row],
-                    look.passages.noise / np.sqrt(rows_alike.averaged),
+                    look.passages.noise / np.sqrt(some.averaged),
                     key % 8,
                 )
     unsought = ~clear & (work["slip"]["reason"] == TOO_SMALL)
     work["slip"]["reason"][unsought] = NO_FORM
 
 
-def find_onsets(
-    look: WindowPlan, work: Records, usual: FreeRollingReference, friction: FrictionRatio
-) -> None:
-    """Slip onsets of the rows of `work` that are driven, by the brush of this `friction`.
+def find_onsets(look: PassageForms, friction: FrictionRatio, scatter: float) -> None:
+    """Slip onsets of the rows that are driven, by the brush of this `friction`.
 
     Some are looked for everywhere. Others start from that of a passage whose length is nearest to
     theirs, as the fit without traction tells it; of those that are unlike theirs again some are
     looked for everywhere and the others start from these, and so on.
     """
-    scatter, rest = usual.scatter, np.flatnonzero(work["driven"])
+    rest, most = np.flatnonzero(look.work["driven"]), SEARCHED
     while rest.size:
-        asked = _spread(rest, SEARCHED)
-        known, starts = _searched(look, work, asked, friction, scatter)
+        asked = _spread(rest, most)
+        found = _onsets(look, asked, None, friction, scatter)
+        starts = found[as_starts(found, look.work["slip"][asked], scatter)]
         rest = np.setdiff1d(rest, asked, assume_unique=True)
-        other = (
-            _followed(look, work, rest, known, starts, friction, scatter) if known.size else rest
-        )
+        if not starts.size:
+            most = max(rest.size, 1)
+        if not starts.size or not rest.size:
+            continue
+        found = _onsets(look, rest, starts, friction, scatter)
+        other = rest[np.isnan(found["best"])]
         # onsets that start from others are given up if more than this share is unlike; what is then
         # looked for everywhere takes five times as long
         if other.size > 0.7 * rest.size:  # these are not alike
-            _searched(look, work, other, friction, scatter)
-            return
+            most = other.size
         rest = other
 
 
@@ -515,60 +520,47 @@ def _spread(rows: IntArray, most: int) -> IntArray:
     return rows[np.linspace(0, rows.size - 1, min(most, rows.size)).astype(np.int64)]
 
 
-def _form_shift(look: WindowPlan, work: Records, windows: PatchWindows, knot: int) -> FloatArray:
-    """Where the fits of `windows` put the form, beside its own place at a `knot` [m]."""
-    shift_m: FloatArray = work["fits"]["shift_m"][windows.row] - look.forms.tables.shift_m[knot]
-    return np.nan_to_num(shift_m)
-
-
-def _searched(
-    look: WindowPlan, work: Records, rows: IntArray, friction: FrictionRatio, scatter: float
-) -> tuple[IntArray, Records]:
-    """Fill the onsets of `rows`, looked for everywhere; those that others may start from.
-
-    Their rows (k,), and the starts, (k,) of FOLLOWED.
-    """
-    further, parts = look.roughly // look.averaged, [np.empty(0, ONSETS)]
-    for windows, _, sigma, knot in look.alike(rows):
-        tractions = look.forms.traction(knot, ratio=friction.value)
-        for times, part in _alike(windows, further):
-            shift, motion = _form_shift(look, work, part, knot), part.motion(*look.motions)
-            found = tractions.onsets(part, motion, part.reduced(times), shift, sigma, scatter)
-            L = tractions.half_length_m
-            parts.append(records(ONSETS, row=part.row, found=found, half_length_m=L, shift_m=shift))
-    onsets = np.concatenate(parts)
-    told = slip_onsets(onsets, look.forms.form_error, friction, scatter)
-    work["slip"][onsets["row"]] = told
-    worth, starts = onset_starts(onsets, told, scatter)
-    return onsets["row"][worth], starts[worth]
-
-
-def _followed(
-    look: WindowPlan,
-    work: Records,
+def _onsets(
+    look: PassageForms,
     rows: IntArray,
-    known: IntArray,
-    starts: Records,
+    starts: Records | None,
     friction: FrictionRatio,
     scatter: float,
-) -> IntArray:
-    """Fill the onsets of `rows` that are like those of the rows `known`; the other rows."""
-    length, parts = work["fits"]["length_m"], [np.empty(0, ONSETS)]
-    for windows, motion, sigma, knot in look.alike(rows):
-        tractions = look.forms.traction(knot, ratio=friction.value)
-        nearest = np.argmin(np.abs(length[windows.row][:, None] - length[known]), axis=1)
-        shift = _form_shift(look, work, windows, knot)
-        found = tractions.followed(windows, motion, shift, starts[nearest], sigma, scatter)
-        L = tractions.half_length_m
-        parts.append(records(ONSETS, row=windows.row, found=found, half_length_m=L, shift_m=shift))
+) -> Records:
+    """Fill the onsets of the `rows`, ascending: what was found of them, (k,) of ONSET.
+
+    Looked for everywhere, or from those of the `starts` whose lengths are nearest; then rows that
+    are unlike these keep what they had, and no onset is found.
+    """
+    work, forms, parts = look.work, look.forms, [np.empty(0, ONSET)]
+    length = work["fits"]["length_m"]
+    further = work["roughly"] // work["averaged"]
+    for gathered in look.averaged(rows):
+        for times, alike in gathered.alike(further):
+            for windows, sigma, knot in look.by_form(alike):
+                found = np.full(windows.row.size, np.nan, ONSET)
+                found["row"], found["half_length_m"] = windows.row, forms.half_length_m[knot]
+                shift = work["fits"]["shift_m"][windows.row] - forms.shift_m[knot]
+                found["without_m"] = np.nan_to_num(shift)
+                form = forms.columns[knot], forms.grids[knot]
+                waves = forms.traction(knot, ratio=friction.value)
+                if starts is None:
+                    rough = windows.reduced(times)
+                    sought_onsets(windows, rough, form, waves, found, sigma, scatter)
+                else:
+                    away = length[windows.row][:, None] - length[starts["row"].astype(np.int64)]
+                    like = starts[np.argmin(np.abs(away), axis=1)]
+                    followed_onsets(windows, form, waves, found, like, sigma, scatter)
+                parts.append(found)
     onsets = np.concatenate(parts)
-    alike = np.isfinite(onsets["found"]["best"])
-    kept = onsets[alike]
-    work["slip"][kept["row"]] = slip_onsets(kept, look.forms.form_error, friction, scatter)
-    return np.sort(onsets["row"][~alike])
+    onsets = onsets[np.argsort(onsets["row"])]
+    told = onsets if starts is None else onsets[np.isfinite(onsets["best"])]
+    of_row = told["row"].astype(np.int64)
+    work["slip"][of_row] = slip_onsets(told, forms.form_error, friction, scatter)
+    return onsets
 
 
-def _free(look: WindowPlan, rows: IntArray) -> IntArray:
+def _free(look: PassageForms, rows: IntArray) -> IntArray:
     """Those of `rows` that no quality word spoils and that are at steady speed.
 
     All clean ones, or all of `rows`, if those are too few.
@@ -578,34 +570,8 @@ def _free(look: WindowPlan, rows: IntArray) -> IntArray:
     return next((some for some in (steady, clean) if some.size >= ENOUGH_STEADY), rows)
 
 
-def _alike(windows: PatchWindows, keys: IntArray) -> Iterator[tuple[int, PatchWindows]]:
-    """The rows of `windows` in groups of equal `keys` (one row per passage)."""
-    own = keys[windows.row]
-    for key in np.unique(own):
-        alike = own == key
-        yield int(key), windows if alike.all() else windows.take(alike)
-
-
 def _power_of_two(values: FloatArray) -> IntArray:
     """The largest power of two not above each value, at least 1 and at most 1024."""
     return (2.0 ** np.floor(np.log2(np.clip(np.nan_to_num(values, nan=1.0), 1.0, 1024.0)))).astype(
         np.int64
     )
-
-
-def _fit(look: WindowPlan, windows: PatchWindows, work: Records) -> Records:
-    """Fill the fits of rows that share averaging, which are given back row by row."""
-    row = windows.row
-    fits = fit_edges(
-        windows,
-        windows.motion(*look.motions),
-        look.forms.tables,
-        look.number[row],
-        look.passages.noise,
-    )
-    work["fits"][row] = fits
-    known = np.isfinite(fits["length_m"])
-    work["slip"]["reason"][row] = np.where(
-        known, np.where(look.vague[row], SPEED_UNKNOWN, TOO_SMALL), NO_FORM
-    )
-    return fits

@@ -3,12 +3,13 @@
 some passages of one speed, scaled by the template's height
     --cells along xi--> Average
     --damped Gauss-Newton with the physical family--> Reference, a start for all speeds
-mean passages by class of speed (`refine`) --> what they share, with or without the tire's own form
+mean passages by class of speed (`learn`) --> what they share, with or without the tire's own form
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -27,14 +28,9 @@ from tirelog.vocabulary.arrays import FloatArray
 #: cells along xi over the window; twice as many have half of the samples each and take twice as
 #: long
 CELLS = 120
-#: Levenberg-Marquardt steps from one start, at most; twice as many only help a start that has not
-#: settled by then
-ITERATIONS = 25
 #: a fit is good enough if the next step gains less of the squared misfit; twice as much leaves up
 #: to that much more
 GOOD_ENOUGH = 0.3
-#: highest wave number times half length that the family keeps
-HIGHEST_WAVE = 42.0
 #: averages are fitted up to this share of it; they hold nothing above their noise beyond
 HIGHEST_SHARE = 0.6
 #: what is weakly known of what averages share: mean and standard deviation of normal priors of the
@@ -52,7 +48,6 @@ _OWN_SD = np.array(
 #: then for each average logarithm of the half length, damping, tilt, shift, height, offset; and
 #: what is weakly known of damping and tilt
 _APIECE = 6
-_ODD_SD = np.array([0.4, 0.5])
 #: a step changes the shared ones by no more than this; twice as much overshoots in bent valleys
 _MOST_STEP = np.r_[0.3, 2.0, 2.0, 1.5, np.full(SHAPES, 0.5), np.full(OWN_FORM - SHAPES, 0.3)]
 #: the road does not pull: standard deviation of a pressure below zero, in mean pressures, at some
@@ -70,24 +65,24 @@ _ON_PATCH = np.column_stack(
 TRIALS = ((1.0, 0.0), (0.4, 0.0), (1.0, 1e-4), (1.0, 1e-2), (1.0, 1.0))
 #: a mean length that is held is held to this
 _HELD = 1e-4
-#: starts: tread, and half length over the rough one
-_STARTS = ((0.1, 1.0), (2.5, 0.85))
 
 
 @dataclass(frozen=True)
 class Average:
-    """Mean passage at one speed, by cells along the tread.
+    """Mean passage at one speed, in cells along the tread (`cell_centres`).
 
-    `xi_m` (cells,) mean abscissa of each cell's samples, `values` (cells,) their mean, height about
-    one and patch downward, `weight` (cells,) inverse variance of the mean (0 if a cell holds
-    nothing), `spread_m2` variance of the abscissae.
+    `values` (cells,) means, height about one and patch downward, `weight` (cells,) their inverse
+    variances (0 if a cell holds nothing).
     """
 
     speed_m_s: float
-    xi_m: FloatArray
     values: FloatArray
     weight: FloatArray
-    spread_m2: FloatArray
+
+
+def cell_centres(half_window_m: float) -> FloatArray:
+    """Abscissae of the CELLS of a window [m]."""
+    return (np.arange(float(CELLS)) + 0.5) * (2.0 * half_window_m / CELLS) - half_window_m
 
 
 @dataclass(frozen=True)
@@ -96,11 +91,11 @@ class Reference:
 
     `speed_m_s` (k,) ascending, `shapes` at each, `shifts_m` (k,) of the form behind the passages'
     centres; `inertia`: fall of the tension with the squared speed [s^2/m^2]; `heights` (k,) of the
-    passages it was learnt from. After `refine`: `length_se_m` (k,), the error of a full length from
+    passages it was learnt from. After learning: `length_se_m` (k,), the error of a full length from
     not knowing the form's parameters better; `misfit`, squared residual per degree of `freedom`;
     `residuals` (k, cells) at `residual_xi_m`, what the form leaves of the passages in units of
     their height (None if that is noise); `form_share`: error of all lengths together by what the
-    tire's own form may be (`refine.learn_form`), as a share.
+    tire's own form may be (`learn.learn_form`), as a share.
     """
 
     family: EdgeFamily
@@ -176,39 +171,6 @@ class Reference:
         return np.sqrt(squares)
 
 
-def average(
-    xi_m: FloatArray,
-    values: FloatArray,
-    noise: FloatArray,
-    speed_m_s: float,
-    half_window_m: float,
-    cells: int = CELLS,
-) -> Average:
-    """Mean of samples `values` in cells of equal width.
-
-    Samples of any shape, height about one, at `xi_m` with standard deviations `noise`.
-    """
-    good = np.isfinite(values) & (np.abs(xi_m) < half_window_m)
-    xi, value, weight = xi_m[good], values[good], noise[good] ** -2.0
-    cell = (
-        ((xi + half_window_m) * (cells / (2.0 * half_window_m))).astype(np.int64).clip(0, cells - 1)
-    )
-    total: FloatArray = np.bincount(cell, weight, cells).astype(np.float64)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mean_xi = np.bincount(cell, weight * xi, cells) / total
-        mean = np.bincount(cell, weight * value, cells) / total
-        spread = np.bincount(cell, weight * xi**2, cells) / total - mean_xi**2
-    middle = (np.arange(cells) + 0.5) * (2.0 * half_window_m / cells) - half_window_m
-    empty = total == 0
-    return Average(
-        speed_m_s,
-        np.where(empty, middle, mean_xi),
-        np.where(empty, 0.0, mean),
-        total,
-        np.where(empty, 0.0, np.maximum(spread, 0.0)),
-    )
-
-
 class AverageFit:
     """Averages of some speeds, which share a tire, against a vector of parameters.
 
@@ -217,28 +179,30 @@ class AverageFit:
     """
 
     def __init__(
-        self, family: EdgeFamily, averages: list[Average], scale_m: float, *, own: bool
+        self,
+        family: EdgeFamily,
+        averages: list[Average],
+        half_window_m: float,
+        scale_m: float,
+        *,
+        own: bool,
     ) -> None:
         family = family.up_to(HIGHEST_SHARE)
         self.family, self.averages, self.scale_m, self.own = family, averages, scale_m, own
-        waves = {
-            id(one.xi_m): family.basis(one.xi_m)
-            * (1.0 - 0.5 * np.multiply.outer(one.spread_m2, family.kappa_1_m**2))
-            for one in {id(one.xi_m): one for one in averages}.values()
-        }
-        real = {key: np.hstack([wave.real, -wave.imag]) for key, wave in waves.items()}
-        self.bases = [real[id(one.xi_m)] for one in averages]
+        basis = family.basis(cell_centres(half_window_m))
+        self.basis = np.hstack([basis.real, -basis.imag])
         squares = np.array([one.speed_m_s**2 for one in averages])
         self.relative = squares / squares[-1]
         self.trust, self.near, self.shared = 1.0, False, (_MEAN, _SD)
+        self._last: tuple[Any, tuple[float, FloatArray, FloatArray]] | None = None
 
     def shape(self, theta: FloatArray, number: int) -> EdgeShape:
         """The form of average `number`."""
         apiece = theta[_SHARED + number * _APIECE :]
         tension = theta[1] - theta[2] * self.relative[number]
-        values = np.r_[np.exp([apiece[0], theta[0]]), tension, theta[3], apiece[1:3]]
-        values[:2] *= self.scale_m
-        return EdgeShape.of(np.clip(values, LOWEST, HIGHEST))
+        lengths = self.scale_m * np.exp([apiece[0], theta[0]])
+        values = np.array([*lengths, tension, theta[3], *apiece[1:3]])
+        return EdgeShape.of(np.minimum(np.maximum(values, LOWEST), HIGHEST))
 
     def start(self, reference: Reference) -> FloatArray:
         """The parameters of `reference`, whose speeds are those of the averages."""
@@ -274,10 +238,18 @@ class AverageFit:
 
     def known(self, size: float) -> tuple[FloatArray, FloatArray]:
         """Means and weights of what is known before; the form is of `size` times the ordinary."""
-        odd = np.r_[0.0, _ODD_SD**-2.0, 0.0, 0.0, 0.0]
+        odd = np.array([0.0, 0.4**-2.0, 0.5**-2.0, 0.0, 0.0, 0.0])  # weakly known
         mean = np.r_[self.shared[0], np.zeros(OWN_FORM + _APIECE * len(self.averages))]
         weights = self.shared[1] ** -2.0, (size * _OWN_SD) ** -2.0, np.tile(odd, len(self.averages))
         return mean, np.concatenate(weights)
+
+    def sums(self, theta: FloatArray, length: float | None) -> tuple[float, FloatArray, FloatArray]:
+        """Squared residual, normal matrix and right side at `theta`, kept until it is another."""
+        if self._last is None or self._last[0] != (theta.tobytes(), self.trust, length):
+            left, slopes = self.at(theta, length)
+            sums = float(left @ left), slopes.T @ slopes, slopes.T @ left
+            self._last = (theta.tobytes(), self.trust, length), sums
+        return self._last[1]
 
     def at(self, theta: FloatArray, length: float | None) -> tuple[FloatArray, FloatArray]:
         """Weighted residuals (m,) and what they fall by with the parameters, (m, parameters).
@@ -297,7 +269,7 @@ class AverageFit:
             spectra = family.by_form(shape) if self.own else family.jacobian(shape)
             columns = np.column_stack([spectra, -turning * spectra[:, 0]])
             columns *= np.exp(-turning * shift)[:, None]
-            waves = self.bases[number] @ np.vstack([columns.real, columns.imag])
+            waves = self.basis @ np.vstack([columns.real, columns.imag])
             design = np.column_stack([waves[:, 0], np.ones(root.size)]) * root[:, None]
             linear = np.linalg.solve(design.T @ design, design.T @ (one.values * root))
             theta[first + 4 : first + 6] = linear
@@ -355,13 +327,13 @@ def judged(
     problem: AverageFit, theta: FloatArray, size: float, length: float | None = None
 ) -> Descent:
     """What the averages say at `theta`, as of `descend`."""
-    (mean, known), (left, slopes) = problem.known(size), problem.at(theta, length)
+    (mean, known), (misfit, normal, right) = problem.known(size), problem.sums(theta, length)
     return Descent(
         theta,
-        float(left @ left + known @ (theta - mean) ** 2),
-        float(left @ left),
-        slopes.T @ slopes + np.diag(known),
-        slopes.T @ left + known * (mean - theta),
+        float(misfit + known @ (theta - mean) ** 2),
+        misfit,
+        normal + np.diag(known),
+        right + known * (mean - theta),
         float(np.log(known[4:_SHARED]).sum()),
     )
 
@@ -371,7 +343,7 @@ def descend(
     theta: FloatArray,
     size: float = 1.0,
     length: float | None = None,
-    steps: int = ITERATIONS,
+    steps: int = 25,
 ) -> Descent:
     """A fit from `theta` with a form of `size` times the ordinary one, if one is free.
 
@@ -408,16 +380,22 @@ def descend(
 
 
 def fit_average(
-    average: Average, speed_m_s: FloatArray, radius_m: float, start_length_m: float
+    average: Average,
+    half_window_m: float,
+    speed_m_s: FloatArray,
+    radius_m: float,
+    start_length_m: float,
 ) -> Reference:
     """The family fitted to an average; alike at all of `speed_m_s` (k,).
 
     The best of several starts; `start_length_m` is a rough half length.
     """
-    family = EdgeFamily(radius_m, HIGHEST_WAVE / (0.8 * start_length_m))
-    problem = AverageFit(family, [average], start_length_m, own=False)
+    # highest wave number times half length that the family keeps
+    family = EdgeFamily(radius_m, 42.0 / (0.8 * start_length_m))
+    problem = AverageFit(family, [average], half_window_m, start_length_m, own=False)
     found = []
-    for tread, factor in _STARTS:
+    # starts: tread, and half length over the rough one
+    for tread, factor in ((0.1, 1.0), (2.5, 0.85)):
         start = np.zeros(_SHARED + _APIECE)
         start[[0, 1, 3, _SHARED]] = np.log(0.75), 0.3 if tread < 1 else 3.0, tread, np.log(factor)
         found.append(descend(problem, start))

@@ -26,7 +26,7 @@ from tirelog.data.setup import PLAUSIBLE
 from tirelog.errors import SetupError, UsageError
 from tirelog.runs.in_memory import without_spikes
 from tirelog.strain.passages import passage_flags
-from tirelog.strain.passages.match import MatchedPassages, Signal, match, one_turn
+from tirelog.strain.passages.match import Signal, match, one_turn
 from tirelog.strain.passages.passage_flags import TURN_RAD, kinematics, turns_between
 from tirelog.strain.passages.search import AT_ONCE, decimate, pulses_in
 from tirelog.strain.passages.template import Template
@@ -56,20 +56,20 @@ FAINT, FAINT_UNLINKED = 0.09, 0.15
 
 
 def doubt(
-    channel: Channel, raw: Records, matched: MatchedPassages, noise: float, radius_m: float
+    signal: Signal, raw: Records, start: Records, found: Records, learnt: bool, radius_m: float
 ) -> str:
     """Why the pulses are no passages of a tire; '' if nothing speaks against it.
 
-    `raw`: the pulses as they were found, before strangers were dropped; `noise`: sigma of one
-    sample; `radius_m`: the rolling radius.
+    `raw`: the pulses as they were found, before strangers were dropped; `start`, `found` (n,): of
+    `match`; `learnt`: with a template; `radius_m`: the rolling radius.
     """
-    share = _width_turns(channel, raw)
+    noise, share = signal.noise, _width_turns(signal.channel, raw)
     if share > WIDEST_TURNS:
         return (
             f"each lasts {100 * share:.0f} % of the time to the next, and a patch at most "
             f"{100 * WIDEST_TURNS:.0f} %"
         )
-    time_s, omega = matched.time_s, matched.start["omega_rad_s"]
+    time_s, omega = found["time_s"], start["omega_rad_s"]
     if time_s.size < 3:
         return ""
     period = np.diff(time_s)
@@ -80,8 +80,8 @@ def doubt(
     # m/s for stops
     stopping = np.sqrt(2.0 * 8.0 * TURN_RAD * radius_m)
     broken = ~linked & (radius_m * np.maximum(omega[1:], omega[:-1]) > stopping)
-    height = np.abs(matched.fit["height"])
-    faint = noise > FAINT * float(np.median(matched.pulses["height"]))
+    height = np.abs(found["height"])
+    faint = noise > FAINT * float(np.median(start["height"]))
     # share of pairs that may fail to be one turn apart, as the wheel stopped or samples were lost:
     # of pairs too fast for a stop, and of all.  Random pulses: 0.4 to 0.9; starts and stops: up to
     # 0.1, every fourth turn lost: 0.25.  Twice as much lets random pulses pass
@@ -94,8 +94,8 @@ def doubt(
             f"only {100 * (1 - unlinked):.0f} % of them come one turn after the one before, by "
             "the speed that their widths tell"
         )
-    if matched.template is not None and time_s.size > FEWEST_FAST:
-        beyond = np.sqrt(np.maximum(matched.fit["misfit"] ** 2 - noise**2, 0.0)) / height
+    if learnt and time_s.size > FEWEST_FAST:
+        beyond = np.sqrt(np.maximum(found["misfit"] ** 2 - noise**2, 0.0)) / height
         # residual of the usual waveform beyond the noise, over the height; a real tire that rings
         # at its edges: 0.07, 1/f noise: 0.35 to 0.8.  Twice as much lets noise pass, half as much
         # leaves no margin
@@ -140,9 +140,6 @@ def _width_turns(channel: Channel, pulses: Records) -> float:
     return float(np.median(share) if share.size > 3 else share.min())
 
 
-#: fewer samples in a window are too few for a waveform; twice as many mark fast passages of slow
-#: loggers
-FEWEST = 6
 #: so few pulses may be jumps of an instrument beside which the tire's own are low; those are taken
 #: only if they are more turns than this, and no doubt is left.  Twice as many look twice in some
 #: short logs, which find the same
@@ -282,69 +279,60 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
 
 def _measured(signal: Signal, radius_m: float, pulses: Records) -> Passages:
     """The passages that the `pulses` are; no rows if there are none."""
-    channel, sign, noise = signal.channel, signal.sign, signal.noise
-    if not len(pulses):
-        return _none(channel, radius_m, sign, noise)
-    matched = match(signal, pulses)
-    template, found, omega, time_s = (
-        matched.template,
-        matched.fit,
-        matched.start["omega_rad_s"],
-        matched.time_s,
-    )
+    channel, rate = signal.channel, signal.channel.axis.rate_Hz
+    template, start, found = match(signal, pulses)
+    time_s, time_se_s, omega = found["time_s"], found["time_se_s"], start["omega_rad_s"]
+    backwards, standing = found["backwards"], found["standing"]
     turns = turns_between(time_s, omega)
-    turned = matched.backwards[1:] != matched.backwards[:-1]
-    index = matched.start["index"] + (time_s - matched.start["time_s"]) * channel.axis.rate_Hz
+    turned = backwards[1:] != backwards[:-1]
+    index = start["index"] + (time_s - start["time_s"]) * rate
     # a clock that was set back runs on, as if no sample lacked or came twice
     untimed = passage_flags.doubted(channel, Quality.CLOCK_SET_BACK, index[:-1], index[1:])
     linked, rolled = one_turn(turns) & ~turned & ~untimed, passage_flags.rolled_on(omega, radius_m)
     whole = np.where(turned | untimed, 0, passage_flags.whole_turns(time_s, linked, rolled))
-    linked = np.append(np.where(whole > 0, whole == 1, linked), False)
-    window_rad = (
-        template.window_rad
-        if template
-        else float(np.median(matched.pulses["width"] * omega) / channel.axis.rate_Hz)
-    )
-    lost = (
-        passage_flags.lost_between(channel, time_s, omega, turns, window_rad)
-        if template
-        else np.zeros(turns.size, np.int64)
-    )
-    lost = np.where(whole > 0, whole - 1, lost)
-    turns_after = np.where(np.append(lost, 0) > 0, np.append(lost, 0) + 1, linked)
+    linked = np.append(np.where(whole > 0, whole == 1, linked), False)[: time_s.size]
+    if template:
+        window_rad = template.window_rad
+        lost = passage_flags.lost_between(channel, time_s, omega, turns, window_rad)
+    else:
+        window_rad = float(np.median(start["width_s"] * omega)) if start.size else 0.0
+        lost = np.zeros(turns.size, np.int64)
+    lost = np.append(np.where(whole > 0, whole - 1, lost), 0)[: time_s.size]
+    turns_after = np.where(lost > 0, lost + 1, linked)
     shortest_s = 2.0 * window_rad / np.maximum(omega[1:], omega[:-1])
-    motion = kinematics(time_s, matched.time_se_s, turns_after.astype(float))
+    motion = kinematics(time_s, time_se_s, turns_after.astype(float))
+    # a row that has no neighbours takes the speed that its own stretch tells
     alone = motion["sides"] == 0
-    blind = matched.standing | (time_s.size < 3)
+    blind = np.where(standing | (time_s.size < 3), np.nan, 1.0)
+    speed, speed_se = (
+        np.where(alone, found[name] * blind, motion[name])
+        for name in ("omega_rad_s", "omega_se_rad_s")
+    )
+    # fewer samples in a window are too few for a waveform; twice as many mark fast passages of slow
+    # loggers
     quality = (
-        passage_flags.window_quality(
-            channel, found, index, window_rad / omega * channel.axis.rate_Hz
-        )
-        | marked(matched.standing, Quality.STANDSTILL)
-        | marked(matched.backwards, Quality.REVERSING)
-        | marked((found["used"] < FEWEST) & (template is not None), Quality.FEW_SAMPLES)
+        passage_flags.window_quality(channel, found, index, window_rad / omega * rate)
+        | marked(standing, Quality.STANDSTILL)
+        | marked(backwards, Quality.REVERSING)
+        | marked((found["used"] < 6) & (template is not None), Quality.FEW_SAMPLES)
     )
     measured = Passages(
         channel=channel.name,
         radius_m=radius_m,
-        sign=sign,
-        noise=noise,
+        sign=signal.sign,
+        noise=signal.noise,
         window_rad=window_rad,
         template=template,
         index=index,
         time_s=time_s,
-        time_se_s=matched.time_se_s,
-        turn_before=np.concatenate([[False], linked[:-1]]),
+        time_se_s=time_se_s,
+        turn_before=np.append(False, linked)[: time_s.size],
         turn_after=linked,
         break_after=passage_flags.breaks(
             channel, index, turns, shortest_s, turns_after > 0, turned, rolled, untimed
         ),
-        omega_rad_s=np.where(
-            alone, np.where(blind, np.nan, found["omega_rad_s"]), motion["omega_rad_s"]
-        ),
-        omega_se_rad_s=np.where(
-            alone, np.where(blind, np.nan, found["omega_se_rad_s"]), motion["omega_se_rad_s"]
-        ),
+        omega_rad_s=speed,
+        omega_se_rad_s=speed_se,
         alpha_rad_s2=motion["alpha_rad_s2"],
         sides=motion["sides"],
         height=found["height"],
@@ -353,11 +341,10 @@ def _measured(signal: Signal, radius_m: float, pulses: Records) -> Passages:
         measured=np.ones(time_s.size, bool),
         quality=quality,
     )
-    why = doubt(channel, pulses, matched, noise, radius_m)
+    why = doubt(signal, pulses, start, found, template is not None, radius_m)
     if why:
-        return without_speeds(
-            measured, sentence(channel.name, len(measured), len(pulses), why), Quality.NOT_A_PASSAGE
-        )
+        said = sentence(channel.name, len(measured), len(pulses), why)
+        return without_speeds(measured, said, Quality.NOT_A_PASSAGE)
     return _with_lost(measured, lost, channel) if lost.any() else measured
 
 
@@ -382,28 +369,24 @@ def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) ->
 
     Its time and speed are from the passages around.
     """
-    times, speeds, ses = [], [], []
-    for k in np.flatnonzero(lost):
-        count, around = int(lost[k]), slice(k, k + 2)
-        t, omega = measured.time_s[around], measured.omega_rad_s[around]
-        times.append(passage_flags.between(t[0], t[1], omega[0], omega[1], count))
-        even = t[0] + (t[1] - t[0]) * np.arange(1, count + 1) / (count + 1)
-        ses.append(0.2 * np.abs(times[-1] - even) + 1e-3 * (t[1] - t[0]) / (count + 1))
-        speeds.append(np.interp(times[-1], t, omega))
     place = np.repeat(np.arange(1, lost.size + 1), lost)
-    time_s, omega = np.concatenate(times), np.concatenate(speeds)
-    # the speed at a lost passage is only as good as the change over the turns around it
-    omega_se = (
-        np.abs(measured.omega_rad_s[place] - measured.omega_rad_s[place - 1]) / 3 + 2e-3 * omega
+    turns = lost[place - 1] + 1
+    share = (np.arange(place.size) - np.searchsorted(place, place) + 1) / turns
+    (t0, t1), (omega0, omega1) = (
+        (own[place - 1], own[place]) for own in (measured.time_s, measured.omega_rad_s)
     )
+    time_s = passage_flags.between(t0, t1, omega0, omega1, turns, share)
+    even, omega = t0 + (t1 - t0) * share, omega0 + (omega1 - omega0) * (time_s - t0) / (t1 - t0)
+    # the speed at a lost passage is only as good as the change over the turns around it
+    omega_se = np.abs(omega1 - omega0) / 3 + 2e-3 * omega
     index = channel.axis.index(time_s)
     gap = passage_flags.in_gap(
         channel.axis, index, measured.window_rad / omega * channel.axis.rate_Hz
     )
     extra: dict[str, Any] = {
-        "index": index, "time_s": time_s, "time_se_s": np.concatenate(ses),
-        "turn_before": False, "turn_after": False, "break_after": 0, "omega_rad_s": omega,
-        "omega_se_rad_s": omega_se, "sides": 0, "measured": False,
+        "index": index, "time_s": time_s, "turn_before": False, "turn_after": False,
+        "time_se_s": 0.2 * np.abs(time_s - even) + 1e-3 * (t1 - t0) / turns, "break_after": 0,
+        "omega_rad_s": omega, "omega_se_rad_s": omega_se, "sides": 0, "measured": False,
         "quality": np.uint32(Quality.LOST_PEAK) | marked(gap, Quality.GAP),
     }  # fmt: skip
     columns: dict[str, Any] = {
@@ -414,29 +397,11 @@ def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) ->
     return replace(measured, **columns)
 
 
-def _none(channel: Channel, radius_m: float, sign: float, noise: float) -> Passages:
-    """No passage at all."""
-    others: dict[str, Any] = {"sides": np.int64} | dict.fromkeys(
-        ("turn_before", "turn_after", "measured"), bool
-    )
-    others |= dict.fromkeys(("break_after", "quality"), np.uint32)
-    columns: dict[str, Any] = {
-        f.name: np.zeros(0, others.get(f.name, np.float64)) for f in fields(Passages)[6:-1]
-    }
-    return Passages(channel.name, radius_m, sign, noise, 0.0, None, **columns)
-
-
 # ---- The passages of a channel of a recording, of the right surface.
 #
 # They are refused if they show that its setup names the wrong surface.
 
 
-#: whole turns that must be found on the other surface before the setup's is called wrong; with
-#: one, a kink of a static test would do; twice as many would let a swapped surface pass in logs of
-#: a few turns
-FEWEST_TURNS = 3
-#: passages at which the motion is judged; twice as many find the same
-_LOOKED_AT = 64
 #: what makes an accelerometer contradict the wheel, if no unit does
 _TURNING = "check unit and scale, the sampling rate, the steps of the encoder and the radius"
 
@@ -476,7 +441,8 @@ def implausible_motion(
     known = np.flatnonzero(np.isfinite(passages.omega_rad_s))
     if not known.size:
         return None
-    some = known[np.unique(np.linspace(0, known.size - 1, _LOOKED_AT).astype(np.int64))]
+    # passages at which the motion is judged; twice as many find the same
+    some = known[np.unique(np.linspace(0, known.size - 1, 64).astype(np.int64))]
     speed, omega = passages.speed_m_s[some], passages.omega_rad_s[some]
     # stop-and-go has many slow turns: the fast ones are too slow if the time is wrong
     slowest, middle = PLAUSIBLE["speed_m_s"].low, float(np.median(speed))
@@ -508,7 +474,10 @@ def refuse_swapped_surface(recording: Recording, channel: Channel, radius: float
         return
     other = {"outer": "inner", "inner": "outer"}[channel.surface]
     turned = find_passages(replace(channel, surface=other), radius)
-    if turned.doubt or turned.turn_after.sum() < FEWEST_TURNS:
+    # whole turns that must be found on the other surface before the setup's is called wrong; with
+    # one, a kink of a static test would do; twice as many would let a swapped surface pass in logs
+    # of a few turns
+    if turned.doubt or turned.turn_after.sum() < 3:
         return
     extremum = (
         "a minimum, as the outer surface (groove)"

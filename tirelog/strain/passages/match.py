@@ -8,6 +8,7 @@ Pulses --screen, rough speeds--> Start --learn--> Template
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -27,6 +28,7 @@ from tirelog.strain.passages.template import (
     INTERVALS,
     MOST_SAMPLES,
     ROW,
+    SAMPLE,
     SEGMENT,
     SPAN,
     WIDEST_RAD,
@@ -34,7 +36,6 @@ from tirelog.strain.passages.template import (
     Template,
     fit_rows,
     learned_template,
-    scratch,
     spline_sums,
 )
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
@@ -67,45 +68,6 @@ class Signal:
     extremes: tuple[float, float]
 
 
-@dataclass(frozen=True)
-class Windows:
-    """The windows of some rows in pieces of a channel.
-
-    `samples` (N,) as recorded, and their `times` [s], empty if the axis tells them; `spans` (n,):
-    each row's window, of SPAN; `outside` (n,): part of the window lies outside the log.
-    """
-
-    signal: Signal
-    samples: FloatArray
-    times: FloatArray
-    spans: Records
-    outside: BoolArray
-
-    @classmethod
-    def concatenate(cls, parts: list[Windows]) -> Windows:
-        begins = np.cumsum([0] + [part.samples.size for part in parts])
-        spans = [part.spans.copy() for part in parts]
-        for part, begin in zip(spans, begins, strict=False):
-            part["shift"] += begin
-        samples, times = (
-            np.concatenate([getattr(part, name) for part in parts]) for name in ("samples", "times")
-        )
-        return cls(
-            parts[0].signal,
-            samples,
-            times,
-            np.concatenate(spans),
-            np.concatenate([part.outside for part in parts]),
-        )
-
-    @property
-    def source(self) -> Source:
-        """The samples as the kernels take them."""
-        signal, axis = self.signal, self.signal.channel.axis
-        segments = records(SEGMENT, first=axis.first, start_s=axis.start_s, period_s=axis.period_s)
-        return Source(self.samples, self.times, segments, signal.sign, *signal.extremes)
-
-
 def _spans(signal: Signal, start: Records, window_rad: float) -> tuple[Records, BoolArray]:
     """Each row's window (n,) of SPAN, not shifted; which of them leave the log (n,)."""
     axis = signal.channel.axis
@@ -115,104 +77,49 @@ def _spans(signal: Signal, start: Records, window_rad: float) -> tuple[Records, 
     # a row without a finite guess gets a window of one sample, in which nothing is fitted
     first = np.clip(np.nan_to_num(low), 0, axis.size - 1).astype(np.int64)
     stop = np.clip(np.nan_to_num(high), first + 1, axis.size).astype(np.int64)
-    spans = np.zeros(first.size, SPAN)
-    spans["first"], spans["stop"] = first, stop
-    return spans, (low < 0) | (high > axis.size)
+    return records(SPAN, first=first, stop=stop), (low < 0) | (high > axis.size)
 
 
-def _read(signal: Signal, spans: Records) -> tuple[FloatArray, FloatArray]:
-    """Samples and times from the first to the last window.
+def _blocks(signal: Signal, start: Records, spans: Records) -> Iterator[tuple[slice, Source]]:
+    """Rows of `start` whose centres lie in one block of the log, and the samples around them.
 
-    The shift of `spans` (n,) becomes what leads there.
+    The rows are in order; the shift of their `spans` (n,) of SPAN becomes what leads to the
+    samples.
     """
-    channel = signal.channel
-    if not spans.size:  # no row has a first guess
-        return np.zeros(0), np.zeros(0)
-    begin, end = int(spans["first"].min()), int(spans["stop"].max())
-    spans["shift"] = -begin
-    samples = np.ascontiguousarray(channel.read(begin, end), dtype=np.float64)
-    explicit = channel.axis.explicit
-    return samples, np.asarray(
-        explicit(begin, end), np.float64
-    ) if explicit is not None else np.zeros(0)
+    channel, axis = signal.channel, signal.channel.axis
+    segments = records(SEGMENT, first=axis.first, start_s=axis.start_s, period_s=axis.period_s)
+    block = np.floor(start["index"] / AT_ONCE)
+    for rows in np.split(np.arange(block.size), np.flatnonzero(np.diff(block)) + 1):
+        if not rows.size:
+            continue
+        part = slice(rows[0], rows[-1] + 1)
+        begin, end = int(spans["first"][part].min()), int(spans["stop"][part].max())
+        spans["shift"][part] = -begin
+        samples = np.ascontiguousarray(channel.read(begin, end), dtype=np.float64)
+        times = np.zeros(0) if axis.explicit is None else axis.explicit(begin, end)
+        times = np.asarray(times, np.float64)
+        yield part, Source(samples, times, segments, signal.sign, *signal.extremes)
 
 
-def gather(signal: Signal, start: Records, window_rad: float) -> Windows:
-    """The windows of all rows of `start`, which must lie within one block's reach."""
-    spans, outside = _spans(signal, start, window_rad)
-    samples, times = _read(signal, spans)
-    return Windows(signal, samples, times, spans, outside)
+def fit(
+    signal: Signal, template: Template, start: Records, window_rad: float | None = None
+) -> Records:
+    """Each row's centre by the template, (n,) of FOUND, a block of the log at a time.
 
-
-def residuals(
-    windows: Windows, template: Template, found: Records, alpha: FloatArray, which: IntArray
-) -> tuple[FloatArray, FloatArray]:
-    """Angles [rad] of the samples of the rows `which`, and what the template leaves of them (N,).
-
-    What is left is a share of the height. Lost samples and those outside of the template do not
-    count; offset, height and shift are of those inside.
+    `start` (n,) of ROW, in order; `window_rad` on either side, the template's if it is not given.
     """
-    signal, angles, left = windows.signal, [], []
-    for span, made, change in zip(windows.spans[which], found[which], alpha[which], strict=True):
-        stride = -(-(span["stop"] - span["first"]) // MOST_SAMPLES)
-        index = np.arange(span["first"], span["stop"], stride)
-        value = signal.sign * windows.samples[index + span["shift"]]
-        tau = signal.channel.axis.at(index.astype(np.float64)) - made["time_s"]
-        phi = (made["omega_rad_s"] + 0.5 * change * tau) * tau
-        inside = np.isfinite(value) & (np.abs(phi) <= template.window_rad)
-        phi, value = phi[inside], value[inside]
-        waves = (np.interp(phi, template.phi_rad, w) for w in (template.values, template.slope))
-        design = np.column_stack([np.ones(phi.size), *waves])
-        solved = np.linalg.lstsq(design, value, rcond=None)[0]
-        angles.append(phi)
-        left.append((value - design @ solved) / made["height"])
-    return np.concatenate(angles), np.concatenate(left)
-
-
-def fit_passages(
-    windows: Windows, template: Template, start: Records, height: FloatArray
-) -> Records:
-    """Each row's centre by the template, (n,) of FOUND; `height` (n,) a first guess."""
-    found = np.zeros(height.size, FOUND)
-    found["outside"] = windows.outside
-    _fit(windows, template, start, height, found)
+    found, table, room = np.zeros(start.size, FOUND), template.table, np.empty(MOST_SAMPLES, SAMPLE)
+    spans, found["outside"] = _spans(signal, start, window_rad or template.window_rad)
+    for part, source in _blocks(signal, start, spans):
+        fit_rows(
+            source, signal.noise, table, template.window_rad, start[part], spans[part],
+            found[part], room,
+        )  # fmt: skip
     return found
-
-
-def fit_blocks(
-    signal: Signal,
-    template: Template,
-    start: Records,
-    height: FloatArray,
-    block_samples: int = AT_ONCE,
-) -> Records:
-    """`fit_passages` of rows from all over the log, in order, a block of it at a time."""
-    found = np.zeros(height.size, FOUND)
-    spans, found["outside"] = _spans(signal, start, template.window_rad)
-    block = np.floor(start["index"] / block_samples)
-    ends = np.concatenate([[0], np.flatnonzero(np.diff(block)) + 1, [block.size]])
-    for low, high in pairwise(ends.tolist()):
-        part = slice(low, high)
-        samples, times = _read(signal, spans[part])
-        windows = Windows(signal, samples, times, spans[part], found["outside"][part])
-        _fit(windows, template, start[part], height[part], found[part])
-    return found
-
-
-def _fit(
-    windows: Windows, template: Template, start: Records, height: FloatArray, found: Records
-) -> None:
-    """Fills all of `found` (n,) of FOUND but which rows leave the log."""
-    rows = start.copy()
-    rows["height"] = height
-    fit_rows(
-        windows.source, windows.signal.noise, template.table, template.window_rad, rows,
-        windows.spans, found, scratch(),
-    )  # fmt: skip
 
 
 def curve_sums(
-    windows: Windows, start: Records, offset: FloatArray, height: FloatArray, window_rad: float
+    signal: Signal, start: Records, window_rad: float
 ) -> tuple[FloatArray, FloatArray, int]:
     """The rows' samples, scaled to height 1, as what a template's curve is learnt from.
 
@@ -220,12 +127,36 @@ def curve_sums(
     (s,), and how many samples are in them.
     """
     normal, right = np.zeros((INTERVALS + 3, INTERVALS + 3)), np.zeros(INTERVALS + 3)
-    rows = start.copy()
-    rows["height"] = height
-    count = spline_sums(
-        windows.source, rows, offset, windows.spans, window_rad, normal, right, scratch()
-    )
+    count, room = 0, np.empty(MOST_SAMPLES, SAMPLE)
+    spans, _ = _spans(signal, start, window_rad)
+    for part, source in _blocks(signal, start, spans):
+        count += spline_sums(source, start[part], spans[part], window_rad, normal, right, room)
     return normal, right, count
+
+
+def residuals(
+    signal: Signal, template: Template, start: Records, found: Records
+) -> tuple[FloatArray, FloatArray]:
+    """Angles [rad] of the samples of all rows, and what the fits leave of them, (N,) each.
+
+    What is left is a share of the height. Lost samples and those outside of the template are left
+    out.
+    """
+    angles, left = [np.zeros(0)], [np.zeros(0)]
+    spans, _ = _spans(signal, start, template.window_rad)
+    for part, source in _blocks(signal, start, spans):
+        for span, row, made in zip(spans[part], start[part], found[part], strict=True):
+            index = np.arange(
+                span["first"], span["stop"], -((span["first"] - span["stop"]) // MOST_SAMPLES)
+            )
+            tau = signal.channel.axis.at(index.astype(np.float64)) - made["time_s"]
+            phi = (made["omega_rad_s"] + 0.5 * row["alpha_rad_s2"] * tau) * tau
+            value = signal.sign * source.samples[index + span["shift"]] - made["offset"]
+            inside = np.isfinite(value) & (np.abs(phi) <= template.window_rad)
+            shape = np.interp(phi[inside], template.phi_rad, template.values)
+            angles.append(phi[inside])
+            left.append(value[inside] / made["height"] - shape)
+    return np.concatenate(angles), np.concatenate(left)
 
 
 # ---- The template of a log's own passages.
@@ -245,77 +176,53 @@ LEARNT_FROM, CLUSTERS, LEARNING_ROUNDS = 320, 16, 3
 SCATTER_PARTS, SCATTER_FROM, FEWEST = 24, 60, 5
 
 
-def _clusters(good: IntArray) -> list[IntArray]:
-    """Up to LEARNT_FROM of the passages `good`, as clusters of neighbours spread over the log."""
-    if good.size <= LEARNT_FROM:
-        return [
-            good[k : k + LEARNT_FROM // CLUSTERS]
-            for k in range(0, good.size, LEARNT_FROM // CLUSTERS)
-        ]
-    size = LEARNT_FROM // CLUSTERS
-    firsts = np.linspace(0, good.size - size, CLUSTERS).astype(np.int64)
-    return [good[k : k + size] for k in firsts]
+def clusters(rows: IntArray, most: int, count: int) -> IntArray:
+    """At most `most` of `rows`, as so many clusters of neighbours spread over them."""
+    if rows.size <= most:
+        return rows
+    size = most // count
+    firsts = np.linspace(0, rows.size - size, count).astype(np.int64)
+    return np.unique(np.concatenate([rows[k : k + size] for k in firsts]))
 
 
-def learn_template(
-    signal: Signal, start: Records, good: IntArray, pulses: Records
-) -> Template | None:
-    """The template from the passages `good` (indices), or None.
+def learn_template(signal: Signal, start: Records, good: IntArray) -> Template | None:
+    """The template from the passages `good` (indices) of `start`, or None.
 
     Each round fits them with the template of the round before. None if there is no such passage, or
     no curve with two half-level crossings comes of them.
     """
-    rate_Hz = signal.channel.axis.rate_Hz
-    clusters = _clusters(good)
-    if not clusters:
+    if not good.size:
         return None
-    # the window that is learnt, in half widths
-    window = min(
-        WIDEST_RAD,
-        3.0 * 0.5 * float(np.median(pulses["width"][good] / rate_Hz * start["omega_rad_s"][good])),
-    )
-    chosen = np.concatenate(clusters)
-    windows = Windows.concatenate([gather(signal, start[cluster], window) for cluster in clusters])
-    at, offset, height = start[chosen].copy(), pulses["base"][chosen], pulses["height"][chosen]
-    like = np.ones(chosen.size, bool)
-    template: Template | None = None
+    half_width = 0.5 * float(np.median((start["width_s"] * start["omega_rad_s"])[good]))
+    window = min(WIDEST_RAD, 3.0 * half_width)  # the window that is learnt, in half widths
+    at = start[clusters(good, LEARNT_FROM, CLUSTERS)]
+    like, template = np.ones(at.size, bool), None
     for _ in range(LEARNING_ROUNDS):
-        template = learned_template(
-            curve_sums(
-                replace(windows, spans=windows.spans[like], outside=windows.outside[like]),
-                at[like],
-                offset[like],
-                height[like],
-                window,
-            ),
-            window,
-        )
+        template = learned_template(curve_sums(signal, at[like], window), window)
         if template is None:
             return None
-        found = fit_passages(windows, template, at, height)
+        found = fit(signal, template, at, window)
         # a passage whose misfit is a larger share of its height is not learnt from; twice as much
         # learns from passages with a tenth of something else in them
-        like = (found["height"] > 0.5 * np.median(height)) & (
+        like = (found["height"] > 0.5 * np.median(at["height"])) & (
             found["misfit"] < np.maximum(0.15 * found["height"], 3 * signal.noise)
         )
-        at["time_s"] = np.where(like, found["time_s"], at["time_s"])
-        offset, height = (
-            np.where(like, found["offset"], offset),
-            np.where(like, found["height"], height),
-        )
-    if template is None or chosen.size < FEWEST:
+        for name in ("time_s", "offset", "height"):
+            at[name] = np.where(like, found[name], at[name])
+    if template is None or at.size < FEWEST:
         return template
-    return replace(template, scatter=_scatter(windows, template, found, at["alpha_rad_s2"]))
+    return replace(template, scatter=_scatter(signal, template, at))
 
 
-def _scatter(windows: Windows, template: Template, found: Records, alpha: FloatArray) -> FloatArray:
+def _scatter(signal: Signal, template: Template, at: Records) -> FloatArray:
     """Standard deviation between turns beyond the noise over the height, (g,).
 
     At each angle of the template's table. By medians over short stretches of angle, so that a few
     passages with a spike do not matter; the larger of neighbouring stretches.
     """
-    rows = np.unique(np.linspace(0, alpha.size - 1, SCATTER_FROM).astype(np.int64))
-    phi, rest = residuals(windows, template, found, alpha, rows)
+    at = at[np.unique(np.linspace(0, at.size - 1, SCATTER_FROM).astype(np.int64))]
+    found = fit(signal, template, at)
+    phi, rest = residuals(signal, template, at, found)
     place = (phi / template.window_rad + 1.0) * 0.5 * SCATTER_PARTS
     part = np.clip(place.astype(np.int64), 0, SCATTER_PARTS - 1)
     size = np.abs(rest)
@@ -325,7 +232,7 @@ def _scatter(windows: Windows, template: Template, found: Records, alpha: FloatA
             for k in range(SCATTER_PARTS)
         ]
     )
-    noise = windows.signal.noise / np.median(np.abs(found["height"]))
+    noise = signal.noise / np.median(np.abs(found["height"]))
     padded = np.pad(np.sqrt(np.maximum(sigma**2 - noise**2, 0.0)), 1)
     widest = np.max([padded[:-2], padded[1:-1], padded[2:]], axis=0)
     middles = ((np.arange(SCATTER_PARTS) + 0.5) / SCATTER_PARTS * 2.0 - 1.0) * template.window_rad
@@ -464,88 +371,61 @@ FOREIGN_HEIGHTS = (0.3, 2.5)
 TRIED_BACKWARDS, BACKWARDS_EVIDENCE = 8, 15.0
 
 
-@dataclass(frozen=True)
-class MatchedPassages:
-    """The fitted passages, and which of them were no plain ones.
+def match(signal: Signal, pulses: Records) -> tuple[Template | None, Records, Records]:
+    """Template, starts (n,) of ROW and fits (n,) of FOUND of the pulses that are passages.
 
-    The `pulses` that are left, the `start` of their fits, the `fit`, standard errors of its times
-    (n,); `standing`: the wheel stood in the passage (n,), `backwards`: it rolled backwards (n,).
+    Of a passage in which the wheel stood the time is the middle of its pulse. The template is None
+    if there are too few.
     """
-
-    template: Template | None
-    pulses: Records
-    start: Records
-    fit: Records
-    time_se_s: FloatArray
-    standing: BoolArray
-    backwards: BoolArray
-
-    @property
-    def time_s(self) -> FloatArray:
-        """Times of the patch centres.
-
-        Of a passage in which the wheel stood: the middle of its pulse.
-        """
-        return np.where(self.standing, self.start["time_s"], self.fit["time_s"])
-
-
-def match(signal: Signal, pulses: Records) -> MatchedPassages:
-    """Template and fit of the pulses, without those that are no passage."""
-    pulses = screen(signal.channel, pulses)
-    start = _start(signal.channel, pulses)
-    everything = np.ones(len(pulses), bool)
-    template = _learn(signal, start, pulses, everything) if len(pulses) > 1 else None
+    channel = signal.channel
+    pulses = screen(channel, pulses)
+    start = _start(channel, pulses)
+    template = _learn(signal, start, np.ones(start.size, bool)) if start.size > 1 else None
     if template is None:
-        return _matched(signal, None, pulses, start, _rough(signal, start, pulses), ~everything)
-    found = fit_blocks(signal, template, start, pulses["height"])
+        return None, start, _rough(start)
+    found = fit(signal, template, start)
     kept = ~_foreign(found, start, signal.noise)
     if not kept.all():
         pulses = pulses[kept]
-        start = _start(signal.channel, pulses)
-        found = fit_blocks(signal, template, start, pulses["height"])
+        start = _start(channel, pulses)
+        found = fit(signal, template, start)
     back = _backwards(signal, template, start, found)
     if back.any():
-        start = _start(signal.channel, pulses, back[1:] != back[:-1])
-        template = _learn(signal, start, pulses, ~back) or template
-        found = fit_blocks(signal, template, start, pulses["height"])
-        found = np.where(
-            back, fit_blocks(signal, template.mirrored(), start, pulses["height"]), found
-        )
-    return _matched(signal, template, pulses, start, found, back)
+        start = _start(channel, pulses, back[1:] != back[:-1])
+        template = _learn(signal, start, ~back) or template
+        mirrored = fit(signal, template.mirrored(), start)
+        found = np.where(back, mirrored, fit(signal, template, start))
+    found["backwards"] = back
+    _judge(start, found, signal.noise)
+    return template, start, found
 
 
-def _learn(signal: Signal, start: Records, pulses: Records, usable: BoolArray) -> Template | None:
+def _learn(signal: Signal, start: Records, usable: BoolArray) -> Template | None:
     """The template from the passages of known speed among the `usable`.
 
     From all of these if none has a known speed.
     """
     known = np.flatnonzero(usable & (start["stretch"] == STRETCH_NEIGHBOURS))
-    return learn_template(signal, start, known if known.size else np.flatnonzero(usable), pulses)
+    return learn_template(signal, start, known if known.size else np.flatnonzero(usable))
 
 
-def _matched(
-    signal: Signal,
-    template: Template | None,
-    pulses: Records,
-    start: Records,
-    found: Records,
-    back: BoolArray,
-) -> MatchedPassages:
-    """The fits with what they say about themselves."""
-    height = np.abs(found["height"])
-    usual = USUAL_MISFITS * float(np.median(found["misfit"] / height)) if len(pulses) else 0.0
-    bad = found["misfit"] > np.maximum(max(STANDING_MISFIT, usual) * height, 3 * signal.noise)
+def _judge(start: Records, found: Records, noise: float) -> None:
+    """Fills which fits are of a standing wheel, and widens errors by what the fits leave.
+
+    The error of a row that fits far worse than most is larger: its residual is no white noise.
+    """
+    height, misfit = np.abs(found["height"]), found["misfit"]
+    share = float(np.median(misfit / height))
+    bad = misfit > np.maximum(max(STANDING_MISFIT, USUAL_MISFITS * share) * height, 3 * noise)
     standing = bad & (start["stretch"] == STRETCH_WIDTH) & ~found["holds_spike"]
-    quarter_s = 0.25 * pulses["width"] / signal.channel.axis.rate_Hz
-    return MatchedPassages(
-        template,
-        pulses,
-        start,
-        found,
-        np.where(standing, quarter_s, found["time_se_s"] * _doubt(found, signal.noise)),
-        standing,
-        back,
-    )
+    if noise > 0:
+        # a row is doubtful if its misfit is this many times the median's; twice as many leave the
+        # error as it is for misfits of up to six times
+        doubtful = misfit > 3.0 * np.maximum(share * height, noise)
+        found["time_se_s"] *= np.where(doubtful, 2.0 * misfit / noise, 1.0)
+    found["standing"] = standing
+    found["time_s"] = np.where(standing, start["time_s"], found["time_s"])
+    found["time_se_s"] = np.where(standing, 0.25 * start["width_s"], found["time_se_s"])
 
 
 def _foreign(found: Records, start: Records, noise: float) -> BoolArray:
@@ -568,20 +448,6 @@ def _foreign(found: Records, start: Records, noise: float) -> BoolArray:
         )
         foreign[1:-1] |= bad[1:-1] & ~bad[:-2] & ~bad[2:] & one_turn(skip)
     return foreign
-
-
-def _doubt(found: Records, noise: float) -> FloatArray:
-    """Factor on the standard error of rows that fit far worse than most, (n,).
-
-    Their residual is no white noise.
-    """
-    if not found["misfit"].size or not np.isfinite(found["misfit"]).any() or not noise > 0:
-        return np.ones(found["misfit"].size)
-    share = found["misfit"] / np.abs(found["height"])
-    expected = np.maximum(float(np.nanmedian(share)) * np.abs(found["height"]), noise)
-    # a row is doubtful if its misfit is this many times the median's; twice as many leave the error
-    # as it is for misfits of up to six times
-    return np.where(found["misfit"] > 3.0 * expected, 2.0 * found["misfit"] / noise, 1.0)
 
 
 def _start(channel: Channel, pulses: Records, turned: BoolArray | None = None) -> Records:
@@ -607,25 +473,20 @@ def _start(channel: Channel, pulses: Records, turned: BoolArray | None = None) -
         omega_rad_s=np.where(known | extrapolated, motion["omega_rad_s"], from_width),
         alpha_rad_s2=np.where(known | extrapolated, motion["alpha_rad_s2"], 0.0),
         stretch=np.where(known, STRETCH_NEIGHBOURS, STRETCH_WIDTH),
+        height=pulses["height"],
+        offset=pulses["base"],
+        width_s=width_s,
     )
 
 
-def _rough(signal: Signal, start: Records, pulses: Records) -> Records:
-    """Rows without a template: the middle of the half-level crossings.
+def _rough(start: Records) -> Records:
+    """Fits without a template: the middle of the half-level crossings.
 
     With an error of a tenth of the width.
     """
-    nan = np.nan
-    return records(
-        FOUND,
-        time_s=start["time_s"],
-        time_se_s=0.1 * pulses["width"] / signal.channel.axis.rate_Hz,
-        omega_rad_s=nan,
-        omega_se_rad_s=nan,
-        height=pulses["height"],
-        offset=pulses["base"],
-        misfit=nan,
-    )
+    unknown = dict.fromkeys(("omega_rad_s", "omega_se_rad_s", "misfit"), np.nan)
+    known = {name: start[name] for name in ("time_s", "height", "offset")}
+    return records(FOUND, time_se_s=0.1 * start["width_s"], **known, **unknown)
 
 
 def _backwards(signal: Signal, template: Template, start: Records, found: Records) -> BoolArray:
@@ -650,11 +511,8 @@ def _backwards(signal: Signal, template: Template, start: Records, found: Record
         rows = np.arange(first, min(stop, first + TRIED_BACKWARDS))
         some = start[rows]
         some["time_s"], some["omega_rad_s"] = found["time_s"][rows], found["omega_rad_s"][rows]
-        windows = gather(signal, some, template.window_rad)
-        height = np.abs(found["height"][rows])
-        forth, other = (
-            fit_passages(windows, shape, some, height) for shape in (template, template.mirrored())
-        )
+        some["height"] = np.abs(found["height"][rows])
+        forth, other = (fit(signal, shape, some) for shape in (template, template.mirrored()))
         floor = signal.noise**2
         ratio = (forth["misfit"] ** 2 + floor) / (other["misfit"] ** 2 + floor)
         back[first:stop] = 0.5 * float(np.sum(forth["used"] * np.log(ratio))) > BACKWARDS_EVIDENCE

@@ -33,18 +33,12 @@ TURN_RAD = 2 * np.pi
 #: a change of acceleration counts beyond this many times its noise variance: noise does that once
 #: in 22; doubled, once in 210
 SIGNIFICANT = 4.0
-#: scatter of the accelerations beyond the noise, times period, to the error of the speed: a kink
-#: at random places between passages; that part of the error is proportional to it
-KINK = 0.8
 #: passages on either side whose accelerations tell how it changes, and the degree of their curve;
 #: twice as far tells it better at a steady pace, and rounds off the beginning of a braking
 REACH, DEGREE = 3, 3
 #: standard deviation of the jerk if nothing tells it: the acceleration itself, gained or lost over
 #: this many turns; twice as many halve the jerk and with it what is added to the error
 BLIND_TURNS = 2.0
-#: share of the acceleration that may have changed beyond the last passage without a trace; that
-#: part of the error is proportional to it
-UNSEEN = 0.05
 
 
 #: a passage's wheel speed with standard error, wheel acceleration, and neighbours on how many sides
@@ -164,7 +158,9 @@ def _corrected(
     noise = noise + outer**2 * np.nan_to_num(_near(time_se_s, 2) ** 2 + _near(time_se_s, -2) ** 2)
     scatter = _scatter(alpha, acceleration_noise)
     # of a kink beside the passage the difference is up to twice that of a smooth change
-    error = np.sqrt(noise * (omega / period) ** 2 + (KINK * scatter * period) ** 2 + smooth**2)
+    # scatter of the accelerations beyond the noise, times period, to the error of the speed: a kink
+    # at random places between passages; that part of the error is proportional to it
+    error = np.sqrt(noise * (omega / period) ** 2 + (0.8 * scatter * period) ** 2 + smooth**2)
     return omega - smooth, error
 
 
@@ -218,7 +214,9 @@ def _one_sided(
     known &= sides[beyond] == 2
     change = np.where(known, np.abs(alpha[beyond] - alpha[near]), np.abs(alpha[near]) / BLIND_TURNS)
     noise = 2.1 * omega[near] * time_se_s[near] / np.abs(elapsed)
-    blind = (change / 3.0) ** 2 + (UNSEEN * alpha[near]) ** 2
+    # share of the acceleration that may have changed beyond the last passage without a trace; that
+    # part of the error is proportional to it
+    blind = (change / 3.0) ** 2 + (0.05 * alpha[near]) ** 2
     omega_se[rows] = np.sqrt(noise**2 + blind * elapsed**2 + omega_se[near] ** 2)
     alpha[rows] = alpha[near]
     sides[rows] = 1
@@ -230,10 +228,6 @@ MOST_LOST = 4
 #: share of a window's samples that must be lost before a passage counts as lost there; twice as
 #: much asks for most of a window, and passages lost by a third of it stay uncounted
 LOST_SHARE = 0.3
-#: deceleration [m/s^2] at which a wheel that rolls on may stop within a turn (a car's: from 7.8
-#: m/s), half as much again as a dry road allows; faster ones did not stop between two passages.
-#: Twice as much takes for a stop what was not found at 11 m/s
-STOPPING_M_S2 = 16.0
 #: turns that a time may be off whole ones, by the turns before and after, which may differ by this
 #: ratio.  Twice as much takes any time for whole turns; of twice the ratio, turns at either end of
 #: a hard braking tell nothing of those in between
@@ -288,7 +282,10 @@ def _touched(begin: FloatArray, end: FloatArray, low: FloatArray, high: FloatArr
 def rolled_on(omega: FloatArray, radius_m: float) -> BoolArray:
     """Whether the wheel was too fast to stop between each passage and the next, (n - 1,)."""
     slower = radius_m * np.minimum(omega[1:], omega[:-1])
-    return np.asarray(slower > np.sqrt(2.0 * STOPPING_M_S2 * TURN_RAD * radius_m))
+    # deceleration [m/s^2] at which a wheel that rolls on may stop within a turn (a car's: from 7.8
+    # m/s), half as much again as a dry road allows; faster ones did not stop between two passages.
+    # Twice as much takes for a stop what was not found at 11 m/s
+    return np.asarray(slower > np.sqrt(2.0 * 16.0 * TURN_RAD * radius_m))
 
 
 def whole_turns(time_s: FloatArray, linked: BoolArray, rolled: BoolArray) -> IntArray:
@@ -326,7 +323,9 @@ def lost_between(
     )
     for k in likely:
         count = int(whole[k]) - 1
-        times = between(time_s[k], time_s[k + 1], omega[k], omega[k + 1], count)
+        share = np.arange(1, count + 1) / (count + 1)
+        ends = time_s[k], time_s[k + 1], omega[k], omega[k + 1]
+        times = between(*ends, whole[k], share)
         reach = window_rad / omega[k]
         if all(_lost_share(channel, t - reach, t + reach) > LOST_SHARE for t in times):
             lost[k] = count
@@ -343,14 +342,16 @@ def _lost_share(channel: Channel, begin_s: float, end_s: float) -> float:
     return 1.0 - there / (expected + 1.0)
 
 
-def between(t0: float, t1: float, omega0: float, omega1: float, count: int) -> FloatArray:
-    """Times of `count` passages evenly spread in angle between two.
+def between(
+    t0: FloatArray, t1: FloatArray, omega0: FloatArray, omega1: FloatArray, turns: IntArray,
+    share: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """Times of passages between two, which are so many `turns` apart; broadcasts.
 
-    By the cubic of time over angle with the speeds at both ends.
+    By the cubic of time over angle with the speeds at both ends; `share` of the angle between.
     """
-    u = np.arange(1, count + 1) / (count + 1)
-    angle = (count + 1) * TURN_RAD
-    return (
+    u, angle = share, turns * TURN_RAD
+    return np.asarray(
         t0 * (1 + 2 * u) * (1 - u) ** 2
         + t1 * u**2 * (3 - 2 * u)
         + angle * (u * (1 - u) ** 2 / omega0 - u**2 * (1 - u) / omega1)
@@ -384,4 +385,4 @@ def breaks(
         [0, Quality.GAP, Quality.LOST_PEAK, Quality.STANDSTILL],
         Quality.REVERSING,
     )
-    return np.append(why, 0).astype(np.uint32)
+    return np.append(why, 0).astype(np.uint32)[: index.size]

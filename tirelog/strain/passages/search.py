@@ -5,7 +5,7 @@ Pulses that stand out of their surroundings by half of the usual height.
     channel --decimate--> medians of short buckets, patch upward
             --turning points whose rise and fall exceed a height--> peaks, each between two valleys
             --half-level crossings--> Records: middle and width [samples], one row per passage
-            --those of few buckets--> the same with shorter buckets there
+            --some of few buckets--> the same with shorter buckets
 
 A pulse counts if the signal climbs to it and falls from it by the same least height, found from the
 log's own heights. Neither a baseline nor a period is assumed, so drift, standing still (in the
@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel, TimeAxis
-from tirelog.dsp.filters import PIECE_SAMPLES, SampleNoise, runs
+from tirelog.dsp.filters import PIECE_SAMPLES, SampleNoise
 from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
@@ -158,7 +158,7 @@ def _share(below: float, above: float, level: float) -> float:
 #     channel
 #         --block by block, buckets at fixed samples--> Decimated (float32, 1 byte per sample of the
 #                                                       log), noise and extremes beside
-#         --shorter buckets in some stretches (`refined`)--> Decimated
+#         --shorter buckets, if a pulse takes them (`shorter`)--> Decimated
 #
 # The median of a bucket ignores a single wild sample; a bucket that is lost is bridged by a
 # straight
@@ -170,19 +170,13 @@ AT_ONCE = 1 << 17
 #: length of a bucket [s], before any is made shorter: at 25 m/s a patch of 0.1 m takes 4 ms;
 #: buckets twice as long need shorter ones from half the speed on
 BUCKET_S = 1.6e-3
-#: shorter buckets have this share of the samples: twice as much takes two rounds for what is four
-#: times as fast
-SHORTER = 4
 
 
 @dataclass(frozen=True)
 class Decimated:
     """The medians of buckets of a channel's samples, patch upward.
 
-    `values` (m,): of buckets; none if the whole channel is lost.
-
-    The buckets of a piece are equally long: `bucket` (p,) samples each, from bucket number
-    `begin` (p,) on, which starts at the sample `first` (p,).
+    `values` (m,): of buckets of `bucket` samples each; none if the whole channel is lost.
 
     `parts`: number of the bucket with which the recording begins, and goes on after each long
     interruption; `extremes`: least and largest sample of the channel, as recorded; `noise`: sigma
@@ -190,26 +184,14 @@ class Decimated:
     """
 
     values: NDArray[np.float32]
-    bucket: IntArray
-    begin: IntArray
-    first: IntArray
+    bucket: int
     parts: IntArray
     extremes: tuple[float, float]
     noise: float
 
-    def samples(self, place: IntArray | FloatArray) -> IntArray:
-        """Samples of the buckets at these places (n,)."""
-        return self.bucket[self._piece(place)]
-
     def index(self, place: IntArray | FloatArray) -> FloatArray:
         """The middle of buckets [samples], by their numbers `place` (n,)."""
-        piece = self._piece(place)
-        bucket = self.bucket[piece].astype(np.float64)
-        middle: FloatArray = (place - self.begin[piece]) * bucket + 0.5 * (bucket - 1)
-        return self.first[piece] + middle
-
-    def _piece(self, place: IntArray | FloatArray) -> IntArray:
-        return np.searchsorted(self.begin[1:], place, side="right")
+        return np.asarray(place * float(self.bucket) + 0.5 * (self.bucket - 1))
 
 
 def bucket_samples(rate_Hz: float) -> int:
@@ -230,75 +212,38 @@ def decimate(channel: Channel, sign: float, block_samples: int = AT_ONCE) -> Dec
     noise = SampleNoise(channel.size, channel.resolution)
     medians = np.empty(-(-channel.size // bucket), np.float32)
     low, high = np.inf, -np.inf
-    for start, values in _median_blocks(channel, sign, bucket, 0, medians, block_samples):
+    for start, values in _median_blocks(channel, sign, bucket, medians, block_samples):
         noise.take(start, values)
         low, high = np.fmin.reduce(values, initial=low), np.fmax.reduce(values, initial=high)
-    buckets, zero = np.array([bucket]), np.zeros(1, np.int64)
-    parts = _parts(channel.axis, buckets, zero, zero)
-    extremes = float(low), float(high)
-    return Decimated(_bridged(medians), buckets, zero, zero, parts, extremes, noise.sigma())
+    parts, extremes = _parts(channel.axis, bucket), (float(low), float(high))
+    return Decimated(_bridged(medians), bucket, parts, extremes, noise.sigma())
 
 
-def refined(channel: Channel, data: Decimated, sign: float, stretches: IntArray) -> Decimated:
-    """`data` of `channel` with shorter buckets in the `stretches`, samples [from, to), (n, 2).
-
-    Buckets of one sample stay.
-    """
-    values: list[NDArray[np.float32]] = []
-    pieces: list[tuple[int, int, int]] = []
-    begin = 0
-    ends = np.append(data.begin[1:], data.values.size)
-    for bucket, place, first, end in zip(data.bucket, data.begin, data.first, ends, strict=True):
-        within = np.clip((stretches - first) / bucket, 0, end - place)
-        cuts = np.stack([np.floor(within[:, 0]), np.ceil(within[:, 1])], axis=1).astype(np.int64)
-        cuts = cuts[(cuts[:, 1] > cuts[:, 0]) & (bucket > 1)]
-        edges = np.concatenate([[0], cuts.ravel(), [end - place]])
-        for k, (low, high) in enumerate(pairwise(edges.tolist())):
-            if high <= low:
-                continue
-            own, shorter = data.values[place + low : place + high], int(bucket)
-            start = int(first + low * bucket)
-            if k % 2:  # every second piece is a stretch
-                shorter = shorter // SHORTER if shorter >= 4 * SHORTER else 1
-                stop = min(int(first + high * bucket), channel.size)
-                own = np.empty(-(-(stop - start) // shorter), np.float32)
-                for _ in _median_blocks(channel, sign, shorter, start, own, AT_ONCE):
-                    pass
-            values.append(own)
-            pieces.append((shorter, begin, start))
-            begin += own.size
-    buckets, begins, firsts = np.array(pieces, np.int64).T
-    return replace(
-        data,
-        values=_bridged(np.concatenate(values)),
-        bucket=buckets,
-        begin=begins,
-        first=firsts,
-        parts=_parts(channel.axis, buckets, begins, firsts),
-    )
+def shorter(channel: Channel, data: Decimated, sign: float) -> Decimated:
+    """`data` of `channel` with buckets of a quarter of the samples, times `sign`."""
+    bucket = data.bucket // 4 if data.bucket >= 16 else 1
+    medians = np.empty(-(-channel.size // bucket), np.float32)
+    for _ in _median_blocks(channel, sign, bucket, medians, AT_ONCE):
+        pass
+    parts = _parts(channel.axis, bucket)
+    return replace(data, values=_bridged(medians), bucket=bucket, parts=parts)
 
 
 def _median_blocks(
-    channel: Channel,
-    sign: float,
-    bucket: int,
-    begin: int,
-    medians: NDArray[np.float32],
-    block_samples: int,
+    channel: Channel, sign: float, bucket: int, medians: NDArray[np.float32], block_samples: int
 ) -> Iterator[tuple[int, FloatArray]]:
-    """Fills `medians` (m,) with the buckets from the sample `begin` on.
+    """Fills `medians` (m,) with the buckets of the channel.
 
     Yields (first sample, samples) of each block that it goes through.
     """
     step = -(-block_samples // PIECE_SAMPLES) * PIECE_SAMPLES
     margin = 1 if bucket == 1 else 0
-    end = min(begin + bucket * medians.size, channel.size)
-    for start in range(begin, end, step):
-        first, stop = max(start - margin, 0), min(start + step, end)
+    for start in range(0, channel.size, step):
+        first, stop = max(start - margin, 0), min(start + step, channel.size)
         values = np.ascontiguousarray(
             channel.read(first, min(stop + margin, channel.size)), dtype=np.float64
         )
-        own = medians[(start - begin) // bucket : -(-(stop - begin) // bucket)]
+        own = medians[start // bucket : -(-stop // bucket)]
         if bucket == 1:
             running_medians(values, start - first, sign, own)
         else:
@@ -306,14 +251,12 @@ def _median_blocks(
         yield start, values[start - first : stop - first]
 
 
-def _parts(axis: TimeAxis, bucket: IntArray, begin: IntArray, first: IntArray) -> IntArray:
-    """Numbers of the buckets with which the recording begins and goes on, by the pieces (p,)."""
+def _parts(axis: TimeAxis, bucket: int) -> IntArray:
+    """Numbers of the buckets with which the recording begins, and goes on."""
     # a recording that is interrupted for more than a second goes on as another part, as its level
     # may have drifted meanwhile; twice as long takes a drift of twice the size for a pulse's rise
     behind = axis.first[1:][axis.missing[1:] > axis.rate_Hz]
-    piece = np.searchsorted(first[1:], behind, side="right")
-    place = np.ceil((behind - first[piece] - 0.5 * (bucket[piece] - 1)) / bucket[piece])
-    return np.concatenate([[0], begin[piece] + place.astype(np.int64)])
+    return np.append(0, np.ceil((behind - 0.5 * (bucket - 1)) / bucket).astype(np.int64))
 
 
 def _bridged(medians: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -382,12 +325,13 @@ def find_pulses(data: Decimated, without: int = 0) -> Records:
         points = points[_turning_points(data.values[points], least)]
         top = 1 + np.flatnonzero(data.values[points[1:-1]] > data.values[points[:-2]])
         found.append([points[top], points[top - 1], points[top + 1]])
-    return _half_level(
-        data,
-        *_without_plateaus(
-            data.values, *(np.concatenate(places) for places in zip(*found, strict=True))
-        ),
-    )
+    places = (np.concatenate(some) for some in zip(*found, strict=True))
+    peak, left, right = _without_plateaus(data.values, *places)
+    pulses = np.empty(peak.size, PULSE)
+    half_level(data.values, peak, left, right, pulses)
+    pulses["width"] = np.maximum(data.bucket * pulses["width"], 1.0)
+    pulses["middle"] = data.index(pulses["middle"])
+    return pulses
 
 
 def _without_plateaus(
@@ -417,7 +361,7 @@ Level = Callable[..., Any]
 def pulses_in(
     channel: Channel, data: Decimated, sign: float, without: int = 0
 ) -> tuple[Records, Decimated]:
-    """The pulses of `channel` in its `data`, and those with shorter buckets where it takes them.
+    """The pulses of `channel` in its `data`, which has shorter buckets afterwards if it takes them.
 
     `sign` turns the patch upward, `without` as `find_pulses` has it. Radial acceleration, whose
     pulses grow with the square of the speed, is searched in units of its level outside the patch.
@@ -426,8 +370,11 @@ def pulses_in(
         return np.zeros(0, PULSE), data
     level = _level(channel, data) if channel.kind == "radial_acceleration" else None
     pulses = _found(data, level, without)
-    while (stretches := _fast_stretches(channel, data, pulses)).size:
-        data = refined(channel, data, sign, stretches)
+    # if the usual width is less than so many buckets they are made shorter: a pulse whose middle
+    # lies between two buckets looks two wide, however narrow it is, and below 1.2 it may be too low
+    # to count.  Half as many would leave such pulses out
+    while data.bucket > 1 and (usual(pulses["width"]) < 2.2 * data.bucket).any():
+        data = shorter(channel, data, sign)
         pulses = _found(data, level, without)
     return _seen(channel.axis, pulses), data
 
@@ -450,31 +397,12 @@ def _level(channel: Channel, data: Decimated) -> Level:
 
     With straight lines between their middles.
     """
-    size = max(int(LEVEL_S * channel.axis.rate_Hz / data.bucket[0]), 1)
+    size = max(int(LEVEL_S * channel.axis.rate_Hz / data.bucket), 1)
     firsts = np.arange(0, data.values.size, size)
     medians = [float(np.median(np.abs(data.values[first : first + size]))) for first in firsts]
     least = max(LEAST_LEVEL, LEAST_LEVEL_SIGMAS * data.noise)
     middles = data.index(np.asarray(firsts + 0.5 * size, np.float64))
     return partial(np.interp, xp=middles, fp=np.maximum(medians, least))
-
-
-def _fast_stretches(channel: Channel, data: Decimated, pulses: Records) -> IntArray:
-    """Samples [from, to) in which pulses are too narrow for their buckets, (n, 2).
-
-    With REACH pulses on either side, between which and the others none was overlooked.
-    """
-    bucket = data.bucket[np.searchsorted(data.first[1:], pulses["middle"], side="right")]
-    # pulses whose usual width is less than so many buckets are searched with shorter ones: a pulse
-    # whose middle lies between two buckets looks two wide, however narrow it is, and below 1.2 it
-    # may be too low to count.  Half as many would leave such pulses out
-    narrow = (usual(pulses["width"] / bucket) < 2.2) & (bucket > 1)
-    if not narrow.any():
-        return np.zeros((0, 2), np.int64)
-    around = np.convolve(narrow, np.ones(2 * REACH + 1))[REACH:-REACH] > 0
-    edges = np.stack(runs(around), axis=1)
-    between = 0.5 * (pulses["middle"][1:] + pulses["middle"][:-1])
-    bounds = np.concatenate([[0.0], between, [float(channel.size)]])
-    return bounds[edges].astype(np.int64)
 
 
 def _seen(axis: TimeAxis, pulses: Records) -> Records:
@@ -494,15 +422,3 @@ def usual(values: FloatArray) -> FloatArray:
     padded = np.pad(np.asarray(values, np.float64), REACH, constant_values=np.nan)
     places = np.arange(values.size)[:, None] + np.arange(2 * REACH + 1)
     return _medians(padded[places])
-
-
-def _half_level(data: Decimated, peak: IntArray, left: IntArray, right: IntArray) -> Records:
-    """The pulses at `peak` between the valleys `left` and `right`.
-
-    By linear interpolation between buckets.
-    """
-    pulses = np.empty(peak.size, PULSE)
-    half_level(data.values, peak, left, right, pulses)
-    pulses["width"] = np.maximum(data.samples(pulses["middle"]) * pulses["width"], 1.0)
-    pulses["middle"] = data.index(pulses["middle"])
-    return pulses

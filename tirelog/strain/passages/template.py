@@ -29,11 +29,11 @@ from tirelog.vocabulary.arrays import FloatArray, Record, Records, records
 
 
 #: a row as its fit begins: patch centre [s] and [samples], the wheel's rate [rad/s] and its change
-#: [rad/s^2], how far the rate may be off (standard deviation, relative), height of the passage
-#: [channel's unit]
+#: [rad/s^2], how far the rate may be off (standard deviation, relative), height and offset of the
+#: passage [channel's unit], its width at half level [s]
 ROW = np.dtype(
     [("time_s", "f8"), ("index", "f8"), ("omega_rad_s", "f8"), ("alpha_rad_s2", "f8"),
-     ("stretch", "f8"), ("height", "f8")]
+     ("stretch", "f8"), ("height", "f8"), ("offset", "f8"), ("width_s", "f8")]
 )  # fmt: skip
 #: a row's window: first sample of the channel and the one behind, and what to add to their numbers
 #: to find them in a `Source`
@@ -44,11 +44,12 @@ SEGMENT = np.dtype([("first", "f8"), ("start_s", "f8"), ("period_s", "f8")])
 POINT = np.dtype([("value", "f8"), ("slope", "f8"), ("scatter", "f8")])
 #: a row's fit: patch centre [s], rate [rad/s] with the stretch in it, their standard errors, height
 #: and offset [channel's unit], rms of the residual in that unit, samples used, what the window
-#: holds, and whether it leaves the log
+#: holds, whether it leaves the log, whether the wheel stood in the passage or rolled backwards
 FOUND = np.dtype(
     [("time_s", "f8"), ("time_se_s", "f8"), ("omega_rad_s", "f8"), ("omega_se_rad_s", "f8"),
      ("height", "f8"), ("offset", "f8"), ("misfit", "f8"), ("used", "i8"), ("holds_lost", "?"),
-     ("holds_spike", "?"), ("holds_clipped", "?"), ("outside", "?")],
+     ("holds_spike", "?"), ("holds_clipped", "?"), ("outside", "?"), ("standing", "?"),
+     ("backwards", "?")],
     align=True,
 )  # fmt: skip
 
@@ -69,57 +70,24 @@ class Source(NamedTuple):
     high: float
 
 
-class Scratch(NamedTuple):
-    """Room for one window, (MOST_SAMPLES,) each; whoever calls in a loop keeps it.
-
-    value, time_s  samples, patch upward, and when they were taken
-    weight, stuck  1 if a sample counts; 1 if it stands at an end of the range
-    phi            angle from the patch centre [rad]
-    shape, slope, scatter  the template there, its slope [1/rad], its scatter between turns
-    residual, bend what the fit leaves of a sample, and how far that leaves its neighbours' mean
-    """
-
-    value: FloatArray
-    time_s: FloatArray
-    weight: FloatArray
-    stuck: FloatArray
-    phi: FloatArray
-    shape: FloatArray
-    slope: FloatArray
-    scatter: FloatArray
-    residual: FloatArray
-    bend: FloatArray
-
-
-class TemplateFit(NamedTuple):
-    """A solution of y = a + b T + c T' + d phi T'.
-
-    offset, height    a and b [channel's unit]
-    shift, stretch    c = -b s and d = b e: see `fit_rows`
-    shift_variance, stretch_variance  of c and d, per noise variance
-    """
-
-    offset: float
-    height: float
-    shift: float
-    stretch: float
-    shift_variance: float
-    stretch_variance: float
-
-
-def scratch() -> Scratch:
-    """Room for one window."""
-    return Scratch(*np.empty((len(Scratch._fields), MOST_SAMPLES)))
+#: a sample of a window: its value, patch upward, and when it was taken [s]; 1 if it counts, 1 if it
+#: stands at an end of the range; angle from the patch centre [rad]; the template there, its slope
+#: [1/rad], its scatter between turns; what the fit leaves of it, and how far that leaves its
+#: neighbours' mean
+SAMPLE = np.dtype(
+    [("value", "f8"), ("time_s", "f8"), ("weight", "f8"), ("stuck", "f8"), ("phi", "f8"),
+     ("shape", "f8"), ("slope", "f8"), ("scatter", "f8"), ("residual", "f8"), ("bend", "f8")]
+)  # fmt: skip
 
 
 @compiled
 def spline_sums(
-    source: Source, rows: Records, offset: FloatArray, spans: Records, window_rad: float,
-    normal: FloatArray, right: FloatArray, scratch: Scratch,
+    source: Source, rows: Records, spans: Records, window_rad: float, normal: FloatArray,
+    right: FloatArray, room: Records,
 ) -> int:  # fmt: skip
     """Adds the rows' samples to the normal equations of a cubic spline; how many.
 
-    The samples are less `offset` (n,) and over the height, the spline is over +-`window_rad`.
+    The samples are less the offset and over the height, the spline is over +-`window_rad`.
 
     rows, spans  (n,) of ROW and SPAN
     normal       (s, s), of which the upper triangle is added to; right (s,): s - 3 knot intervals
@@ -127,13 +95,13 @@ def spline_sums(
     intervals = right.size - 3
     used = 0
     for k in range(rows.shape[0]):
-        count, _ = read_window(source, spans[k], scratch)
+        count, _ = read_window(source, spans[k], room)
         row = rows[k]
         for i in range(count):
-            tau = scratch.time_s[i] - row["time_s"]
+            tau = room[i]["time_s"] - row["time_s"]
             phi = (row["omega_rad_s"] + 0.5 * row["alpha_rad_s2"] * tau) * tau
-            value = (scratch.value[i] - offset[k]) / row["height"]
-            if scratch.weight[i] > 0 and abs(phi) < window_rad and abs(value) < 2.0:
+            value = (room[i]["value"] - row["offset"]) / row["height"]
+            if room[i]["weight"] > 0 and abs(phi) < window_rad and abs(value) < 2.0:
                 place = min(
                     max((phi + window_rad) * (intervals / (2.0 * window_rad)), 0.0),
                     intervals - 1e-9,
@@ -149,28 +117,16 @@ def spline_sums(
 
 
 @compiled
-def spline_curve(
-    coefficients: FloatArray, window_rad: float, phi: FloatArray, value: FloatArray,
-    slope: FloatArray,
-) -> None:  # fmt: skip
-    """Fills value and slope [1/rad] of the spline at `phi` (n,) [rad], within +-`window_rad`."""
-    intervals = coefficients.size - 3
-    scale = intervals / (2.0 * window_rad)
+def spline_curve(coefficients: FloatArray, window_rad: float, phi: FloatArray) -> FloatArray:
+    """The spline over +-`window_rad` at `phi` (n,) [rad], (n,)."""
+    intervals, value = coefficients.size - 3, np.zeros(phi.size)
     for i in range(phi.size):
-        place = min(max((phi[i] + window_rad) * scale, 0.0), intervals - 1e-9)
+        place = (phi[i] + window_rad) * (intervals / (2.0 * window_rad))
+        place = min(max(place, 0.0), intervals - 1e-9)
         cell = int(place)
-        u = place - cell
-        c0, c1, c2, c3 = (
-            coefficients[cell],
-            coefficients[cell + 1],
-            coefficients[cell + 2],
-            coefficients[cell + 3],
-        )
-        value[i] = basis(u, 0) * c0 + basis(u, 1) * c1 + basis(u, 2) * c2 + basis(u, 3) * c3
-        steepness = (
-            (3 * u**2 - 4 * u) * c1 - (1 - u) ** 2 * c0 + (-3 * u**2 + 2 * u + 1) * c2 + u**2 * c3
-        )
-        slope[i] = 0.5 * scale * steepness
+        for a in range(4):
+            value[i] += basis(place - cell, a) * coefficients[cell + a]
+    return value
 
 
 @compiled
@@ -185,6 +141,76 @@ def basis(u: float, which: int) -> float:
     return u**3 / 6.0
 
 
+# ---- Compiled: normal equations, of the passages' template here and of their form in `footprint`.
+#
+#     columns (n + SPARE, w + 1), the values last --all products--> gram (w + 1, w + 1)
+#         --elimination--> inverse of its first rows and columns --> solution
+
+
+#: rows that arrays of columns have beyond the samples
+SPARE = 3
+
+
+@compiled
+def products(columns: FloatArray, used: int, wide: int, gram: FloatArray) -> None:
+    """Fills `gram` (wide + 1, wide + 1) with products of all pairs of columns, the values last.
+
+    Summed over the `used` samples. `columns` has room for SPARE more than are used. SPARE + 1
+    samples at a time: what is summed is loaded and stored once for all of them.
+    """
+    for i in range(wide + 1):
+        for j in range(i + 1):
+            gram[i, j] = 0.0
+    for k in range(used, used + SPARE):
+        for i in range(wide + 1):
+            columns[k, i] = 0.0
+    for k in range(0, used, SPARE + 1):
+        for i in range(wide + 1):
+            a, b, c, d = columns[k, i], columns[k + 1, i], columns[k + 2, i], columns[k + 3, i]
+            for j in range(i + 1):
+                gram[i, j] += (
+                    a * columns[k, j]
+                    + b * columns[k + 1, j]
+                    + c * columns[k + 2, j]
+                    + d * columns[k + 3, j]
+                )
+    for i in range(wide + 1):
+        for j in range(i):
+            gram[j, i] = gram[i, j]
+
+
+@compiled
+def invert(matrix: FloatArray) -> None:
+    """Turns a positive definite `matrix` (n, n) into its inverse, by elimination.
+
+    A pivot that rounding has left without a digit counts as 1e-16.
+    """
+    size = matrix.shape[0]
+    for k in range(size):
+        pivot = 1.0 / max(matrix[k, k], 1e-16)
+        matrix[k, k] = 1.0
+        for j in range(size):
+            matrix[k, j] *= pivot
+        for i in range(size):
+            factor = matrix[i, k]
+            if i != k:
+                matrix[i, k] = 0.0
+                for j in range(size):
+                    matrix[i, j] -= factor * matrix[k, j]
+
+
+@compiled
+def apply_inverse(inverse: FloatArray, right: FloatArray, out: FloatArray) -> None:
+    """Fills `out` (n,) with the product of `inverse` (n, n) and the head of `right`."""
+    for i in range(out.size):
+        value = 0.0
+        for j in range(out.size):
+            value += inverse[i, j] * right[j]
+        out[i] = value
+
+
+#: columns of a passage's fit: 1, T, T' and phi T'
+WIDE = 4
 #: samples per row at most; a creeping wheel's windows are thinned to this; twice as many take
 #: twice as long where a wheel creeps, and only there
 MOST_SAMPLES = 400
@@ -194,16 +220,9 @@ ITERATIONS = 2
 #: a sample is wild if it leaves its two neighbours' mean by this many sigmas and by this share
 #: of the height: noise does the first once in 1e10, and half of it once in 1000
 WILD_SIGMAS, WILD_SHARE = 8.0, 0.06
-#: and by this many times the scatter between turns at its angle: the ringing of an edge is no
-#: spike.  Half as much would take a third of the passages of a real accelerometer for spiked; twice
-#: as much hides spikes at its edges
-WILD_SCATTERS = 5.0
 #: what is further off than this share of the height is not the tire; twice as much keeps what is
 #: off by most of the height, half as much takes a waveform that the template lacks for foreign
 FOREIGN_SHARE = 0.35
-#: stuck samples are clipped if they lie this many sigmas off; twice as many leave clipped samples
-#: in that are up to six off
-CLIPPED_SIGMAS = 3.0
 #: how far a step may shift [window] and stretch; twice as far could carry the centre out of the
 #: window in two steps
 MOST_SHIFT = MOST_STRETCH = 0.3
@@ -212,7 +231,7 @@ MOST_SHIFT = MOST_STRETCH = 0.3
 @compiled
 def fit_rows(
     source: Source, noise: float, table: Records, window_rad: float, rows: Records, spans: Records,
-    found: Records, scratch: Scratch,
+    found: Records, room: Records,
 ) -> None:  # fmt: skip
     """Fills each row's fit y = a + b T(phi (1 + e) - s) by the template T.
 
@@ -221,49 +240,53 @@ def fit_rows(
     found        (n,) of FOUND
     noise        standard deviation of one sample [channel's unit]
     """
+    columns = np.empty((MOST_SAMPLES + SPARE, WIDE + 1))
+    gram, inverse, solved = np.empty((WIDE + 1, WIDE + 1)), np.empty((WIDE, WIDE)), np.empty(WIDE)
     for k in range(rows.shape[0]):
-        count, lost = read_window(source, spans[k], scratch)
+        count, lost = read_window(source, spans[k], room)
         row, made = rows[k], found[k]
         made["holds_lost"], made["holds_spike"] = lost > 0, False
         time_s, omega, alpha = row["time_s"], row["omega_rad_s"], row["alpha_rad_s2"]
         height = row["height"]
         for iteration in range(ITERATIONS):
             hold = (max(noise, 1e-12 * height) / (height * row["stretch"])) ** 2
-            _shapes(count, time_s, omega, alpha, table, window_rad, scratch)
-            step = _step(count, hold, scratch)
-            if iteration == 0 and _wild(count, abs(height), noise, scratch):
+            _shapes(count, time_s, omega, alpha, table, window_rad, room)
+            _step(count, hold, room, columns, gram, inverse, solved)
+            if iteration == 0 and _wild(count, abs(height), noise, room):
                 made["holds_spike"] = True
-                step = _step(count, hold, scratch)
-            guess = step.height if abs(step.height) > 0.05 * height else height
-            shift = min(max(-step.shift / guess, -MOST_SHIFT * window_rad), MOST_SHIFT * window_rad)
+                _step(count, hold, room, columns, gram, inverse, solved)
+            guess = solved[1] if abs(solved[1]) > 0.05 * height else height
+            shift = min(max(-solved[2] / guess, -MOST_SHIFT * window_rad), MOST_SHIFT * window_rad)
             time_s += shift / omega
-            omega *= 1.0 + min(max(step.stretch / guess, -MOST_STRETCH), MOST_STRETCH)
+            omega *= 1.0 + min(max(solved[3] / guess, -MOST_STRETCH), MOST_STRETCH)
             height = abs(guess)
         square, off, stuck, used = 0.0, 0.0, 0.0, 0
         for i in range(count):
-            if scratch.weight[i] > 0:
+            if room[i]["weight"] > 0:
                 used += 1
-                square += scratch.residual[i] ** 2
-            if scratch.stuck[i] > 0:
+                square += room[i]["residual"] ** 2
+            if room[i]["stuck"] > 0:
                 stuck += 1.0
-                off += abs(scratch.residual[i])
+                off += abs(room[i]["residual"])
         made["used"] = used
-        made["holds_clipped"] = off > CLIPPED_SIGMAS * noise * max(stuck, 1.0)
+        # stuck samples are clipped if they lie this many sigmas off; twice as many leave clipped
+        # samples in that are up to six off
+        made["holds_clipped"] = off > 3.0 * noise * max(stuck, 1.0)
         made["time_s"] = time_s
-        made["time_se_s"] = noise * np.sqrt(step.shift_variance) / (height * omega)
+        made["time_se_s"] = noise * np.sqrt(inverse[2, 2]) / (height * omega)
         made["omega_rad_s"] = omega
-        made["omega_se_rad_s"] = noise * np.sqrt(step.stretch_variance) / height * omega
-        made["height"] = step.height
-        made["offset"] = step.offset
+        made["omega_se_rad_s"] = noise * np.sqrt(inverse[3, 3]) / height * omega
+        made["height"] = solved[1]
+        made["offset"] = solved[0]
         made["misfit"] = np.sqrt(square / max(used, 1))
 
 
 @compiled
-def read_window(source: Source, span: Record, scratch: Scratch) -> tuple[int, int]:
-    """Fills `scratch` with the samples of a `span`, thinned; how many, and how many are lost.
+def read_window(source: Source, span: Record, room: Records) -> tuple[int, int]:
+    """Fills `room` with the samples of a `span`, thinned; how many, and how many are lost.
 
-    Their times too. Lost and stuck ones have no weight. Stuck are three or more in a row on the
-    channel's least or largest value. `span`: one SPAN.
+    `room` (MOST_SAMPLES,) of SAMPLE, `span`: one SPAN. Lost and stuck samples have no weight. Stuck
+    are three or more in a row on the channel's least or largest value.
     """
     first, stop, shift = span["first"], span["stop"], span["shift"]
     samples, times, segments, sign = source.samples, source.times_s, source.segments, source.sign
@@ -274,16 +297,16 @@ def read_window(source: Source, span: Record, scratch: Scratch) -> tuple[int, in
     for i in range(count):
         value = sign * samples[first + i * stride + shift]
         there = np.isfinite(value)
-        scratch.value[i] = value
-        scratch.weight[i] = 1.0 if there else 0.0
-        scratch.stuck[i] = 0.0
+        room[i]["value"] = value
+        room[i]["weight"] = 1.0 if there else 0.0
+        room[i]["stuck"] = 0.0
         lost += not there
         extreme += (value == low) | (value == high)
     if extreme > 2:
-        _without_stuck(count, low, high, scratch)
+        _without_stuck(count, low, high, room)
     if times.size > 0:
         for i in range(count):
-            scratch.time_s[i] = times[first + i * stride + shift]
+            room[i]["time_s"] = times[first + i * stride + shift]
         return count, lost
     i = 0
     for k in range(segments.size):
@@ -291,33 +314,33 @@ def read_window(source: Source, span: Record, scratch: Scratch) -> tuple[int, in
         period_s = segments[k]["period_s"]
         end = segments[k + 1]["first"] if k + 1 < segments.size else np.inf
         while i < count and first + i * stride < end:
-            scratch.time_s[i] = start_s + (first + i * stride - begin) * period_s
+            room[i]["time_s"] = start_s + (first + i * stride - begin) * period_s
             i += 1
     return count, lost
 
 
 @compiled
-def _without_stuck(count: int, low: float, high: float, scratch: Scratch) -> None:
+def _without_stuck(count: int, low: float, high: float, room: Records) -> None:
     """Marks stuck samples and takes their weight."""
-    values = scratch.value
+    values = room["value"]
     run = 0
     for i in range(count):
         on = values[i] in (low, high)
         run = run + 1 if on and (run == 0 or values[i] == values[i - 1]) else (1 if on else 0)
         if run >= 3:
-            scratch.stuck[i - 2 : i + 1], scratch.weight[i - 2 : i + 1] = 1.0, 0.0
+            room["stuck"][i - 2 : i + 1], room["weight"][i - 2 : i + 1] = 1.0, 0.0
 
 
 @compiled
 def _shapes(
     count: int, time_s: float, omega: float, alpha: float, table: Records, window_rad: float,
-    scratch: Scratch,
+    room: Records,
 ) -> None:  # fmt: skip
     """Fills angle, template, its slope and scatter at each sample.
 
     Linear between the points of `table` (g,), constant outside.
     """
-    times, phis, shapes, slopes = scratch.time_s, scratch.phi, scratch.shape, scratch.slope
+    times, phis, shapes, slopes = room["time_s"], room["phi"], room["shape"], room["slope"]
     scale, most = (table.size - 1) / (2.0 * window_rad), table.size - 1.001
     for i in range(count):
         tau = times[i] - time_s
@@ -330,86 +353,51 @@ def _shapes(
         phis[i] = phi
         shapes[i] = here["value"] + share * (after["value"] - here["value"])
         slopes[i] = here["slope"] + share * (after["slope"] - here["slope"])
-        scratch.scatter[i] = here["scatter"]
+        room[i]["scatter"] = here["scatter"]
 
 
 @compiled
-def _step(count: int, hold: float, scratch: Scratch) -> TemplateFit:
-    """One Gauss-Newton step of the first `count` samples of a window.
+def _step(
+    count: int, hold: float, room: Records, columns: FloatArray, gram: FloatArray,
+    inverse: FloatArray, solved: FloatArray,
+) -> None:  # fmt: skip
+    """Fills `solved` (WIDE,) with a, b, c, d of y = a + b T + c T' + d phi T', and residuals.
 
-    Residuals of all samples that are there (0 for lost ones) go to `scratch`. The stretch is held
-    by `hold`, the inverse of its variance per noise variance; the other three have a prior too weak
-    to matter, for rows without samples.
+    Of the first `count` samples of a window, those of lost ones are 0. To first order c = -b s and
+    d = b e. The stretch is held by `hold`, the inverse of its variance per noise variance; the
+    other three have a prior too weak to matter, for rows without samples. `inverse` (WIDE, WIDE) of
+    the normal equations is filled too: variances per noise variance; the rest is room.
     """
-    values, weights, phis = scratch.value, scratch.weight, scratch.phi
-    shapes, slopes, residuals = scratch.shape, scratch.slope, scratch.residual
-    n00 = n10 = n20 = n30 = n11 = n21 = n31 = n22 = n32 = n33 = r0 = r1 = r2 = r3 = 0.0
+    values, weights, phis = room["value"], room["weight"], room["phi"]
+    shapes, slopes, residuals = room["shape"], room["slope"], room["residual"]
+    used, trace = 0, 1e-30
     for i in range(count):
         if weights[i] > 0:
-            value, shape, slope = values[i], shapes[i], slopes[i]
-            bent = phis[i] * slope
-            n00 += 1.0
-            n10 += shape
-            n20 += slope
-            n30 += bent
-            n11 += shape * shape
-            n21 += slope * shape
-            n31 += bent * shape
-            n22 += slope * slope
-            n32 += bent * slope
-            n33 += bent * bent
-            r0 += value
-            r1 += value * shape
-            r2 += value * slope
-            r3 += value * bent
-    n33 += hold
-    weak = 1e-9 * (n00 + n11 + n22 + n33 + 1e-30)
-    solved = _solve(
-        (n00 + weak, n11 + weak, n22 + weak, n33 + weak),
-        (n10, n20, n30, n21, n31, n32),
-        (r0, r1, r2, r3),
-    )
-    a, b, c, d = solved.offset, solved.height, solved.shift, solved.stretch
+            row = columns[used]
+            row[0] = 1.0
+            row[1] = shapes[i]
+            row[2] = slopes[i]
+            row[3] = phis[i] * slopes[i]
+            row[WIDE] = values[i]
+            used += 1
+    products(columns, used, WIDE, gram)
+    gram[3, 3] += hold
+    for i in range(WIDE):
+        trace += gram[i, i]
+    for i in range(WIDE):
+        gram[i, i] += 1e-9 * trace
+    inverse[:] = gram[:WIDE, :WIDE]
+    invert(inverse)
+    apply_inverse(inverse, gram[WIDE], solved)
     for i in range(count):
-        residual = values[i] - (a + b * shapes[i] + (c + d * phis[i]) * slopes[i])
+        fitted = solved[0] + solved[1] * shapes[i]
+        fitted += (solved[2] + solved[3] * phis[i]) * slopes[i]
+        residual = values[i] - fitted
         residuals[i] = residual if np.isfinite(residual) else 0.0
-    return solved
 
 
 @compiled
-def _solve(
-    diagonal: tuple[float, float, float, float],
-    below: tuple[float, float, float, float, float, float],
-    right: tuple[float, float, float, float],
-) -> TemplateFit:
-    """The solution of four normal equations, and two diagonal elements of the inverse.
-
-    The last two elements, by L D L'. `below` the diagonal: 10, 20, 30, 21, 31, 32. Nothing here is
-    a loop or a root: a fit waits for this.
-    """
-    n10, n20, n30, n21, n31, n32 = below
-    r0, r1, r2, r3 = right
-    i0 = 1.0 / diagonal[0]
-    l10, l20, l30 = n10 * i0, n20 * i0, n30 * i0
-    i1 = 1.0 / (diagonal[1] - l10 * n10)
-    n21 -= l20 * n10
-    n31 -= l30 * n10
-    l21, l31 = n21 * i1, n31 * i1
-    i2 = 1.0 / (diagonal[2] - l20 * n20 - l21 * n21)
-    n32 -= l30 * n20 + l31 * n21
-    l32 = n32 * i2
-    i3 = 1.0 / (diagonal[3] - l30 * n30 - l31 * n31 - l32 * n32)
-    r1 -= l10 * r0
-    r2 -= l20 * r0 + l21 * r1
-    r3 -= l30 * r0 + l31 * r1 + l32 * r2
-    d = r3 * i3
-    c = r2 * i2 - l32 * d
-    b = r1 * i1 - l21 * c - l31 * d
-    return TemplateFit(r0 * i0 - l10 * b - l20 * c - l30 * d, b, c, d, i2 + l32 * l32 * i3, i3)
-
-
-@compiled
-def _wild(count: int, height: float, noise: float, scratch: Scratch) -> bool:
+def _wild(count: int, height: float, noise: float, room: Records) -> bool:
     """Whether any samples are wild; takes the weight off these.
 
     Their residual leaves the mean of its neighbours', by more than theirs do, or they are not the
@@ -419,11 +407,11 @@ def _wild(count: int, height: float, noise: float, scratch: Scratch) -> bool:
         max(WILD_SIGMAS * noise, WILD_SHARE * height),
         max(WILD_SIGMAS * noise, FOREIGN_SHARE * height),
     )
-    values, weights = scratch.value, scratch.weight
-    residuals, bends = scratch.residual, scratch.bend
+    values, weights = room["value"], room["weight"]
+    residuals, bends = room["residual"], room["bend"]
     most = 0.0
     for i in range(count):
-        if scratch.stuck[i] > 0:
+        if room[i]["stuck"] > 0:
             residuals[i] = 0.0
         size = abs(residuals[i])
         most = size if size > most else most
@@ -438,7 +426,10 @@ def _wild(count: int, height: float, noise: float, scratch: Scratch) -> bool:
     found = False
     for i in range(count):
         largest = max(bends[max(i - 1, 0)], bends[min(i + 1, count - 1)])
-        usual = WILD_SCATTERS * height * scratch.scatter[i]
+        # and by this many times the scatter between turns at its angle: the ringing of an edge is
+        # no spike.  Half as much would take a third of the passages of a real accelerometer for
+        # spiked; twice as much hides spikes at its edges
+        usual = 5.0 * height * room[i]["scatter"]
         if (bends[i] > max(limit, usual) and bends[i] >= largest) or abs(residuals[i]) > max(
             foreign, usual
         ):
@@ -450,14 +441,11 @@ def _wild(count: int, height: float, noise: float, scratch: Scratch) -> bool:
 #: knots over the template's window, and points of its table; twice as many knots follow edges
 #: twice as sharp, with half of the samples for each
 INTERVALS, TABLE = 40, 4096
-#: smoothing: weight of the squared third differences against the mean number of samples in a knot
-#: interval; twice as much smooths what is narrower than a knot interval further
-SMOOTHING = 1e-3
 #: the fit's window in half widths (half level): edges and shoulders, where the slope is
 WINDOW_HALF_WIDTHS = 1.8
-#: bounds of that window on either side of the middle [rad]; half of the first is 1.5 cm on a car's
-#: wheel, twice the second a quarter of a turn
-NARROWEST_RAD, WIDEST_RAD = 0.1, 0.8
+#: that window reaches so far at most on either side of the middle [rad]; twice as far is a quarter
+#: of a turn
+WIDEST_RAD = 0.8
 #: half of the contact length over half of the width at half level, roughly, for both carcasses
 LENGTH_TO_WIDTH = 1.25
 
@@ -501,15 +489,10 @@ def _coefficients(normal: FloatArray, right: FloatArray, count: int) -> FloatArr
     """
     rough = np.diff(np.eye(right.size), 3, axis=0)
     whole = normal + np.triu(normal, 1).T + 1e-12 * np.eye(right.size)
-    whole += SMOOTHING * max(count / INTERVALS, 1.0) * rough.T @ rough
+    # smoothing: weight of the squared third differences against the mean number of samples in a
+    # knot interval; twice as much smooths what is narrower than a knot interval further
+    whole += 1e-3 * max(count / INTERVALS, 1.0) * rough.T @ rough
     return np.asarray(np.linalg.solve(whole, right), np.float64)
-
-
-def _curve(coefficients: FloatArray, phi: FloatArray, window: float) -> FloatArray:
-    """Value and slope [1/rad] of the spline at `phi`, shape (2, n)."""
-    curve = np.empty((2, phi.size))
-    spline_curve(coefficients, window, phi, *curve)
-    return curve
 
 
 def half_height(phi: FloatArray, values: FloatArray) -> tuple[float, float] | None:
@@ -539,16 +522,14 @@ def learned_template(sums: tuple[FloatArray, FloatArray, int], window: float) ->
     """
     coefficients = _coefficients(*sums)
     grid = np.linspace(-window, window, TABLE)
-    found = half_height(grid, _curve(coefficients, grid, window)[0])
+    found = half_height(grid, spline_curve(coefficients, window, grid))
     if found is None:
         return None
     middle, half_width = found
-    reach = min(
-        float(np.clip(WINDOW_HALF_WIDTHS * half_width, NARROWEST_RAD, WIDEST_RAD)),
-        window - abs(middle),
-    )
+    reach = min(WINDOW_HALF_WIDTHS * half_width, WIDEST_RAD, window - abs(middle))
     table = np.linspace(-reach, reach, TABLE)
-    curve, slope = _curve(coefficients, table + middle, window)
+    curve = spline_curve(coefficients, window, table + middle)
     base = 0.5 * (curve[0] + curve[-1])
     height = curve.max() - base
-    return Template(table, (curve - base) / height, slope / height, reach, half_width)
+    values = (curve - base) / height
+    return Template(table, values, np.gradient(values, table), reach, half_width)
