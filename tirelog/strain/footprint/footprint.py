@@ -12,7 +12,7 @@ the low-pass. Everything runs along the tread, xi = v t + a t^2 / 2, entry edge 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,7 +48,7 @@ from tirelog.strain.speed import (
     speed_quality,
     strain_channels,
 )
-from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, having, marked, quality_column
 
 # ---- The form of free rolling: learnt, looked at, and learnt anew without what does not roll
@@ -281,20 +281,6 @@ class Footprint:
     quality: QualityFlags
 
 
-def measure_stretch(
-    look: PassageForms, settled: FormChoice, cutoff: Cutoff, stretch: int = 0, of: int = 1
-) -> IntArray:
-    """Measure all but slip onsets in one `stretch` of the log, of so many; its passages.
-
-    A row does not depend on the stretch that it is measured with.
-    """
-    rows = np.array_split(look.rows, of)[stretch]
-    cutoff_Hz = np.minimum(_asked_Hz(look, settled, cutoff), 0.98 * 0.5 * look.channel.axis.rate_Hz)
-    clear = ~settled.learnt.unclear(look.passages.speed_m_s)
-    measure_windows(look, cutoff_Hz, clear, (settled.scatter, settled.gain), rows)
-    return rows
-
-
 def _asked_Hz(look: PassageForms, settled: FormChoice, cutoff: Cutoff) -> FloatArray:
     """Cut-off of the low-pass of each passage (n,) [Hz], which may lie above what samples hold."""
     passages, rate = look.passages, look.channel.axis.rate_Hz
@@ -308,14 +294,12 @@ def footprint(
     cutoff: Cutoff | None = None,
     block_samples: int = BLOCK_SAMPLES,
     settled: FormChoice | None = None,
-    measured: Iterable[tuple[IntArray, Records]] | None = None,
     friction: FrictionRatio | None = None,
 ) -> Footprint:
     """The footprint at each of `passages` of the strain `channel`.
 
     `cutoff` of the low-pass (auto); `settled`: the form of its passages, which is learnt here if it
-    is not given; `measured`: passages and what was measured of them (`measure_stretch`), if it was;
-    `friction`: of the tread, the usual one if it is not given.
+    is not given; `friction`: of the tread, the usual one if it is not given.
     """
     cutoff, friction = cutoff or Cutoff(), friction or FrictionRatio()
     n = len(passages)
@@ -327,10 +311,9 @@ def footprint(
         learnt = settled.learnt
         look = PassageForms.of(channel, passages, learnt, block_samples, settled.forms)
         work, asked = look.work, _asked_Hz(look, settled, cutoff)
-        if measured is None:
-            measure_stretch(look, settled, cutoff)
-        for rows, some in measured or ():
-            work[rows] = some
+        clear = ~learnt.unclear(passages.speed_m_s)
+        least_Hz = np.minimum(asked, 0.98 * 0.5 * channel.axis.rate_Hz)
+        measure_windows(look, least_Hz, clear, (settled.scatter, settled.gain), look.rows)
         find_onsets(look, friction, settled.scatter)
     return _assembled(
         passages,
@@ -542,19 +525,18 @@ def footprint_of_channel(
     cutoff: Cutoff,
     settled: FormChoice | None,
     block_samples: int = BLOCK_SAMPLES,
-    measured: Iterable[tuple[IntArray, Records]] | None = None,
     friction_ratio: float | None = None,
 ) -> FootprintOfChannel:
     """The footprint of one strain channel of `recording`.
 
-    `settled`: the form of its passages, None if there is none; `measured`: as of `footprint`;
-    `friction_ratio`: instead of the setup's.
+    `settled`: the form of its passages, None if there is none; `friction_ratio`: instead of the
+    setup's.
     """
     refuse_cutoff(recording, channel, cutoff)
     if friction_ratio is None:
         friction_ratio = recording.setup.tire.friction_ratio
     friction = FrictionRatio.given(friction_ratio)
-    found = footprint(channel, passages, cutoff, block_samples, settled, measured, friction)
+    found = footprint(channel, passages, cutoff, block_samples, settled, friction)
     columns = identity_columns(recording.log, passages) | {
         "length_m": found.length_m,
         "length_se_m": found.length_se_m,
