@@ -211,6 +211,8 @@ ANSWER_TOLERANCE = (1e-5, 1e-12)
 #: A minimiser stops where the square is flat to some 1e-8: the place is then known to the root of
 #: it, and a standard error, which is a second derivative there, is no better. Machines differ so.
 OPTIMISED = 1e-3
+#: of its own error: by less than this a value has not moved
+OF_ERROR = 1e-4
 OPTIMISED_NAMES = re.compile(
     r"\b(se|value|strengths|parameters|terms|shapes|p|probe|form|formula|bands)\b"
 )
@@ -332,6 +334,9 @@ def moved(golden: Any, now: Any) -> list[str]:
     for place in before:
         if place in after:
             relative, least = ANSWER_TOLERANCE
+            error = before.get(f"{place.removesuffix('.value')}.se")
+            if place.endswith(".value") and isinstance(error, float):
+                least = max(least, OF_ERROR * error)
             loose = OPTIMISED if OPTIMISED_NAMES.search(place) else relative
             if not same(before[place], after[place], (loose, least)):
                 out.append(f"{place}: {before[place]} -> {after[place]}")

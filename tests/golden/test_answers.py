@@ -79,4 +79,7 @@ def test_a_number_that_moves_is_found() -> None:
         ".effects[0].se",
         ".verdict",
     ]
+    own = {"part": {"value": 1e-6, "se": 0.3}}
+    assert goldens.moved(own, {"part": {"value": 2e-6, "se": 0.3}}) == []
+    assert goldens.moved(own, {"part": {"value": 1e-3, "se": 0.3}}) != []
     assert goldens.moved(golden, {"rmse": 3.21e-6}) == [".effects[0].se: gone", ".verdict: gone"]
