@@ -334,9 +334,9 @@ def moved(golden: Any, now: Any) -> list[str]:
     for place in before:
         if place in after:
             relative, least = ANSWER_TOLERANCE
-            error = before.get(f"{place.removesuffix('.value')}.se")
-            if place.endswith(".value") and isinstance(error, float):
-                least = max(least, OF_ERROR * error)
+            error = before.get(f"{place.removesuffix('.value')}.se", "")
+            if place.endswith(".value") and error:
+                least = max(least, OF_ERROR * float(error))
             loose = OPTIMISED if OPTIMISED_NAMES.search(place) else relative
             if not same(before[place], after[place], (loose, least)):
                 out.append(f"{place}: {before[place]} -> {after[place]}")
