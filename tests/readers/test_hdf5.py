@@ -15,6 +15,7 @@ import pytest
 from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError
 from tirelog.readers.hdf5 import reader as hdf5
+from tirelog.vocabulary.kinds import KINDS
 
 PANDAS = Path(__file__).parent / "data" / "pandas_layouts.h5"
 
@@ -266,6 +267,31 @@ def test_channels_of_one_clock_form_one_group(path):
         (("c",), 200.0),
         (("d",), 100.0),
     ]
+
+
+@pytest.mark.parametrize("name", ["x[3]", "a:b", "last ", "WL [1] [nm]", "x[0]:y", "group[1]/x"])
+def test_a_name_is_looked_up_before_it_is_parsed(path, name):
+    with h5py.File(path, "w") as file:
+        file[name], file["x"] = np.arange(50.0), np.zeros((50, 4))
+    assert name in {one.source.removeprefix("/") for one in hdf5.datasets(path, "log").series}
+    np.testing.assert_array_equal(read(path, {"x": f"/{name}"})[0]["x"], np.arange(50.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "factor"),
+    [
+        ("Acc Z (g)", "radial_acceleration", 9.80665),
+        ("Speed [km/h]", "vehicle_speed", 1 / 3.6),
+        ("rig/Fz [kN]", "vertical_load", 1e3),
+    ],
+)
+def test_a_unit_in_a_name_is_the_default(path, name, kind, factor):
+    with h5py.File(path, "w") as file:
+        file[name] = np.arange(50.0)
+        file[name].attrs["sampling_rate_Hz"] = 100.0
+    setup = parse_setup(f'[channels.x]\nkind = "{kind}"\nsource = "/{name}"\n')
+    channel = hdf5.Hdf5Log(path, setup, "log").setup.channels["x"]
+    assert KINDS[kind].to_si(channel.unit)[0] == pytest.approx(factor)
 
 
 def test_a_unit_that_contradicts_the_setup_is_said(path):

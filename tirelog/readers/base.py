@@ -284,6 +284,14 @@ class SeriesList:
 # It is the default of a channel whose setup names none.
 
 
+def split_unit(name: str) -> tuple[str, str]:
+    """(`WL 1`, `nm`) of `WL 1[nm]` or `WL 1 (nm)`; the unit is empty if the name has none."""
+    match = re.fullmatch(r"(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*", name)
+    if match and match[1] and units.canonical(match[2]) is not None:
+        return match[1], match[2]
+    return name, ""
+
+
 def with_stated_units(setup: Setup, stated: Mapping[str, str]) -> tuple[Setup, list[str]]:
     """(the setup with the units that the log states, what to say about them).
 

@@ -35,6 +35,7 @@ from tirelog.readers.base import (
     Series,
     SeriesList,
     runs,
+    split_unit,
     unit_by_size,
     with_stated_units,
 )
@@ -121,7 +122,7 @@ class TimeColumn:
 
 def find_columns(file: h5py.File, source: str) -> SourceColumn:
     """The column that `source` means.  ReadError if there is none, or it is refused."""
-    path, field, index = dataset_and_index(source)
+    path, field, index = dataset_and_index(file, source)
     item = walk(file, path)
     if isinstance(item, h5py.Dataset):
         return column(path, item, field, index)
@@ -502,7 +503,7 @@ class Hdf5Log:
                         f"channel {name}: the file has a scale of its own; the setup's scale and "
                         "offset act on what it gives"
                     )
-                if unit := unit_of(column):
+                if unit := unit_of(column) or split_unit(channel.source)[1]:
                     self.stated[name] = unit
             except ReadError as problem:
                 problems.append(f"channel {name}: {problem.message}")
@@ -730,11 +731,11 @@ def _columns(file: h5py.File, name: str) -> list[tuple[Series, int]]:
     """
     if _last(name) in _BESIDE:
         return []
-    item = file.get(name.split(":")[0])
+    item = file.get(name)
     shape = getattr(item, "shape", None)
     wide = [n for n in shape or () if n > 1]
     sources = [name]
-    if len(wide) == 2 and ":" not in name:
+    if len(wide) == 2:
         sources = [f"{name}[{k}]" for k in range(min(min(wide), _MOST_COLUMNS))]
     series = []
     for source in sources:

@@ -244,14 +244,19 @@ def names(file: h5py.File) -> list[str]:
     return found[:MOST_NAMES]
 
 
-def dataset_and_index(source: str) -> tuple[str, str | None, tuple[int | None, ...]]:
+def dataset_and_index(
+    file: h5py.File, source: str
+) -> tuple[str, str | None, tuple[int | None, ...]]:
     """(dataset path, field or column, index) of a source.
 
-    None in the index is ':'. ReadError if it does not parse.
+    The path is as much of the source as names an object of the file, brackets, colons and blanks
+    of its name too. None in the index is ':'. ReadError if it does not parse.
     """
+    cuts = [len(source), *(at.start() for at in re.finditer(r"[\[:]", source))]
+    length = next((cut for cut in sorted(cuts, reverse=True) if _is_there(file, source[:cut])), 0)
+    path = re.escape(source[:length]) or r"\s*[^\[\]:]+?"
     match = re.fullmatch(
-        r"(?P<path>[^\[\]:]+?)(?::(?P<field>[^\[\]]+))?(?:\[(?P<index>[\d\s,:]+)\])?",
-        source.strip(),
+        rf"(?P<path>{path})(?::(?P<field>[^\[\]]+))?(?:\[(?P<index>[\d\s,:]+)\])?\s*", source
     )
     if match is None:
         raise ReadError(
@@ -269,6 +274,19 @@ def dataset_and_index(source: str) -> tuple[str, str | None, tuple[int | None, .
             )
         index.append(None if part.strip() == ":" else int(part))
     return match["path"], match["field"], tuple(index)
+
+
+def _is_there(file: h5py.File, path: str) -> bool:
+    """Whether a path leads from link to link; where a soft link leads is not asked."""
+    at: Any = file["/"]
+    for part in path.split("/"):
+        if part in ("", "."):
+            continue
+        link = at.get(part, getlink=True) if isinstance(at, h5py.Group) else None
+        if not isinstance(link, h5py.HardLink):
+            return link is not None
+        at = at[part]
+    return bool(path.strip("/. "))
 
 
 def column(

@@ -20,7 +20,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.readers.base import ReadReport
+from tirelog.readers.base import ReadReport, split_unit
 from tirelog.readers.other.conversion import MEMORY_BYTES, NoNumbers, one_line
 
 # ---- An HDF5 file of columns, which a converter fills piece by piece.
@@ -99,6 +99,8 @@ class Datasets:
                 made.attrs[word] = value[:_MOST_LETTERS]
             elif value is not None and np.isfinite(value):
                 made.attrs[word] = float(value)
+        if (unit := split_unit(str(name))[1]) and not attributes.get("units"):
+            made.attrs["units"] = unit
         self.many += 1
         return at
 

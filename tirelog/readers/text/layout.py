@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 from tirelog.data.setup import LogSetup
 from tirelog.errors import ReadError, SetupError
+from tirelog.readers.base import split_unit
 from tirelog.readers.text.times import form_of
 from tirelog.vocabulary import units
 
@@ -435,8 +436,8 @@ def _header(
     last = last[: filled(last)]
     if len(last) < min(2, width):
         return (), ()
-    names = [_unsuffixed(cell)[0] for cell in last]
-    found = [_unsuffixed(cell)[1] for cell in last]
+    names = [split_unit(cell)[0] for cell in last]
+    found = [split_unit(cell)[1] for cell in last]
     return tuple(names), tuple(
         (unit_row[k] if k < len(unit_row) else "") or found[k] for k in range(len(last))
     )
@@ -457,14 +458,6 @@ def _units_only(cells: list[str]) -> bool:
     """True for a row of units, such as `s;nm;nm` or `[s];[nm];`."""
     texts = [cell for cell in cells if cell]
     return bool(texts) and all(units.canonical(cell.strip("[]() ")) is not None for cell in texts)
-
-
-def _unsuffixed(name: str) -> tuple[str, str]:
-    """(`WL 1`, `nm`) of `WL 1[nm]`; the unit is empty if the header has none."""
-    match = re.fullmatch(r"(.*?)\s*[\[(]([^\[\]()]*)[\])]", name)
-    if match and match[1] and units.canonical(match[2]) is not None:
-        return match[1], match[2]
-    return name, ""
 
 
 def _column_kind(cells: list[str], decimal: str) -> str:
