@@ -29,3 +29,18 @@ def test_codes_in_the_vehicle_s_speed_move_no_slip(tmp_path: Path, code: float, 
     off = np.abs(own.slip - clean.slip) / clean.slip_se
     assert np.nanmax(off) < 2.0  # two samples of the thirteen of a turn are lost
     assert (own.quality == clean.quality).all()
+
+
+def test_what_is_infinite_is_lost(tmp_path: Path) -> None:
+    values = np.arange(400.0)
+    values[[7, 80]] = np.inf, -np.inf
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["x"] = values
+        file["x"].attrs["sampling_rate_Hz"] = 100.0
+    (tmp_path / "log.toml").write_text(
+        '[tire]\nrolling_radius_m = 0.3\n[channels.x]\nkind = "signal"\nsource = "/x"\n'
+    )
+    with tirelog.open_log(tmp_path / "log.h5") as log:
+        read = log.channels["x"].read()
+    assert np.flatnonzero(np.isnan(read)).tolist() == [7, 80]
+    assert np.isfinite(np.delete(read, [7, 80])).all()

@@ -105,6 +105,8 @@ class SamplesWriter:
 
     def append(self, samples: Samples) -> None:
         """Write a block."""
+        if samples.dtype != np.int32:  # text cannot hold what is infinite, other formats can
+            samples = np.where(np.isfinite(samples), samples, np.nan)
         self.lost += lost_samples(samples)
         stored = self._encode(samples)
         if self._file is None:
