@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
+import tirelog
 from tirelog.data.recording import Scaled, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.runs.in_memory import sample_and_hold
@@ -45,6 +46,43 @@ def test_each_value_is_taken_once(every: int, phase: int) -> None:
     assert most == [every, every]
     assert at.tolist() == list(range((every - phase) % every, values.size, every))
     np.testing.assert_allclose(held.time(), at / RATE, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("every", [2, 3, 7])
+@pytest.mark.parametrize("phase", [0, 1])
+def test_values_between_blanks_are_the_channel(every: int, phase: int) -> None:
+    values = np.full(6000 * every, np.nan)
+    values[phase::every] = signal(6000)
+    values[phase + 40 * every :: 97 * every] = np.nan  # lost by the instrument
+    assert sample_and_hold(stored(values), axis(values.size)) is None
+    found = sample_and_hold(stored(values), axis(values.size), held=False)
+    assert found is not None
+    at, own, *most = found
+    assert most == [every, every]
+    assert at.tolist() == list(range(phase, values.size, every))
+    np.testing.assert_allclose(own.time(), at / RATE, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.6])
+def test_values_lost_by_chance_leave_no_other_rate(share: float) -> None:
+    values = signal(9000)
+    values[np.random.default_rng(3).random(9000) < share] = np.nan
+    assert sample_and_hold(stored(values), axis(9000), held=False) is None
+
+
+def test_a_log_of_two_instruments_has_the_rate_of_each(tmp_path: Path) -> None:
+    values = [f"{value:.2f}" for value in signal(6000)]
+    rows = (f"{k / 2000.0:.4f},{640 if k % 2 else ''},{'' if k % 2 else values[k // 2]}"
+            for k in range(12_000))  # fmt: skip
+    (tmp_path / "log.csv").write_text("\n".join(["time_s,rpm,strain", *rows]))
+    (tmp_path / "log.toml").write_text(
+        "[tire]\nrolling_radius_m = 0.3\n"
+        '[channels.s]\nkind = "strain"\nsource = "strain"\nunit = "microstrain"\n'
+    )
+    with tirelog.open_log(tmp_path / "log.csv") as log:
+        channel, (remark,) = log.channels["s"], log.remarks
+    assert (channel.size, channel.axis.rate_Hz) == (6000, pytest.approx(1000.0))
+    assert "a value every 2 rows, blanks between" in remark
 
 
 @pytest.mark.parametrize("ratio", [2.5, 2.2, 3.7])

@@ -343,7 +343,8 @@ def cell_ranges(
 #         --all of it: places where the value changes--> every how many samples a value is new
 #         --the first sample of each value--> places, and a time axis of their own
 #
-# A logger that is faster than its instrument writes each value several times. Such a staircase has
+# A logger that is faster than its instrument writes each value several times, or, if it joins
+# several instruments by their times, leaves blanks between them. Such a staircase has
 # no derivative, and its noise is not a sample's. Changes are compared on the stored numbers, so it
 # does not matter which format they came in, and a channel is asked for itself: others of its log
 # may be as fast as the logger.
@@ -378,9 +379,11 @@ def without_repeats(channel: Channel, quiet: Channel) -> tuple[Channel, str]:
     channel, of whose losses nobody hears.
     """
     stored, looked_at = channel.samples, quiet.samples
-    found = None
+    found, held = None, True
     if channel.kind in (*STRAIN_KINDS, *ACCELERATION_KINDS) and isinstance(looked_at, Scaled):
         found = sample_and_hold(looked_at, channel.axis)
+        if found is None:
+            found, held = sample_and_hold(looked_at, channel.axis, held=False), False
     if found is None or not isinstance(stored, Scaled):
         return channel, ""
     raw, (at, axis, least, most) = stored.raw, found
@@ -391,10 +394,14 @@ def without_repeats(channel: Channel, quiet: Channel) -> tuple[Channel, str]:
 
     flags = tuple(_moved(doubt, at) for doubt in channel.flags)
     often = f"{least}" if least == most else f"{least} to {most}"
+    what = (
+        f"the log repeats each value {often} times: it was taken once, at its first time"
+        if held
+        else f"the log has a value every {often} rows, blanks between"
+    )
     return (
         replace(channel, samples=replace(stored, raw=once), axis=axis, flags=flags),
-        f"the log repeats each value {often} times: it was taken once, at its first time, "
-        f"{axis.rate_Hz:.4g} values per second",
+        f"{what}, {axis.rate_Hz:.4g} values per second",
     )
 
 
@@ -405,13 +412,16 @@ def _moved(doubt: Doubt, at: IntArray) -> Doubt:
     return max(int(first), 0), max(int(last), 0) + 1, word
 
 
-def sample_and_hold(stored: Scaled, axis: TimeAxis) -> tuple[IntArray, TimeAxis, int, int] | None:
-    """How the values of a channel are held; None if they are not.
+def sample_and_hold(
+    stored: Scaled, axis: TimeAxis, held: bool = True
+) -> tuple[IntArray, TimeAxis, int, int] | None:
+    """How the values of a channel are `held`, or lie between blanks; None if they do not.
 
-    (m,) the first sample of each value; their times; least and most samples that a value stands, as
-    a rule.
+    (m,) the first sample of each value; their times; least and most samples from one to the next,
+    as a rule.
     """
-    changes = _all_changes(stored, axis.size) if _likely(stored, axis.size) else None
+    likely = _likely(stored, axis.size, held)
+    changes = _all_changes(stored, axis.size, held) if likely else None
     if changes is None:
         return None
     segments = list(pairwise([*(axis.first.tolist() or [0]), axis.size]))
@@ -439,21 +449,21 @@ def sample_and_hold(stored: Scaled, axis: TimeAxis) -> tuple[IntArray, TimeAxis,
     return np.concatenate(parts), _axis(axis, parts, period), int(common[0]), int(common[-1])
 
 
-def _likely(stored: Scaled, size: int) -> bool:
-    """Whether the first place at which the signal moves looks held."""
+def _likely(stored: Scaled, size: int, held: bool) -> bool:
+    """Whether the first place at which the signal moves looks held, or has blanks."""
     starts = np.linspace(0, max(size - _PIECE, 0), _PLACES).astype(np.int64)
     for start in np.unique(starts).tolist():
-        steps = np.diff(_changes(stored, start, min(start + _PIECE, size)))
+        steps = np.diff(_changes(stored, start, min(start + _PIECE, size), held))
         if steps.size >= _FEWEST:
             return bool(np.count_nonzero(steps == 1) <= _SINGLE * steps.size)
     return False
 
 
-def _all_changes(stored: Scaled, size: int) -> IntArray | None:
-    """The places of all changes; None if too many follow each other."""
+def _all_changes(stored: Scaled, size: int, held: bool) -> IntArray | None:
+    """The places of all new values; None if too many follow each other."""
     parts, single, count = [], 0, 0
     for start in range(0, size, 16 * _PIECE):
-        some = _changes(stored, max(start - 1, 0), min(start + 16 * _PIECE, size))
+        some = _changes(stored, max(start - 1, 0), min(start + 16 * _PIECE, size), held)
         single += int(np.count_nonzero(np.diff(some) == 1))
         count += some.size
         parts.append(some)
@@ -462,12 +472,16 @@ def _all_changes(stored: Scaled, size: int) -> IntArray | None:
     return np.concatenate(parts)
 
 
-def _changes(stored: Scaled, start: int, stop: int) -> IntArray:
-    """Places in [start, stop) of known values that differ from a known one before."""
+def _changes(stored: Scaled, start: int, stop: int, held: bool) -> IntArray:
+    """Places in [start, stop) of known values, if `held` of those that differ from the one before.
+
+    Without the first place.
+    """
     raw = stored.raw(start, stop)
     known = np.isfinite(raw) if stored.lost is None else raw != stored.lost
-    changed: IntArray = np.flatnonzero((raw[1:] != raw[:-1]) & known[1:] & known[:-1])
-    return start + 1 + changed
+    new = (raw[1:] != raw[:-1]) & known[1:] & known[:-1] if held else known[1:]
+    places: IntArray = start + 1 + np.flatnonzero(new)
+    return places
 
 
 def _places(edges: IntArray, period: float) -> IntArray:
