@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.toy import make_cells, stack
-from tirelog.diagnosis.candidates.assessment import Signature, flip_test, scores_of
+from tirelog.diagnosis.candidates.assessment import Variant, flip_test, scores_of
 from tirelog.inference.cells.cells import SharedEffects
 from tirelog.inference.metric import (
     LeaveOneOut,
@@ -135,7 +135,7 @@ def test_a_strength_that_does_what_the_model_does_adds_nothing_to_the_evidence()
     base = SimpleNamespace(cells=cells, white=whitener(cells), fit=fit)
     both = np.concatenate([column, 3.0 * slopes], axis=-1)
     of_both, alone = (
-        Signature(SimpleNamespace(id="wear"), ("a", "b")[: x.shape[-1]], {}, x, False)
+        Variant(SimpleNamespace(id="wear"), ("a", "b")[: x.shape[-1]], {}, x, False)
         for x in (both, column)
     )
     _, (scores, wanted), _ = scores_of(base, [of_both, alone])

@@ -402,7 +402,7 @@ def clean_passages(p: EdgeTimes, calibration: Calibration) -> dict[str, np.ndarr
         "width_deg": width,
         "shift_deg": shift,
         "corrected_deg": corrected,
-        "extrapolated": outside,
+        "outside": outside,
     }
 
 

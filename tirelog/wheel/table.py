@@ -225,7 +225,7 @@ def table(p: EdgeTimes, calibration: Calibration | None) -> Mapping[str, object]
         columns["patch_width_detrended_deg"] = cleaned["width_deg"]
         columns["phase_shift_detrended_deg"] = cleaned["shift_deg"]
         columns["phase_shift_corrected_deg"] = cleaned["corrected_deg"]
-        outside, removed = cleaned["extrapolated"], np.isfinite(cleaned["shift_deg"])
+        outside, removed = cleaned["outside"], np.isfinite(cleaned["shift_deg"])
         for name, force, x, x_se in (
             ("vertical", calibration.vertical, cleaned["width_deg"], p.width_se_deg),
             (
