@@ -143,6 +143,17 @@ def test_limits_of_a_signal_are_no_codes(clean):
     resting = np.where(values < REFERENCE_NM - 0.6, REFERENCE_NM - 1.2, REFERENCE_NM)
     for some in (clipped, coarse, resting):
         assert np.array_equal(without_spikes(channel(some)).read(), channel(some).read())
+    assert without_spikes(channel(coarse)).flags == without_spikes(channel(resting)).flags == ()
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.75])
+def test_a_signal_at_the_end_of_its_range_is_marked_in_all_passages(clean, share):
+    """Where all are clipped alike, so is the form that they are compared with."""
+    own = without_spikes(channel(np.maximum(clean[0], REFERENCE_NM - 1.2 * share)))
+    found = find_passages(own, RADIUS_M)
+    inside = (found.time_s > 0.3) & (found.time_s < 15.7)
+    assert inside.sum() > 100
+    assert having(found.quality, Quality.CLIPPED)[inside].all()
 
 
 def test_a_lonely_slow_passage_is_no_burst():

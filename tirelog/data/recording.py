@@ -170,7 +170,8 @@ class Channel:
     or clock doubted, `settings` the channel's own keys of the setup (steps of an encoder, ...);
     `mended`: bursts of bad samples are lost already (`runs.in_memory`). `at_hand` if the samples
     are stored so that reading them again costs little and no library holds their file's place;
-    `stored` reads them where they are stored, if they are held in memory.
+    `stored` reads them where they are stored, if they are held in memory; `recorded` is the channel
+    as its instrument gave it, if another's samples were taken off it.
     """
 
     name: str
@@ -185,6 +186,7 @@ class Channel:
     mended: bool = False
     at_hand: bool = False
     stored: Callable[[int, int], FloatArray] | None = None
+    recorded: Channel | None = None
 
     @property
     def size(self) -> int:

@@ -147,6 +147,11 @@ BESIDE = 3.0
 MOST_BETWEEN = 2
 #: samples that hold a code at least; with fewer, two knocks of one height are one
 FEWEST_ALIKE = 3
+#: a limit of the instrument has fewer samples beside it than a quarter of those at it, within this
+#: share of the signal's range or so many steps; a pulse as flat as x^4 has twice as many
+BESIDE_LIMIT, STEPS_BESIDE, MOST_BESIDE = 0.02, 5.0, 4
+#: share of the samples that are the level between passages, and no limit
+AT_REST = 0.25
 #: samples of a cell of a channel that is too slow for bursts, or has no patch
 SLOW_CELL = 64
 
@@ -166,6 +171,10 @@ def without_spikes(channel: Channel) -> Channel:
     while codes := codes_of(channel, cells):
         channel = _without(channel, codes)
         cells = _extremes(channel, size)
+    recorded = channel.recorded
+    clipped = clipped_of(recorded or channel, _extremes(recorded, size) if recorded else cells)
+    flags = tuple((*one, Quality.CLIPPED) for one in clipped)
+    channel = replace(channel, flags=(*channel.flags, *flags))
     return _without(channel, _bursts(channel, size, *cells))
 
 
@@ -241,6 +250,35 @@ def _far(ends: tuple[float, float], least: float, most: float) -> list[float]:
     far = FAR * (most - least)
     below, above = least - ends[0], ends[1] - most
     return [end for end, gap in zip(ends, (below, above), strict=True) if gap > far > 0.0]
+
+
+def clipped_of(channel: Channel, cells: tuple[FloatArray, FloatArray]) -> list[tuple[int, int]]:
+    """Ranges of samples at an end of the instrument's range: the first and the one behind the last.
+
+    FEWEST_ALIKE and more in a row hold the channel's least or largest number, at as many places at
+    least. Of a signal that turns round there, more samples lie just beside that number. `cells` are
+    the least and the largest of the channel's cells, (m,) each.
+    """
+    ranges: list[tuple[int, int]] = []
+    low, high = (cells_[np.isfinite(cells_)] for cells_ in cells)
+    for limit, own in ((low.min(), low), (high.max(), high)) if low.size else ():
+        if np.count_nonzero(own == limit) < FEWEST_ALIKE:
+            continue
+        places, nearest = [], np.inf
+        for start, values in channel.blocks():
+            off = np.abs(values - limit)
+            places.append(start + np.flatnonzero(off == 0.0))
+            nearest = off.min(initial=nearest, where=off > 0.0)
+        width = max(BESIDE_LIMIT * float(high.max() - low.min()), STEPS_BESIDE * nearest)
+        near = sum(int(np.sum(np.abs(values - limit) <= width)) for _, values in channel.blocks())
+        at = np.concatenate(places)
+        parts = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
+        held = [(int(p[0]), int(p[-1]) + 1) for p in parts if p.size >= FEWEST_ALIKE]
+        samples = sum(stop - first for first, stop in held)
+        beside = MOST_BESIDE * (near - at.size)
+        if len(held) >= FEWEST_ALIKE and beside < samples < AT_REST * channel.size:
+            ranges += held
+    return ranges
 
 
 def _bursts(

@@ -433,7 +433,7 @@ def _compensated(strain: Channel, twin: Channel, expansion_1_K: float) -> Channe
         near = twin.read(low, int(at.max(initial=0.0)) + 2 + _TWIN_REACH)
         return plain(start, stop) - expansion_1_K * _bridged(near, at - low)
 
-    return replace(strain, samples=samples, at_hand=False)
+    return replace(strain, samples=samples, at_hand=False, recorded=strain)
 
 
 def _bridged(values: FloatArray, at: FloatArray) -> FloatArray:
