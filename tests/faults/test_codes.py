@@ -31,6 +31,21 @@ def test_codes_in_the_vehicle_s_speed_move_no_slip(tmp_path: Path, code: float, 
     assert (own.quality == clean.quality).all()
 
 
+def test_spikes_in_the_vehicle_s_speed_move_no_slip(tmp_path: Path) -> None:
+    hit, random = tmp_path / "encoder.h5", np.random.default_rng(7302)
+    shutil.copy(SAMPLES / "encoder.h5", hit)
+    with h5py.File(hit, "r+") as file:
+        speed = file["vehicle/speed"]
+        values = speed[()]
+        values[random.choice(values.size, 30, replace=False)] *= random.uniform(0.0, 3.0, 30)
+        speed[...] = values
+    own, clean = (
+        tirelog.slip(log, setup=SAMPLES / "encoder.toml") for log in (hit, SAMPLES / "encoder.h5")
+    )
+    assert np.nanmax(np.abs(own.slip - clean.slip) / clean.slip_se) < 2.0
+    assert np.mean(own.quality == "ok") > 0.98
+
+
 def test_what_is_infinite_is_lost(tmp_path: Path) -> None:
     values = np.arange(400.0)
     values[[7, 80]] = np.inf, -np.inf

@@ -152,6 +152,10 @@ FEWEST_ALIKE = 3
 BESIDE_LIMIT, STEPS_BESIDE, MOST_BESIDE = 0.02, 5.0, 4
 #: share of the samples that are the level between passages, and no limit
 AT_REST = 0.25
+#: a sample of a slow channel is a spike if it bends the signal by so many times the usual bend; of
+#: Gaussian noise one in ten million does. Of a resampled signal, which is straight in between, this
+#: share of its range is usual; where more samples than the last share bend it, they are no spikes
+KINK, STRAIGHT, OFTEN = 8.0, 1e-3, 0.05
 #: samples of a cell of a channel that is too slow for bursts, or has no patch
 SLOW_CELL = 64
 
@@ -179,9 +183,9 @@ def without_spikes(channel: Channel) -> Channel:
 
 
 def without_codes(channel: Channel) -> Channel:
-    """A channel beside those with a patch, such as a pressure, its error codes lost.
+    """A slow channel beside those with a patch, such as a pressure: codes and spikes are lost.
 
-    They are looked for when it is first read. One sample so far off is enough: no tire has it.
+    They are looked for when it is first read. One sample as far off as a code is enough.
     """
 
     @cache
@@ -189,9 +193,35 @@ def without_codes(channel: Channel) -> Channel:
         coded = channel
         while codes := codes_of(coded, _extremes(coded, SLOW_CELL), 1):
             coded = _without(coded, codes)
-        return coded
+        return _without(coded, _kinks_of(coded))
 
     return replace(channel, samples=lambda start, stop: mended().read(start, stop))
+
+
+def _kinks_of(channel: Channel) -> list[tuple[int, int]]:
+    """Ranges of samples of a slow channel that leave the straight line between their neighbours.
+
+    By KINK times as much as usual; a spike's neighbours are among them. None if that is often so.
+    """
+
+    def bends(values: FloatArray) -> FloatArray:
+        return np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
+
+    some = channel.read(0, BLOCK_SAMPLES)
+    some = some[np.isfinite(some)]
+    if some.size < SLOW_CELL:
+        return []
+    least = max(channel.resolution, STRAIGHT * float(np.ptp(np.quantile(some, [0.05, 0.95]))))
+    usual = max(least, float(np.median(bends(some))))
+    wild: list[IntArray] = []
+    for start in range(0, channel.size - 2, BLOCK_SAMPLES):
+        values = channel.read(start, start + BLOCK_SAMPLES + 2)
+        wild.append(start + 1 + np.flatnonzero(bends(values) > KINK * usual))
+    at = np.concatenate(wild)
+    if at.size > OFTEN * channel.size:
+        return []
+    parts = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
+    return [(int(part[0]), int(part[-1]) + 1) for part in parts if part.size]
 
 
 def _without(channel: Channel, ranges: list[tuple[int, int]]) -> Channel:
