@@ -205,7 +205,11 @@ def _kinks_of(channel: Channel) -> list[tuple[int, int]]:
     """
 
     def bends(values: FloatArray) -> FloatArray:
-        return np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
+        before, after = values[:-2], values[2:]
+        before, after = (
+            np.where(np.isnan(own), other, own) for own, other in ((before, after), (after, before))
+        )
+        return np.abs(values[1:-1] - 0.5 * (before + after))
 
     some = channel.read(0, BLOCK_SAMPLES)
     some = some[np.isfinite(some)]
