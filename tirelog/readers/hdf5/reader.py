@@ -503,7 +503,8 @@ class Hdf5Log:
                         f"channel {name}: the file has a scale of its own; the setup's scale and "
                         "offset act on what it gives"
                     )
-                if unit := unit_of(column) or split_unit(channel.source)[1]:
+                plain = re.sub(r"\[[\d\s,:]+\]$", "", channel.source)  # an index is no unit
+                if unit := unit_of(column) or split_unit(plain)[1]:
                     self.stated[name] = unit
             except ReadError as problem:
                 problems.append(f"channel {name}: {problem.message}")
