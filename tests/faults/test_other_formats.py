@@ -44,6 +44,12 @@ def with_long_list(archive: bytes) -> bytes:
     return archive[:at] + (5 << 20).to_bytes(4, "little") + archive[at + 4 :]
 
 
+def with_far_list(archive: bytes) -> bytes:
+    """The archive, whose end says that the list of its files begins far behind the end."""
+    at = archive.rindex(b"PK\5\6") + 16
+    return archive[:at] + (1 << 24).to_bytes(4, "little") + archive[at + 4 :]
+
+
 def zipped(*names: str, text: str = TEXT, method: int = zipfile.ZIP_DEFLATED) -> bytes:
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", method) as archive:
@@ -240,6 +246,7 @@ def encrypted() -> bytes:
 ZIPS = {
     "encrypted": (encrypted(), "is encrypted"),
     "of bzip2": (zipped(method=zipfile.ZIP_BZIP2), "method 12"),
+    "of a far list": (with_far_list(zipped()), "cut off or damaged"),
     "of a long list": (with_long_list(zipped()), "lists more files"),
     "of nothing": (zipped("a/", text=""), "nothing before that could be unpacked|is empty"),
 }

@@ -127,6 +127,8 @@ def _member(archive: zipfile.ZipFile, file: zipfile.ZipInfo) -> Iterator[bytes]:
     """What a file of the archive holds.  EOFError: as of `_unzipped`."""
     if file.flag_bits & _ENCRYPTED:
         raise EOFError("the zip archive is encrypted")
+    if file.header_offset < 0:  # by a list that says it begins elsewhere
+        raise EOFError("the zip archive is cut off or damaged")
     if file.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise EOFError(
             f"the zip archive is packed by method {file.compress_type}, and deflate is read"
