@@ -99,6 +99,8 @@ def test_no_load_and_too_much_load_are_refused():
         solve_contact(CARCASS, 0.0)
     with pytest.raises(ModelError, match="patch grows"):
         solve_contact(CARCASS, 1e6)
+    with pytest.raises(ModelError, match="a tread of stiffness 0 N/m\\^2 carries nothing"):
+        solve_contact(replace(CARCASS, k_t=0.0), 3500.0)
 
 
 def test_a_search_that_reaches_too_far_on_its_way_is_no_refusal():
