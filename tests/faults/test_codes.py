@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import tirelog
+from tirelog.data.recording import BLOCK_SAMPLES, Channel, TimeAxis
+from tirelog.runs.in_memory import without_codes
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
@@ -46,6 +48,38 @@ def test_spikes_in_the_vehicle_s_speed_move_no_slip(tmp_path: Path) -> None:
     )
     assert np.nanmax(np.abs(own.slip - clean.slip) / clean.slip_se) < 2.0
     assert np.mean(own.quality == "ok") > 0.98
+
+
+def slow(values: np.ndarray) -> np.ndarray:
+    """What is left of a vehicle's speed at 100 Hz."""
+    axis = TimeAxis.uniform(values.size, 100.0)
+    return without_codes(Channel.of_array("v", "vehicle_speed", values, axis)).read()
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-4])
+def test_a_car_that_starts_after_a_long_stop_is_no_spike(noise: float) -> None:
+    random, n = np.random.default_rng(7303), 200_000
+    ramp = np.clip((np.arange(n) - 0.98 * n) / 1000.0, 0.0, 12.0)
+    values = ramp + np.where(ramp > 0.0, 0.05, noise) * random.standard_normal(n)
+    assert np.isnan(slow(values)).sum() <= 2
+
+
+def test_numbers_that_were_set_are_no_codes() -> None:
+    values = np.repeat([2000.0, 3500.0, 3505.0, 3510.0, 5000.0], 4000)
+    assert np.isnan(slow(values)).sum() <= 8  # those beside the steps
+
+
+@pytest.mark.parametrize("border", [BLOCK_SAMPLES, 2 * BLOCK_SAMPLES])
+def test_codes_and_spikes_at_a_border_of_blocks_are_lost(border: int) -> None:
+    random = np.random.default_rng(7304)
+    values = 20.0 + 0.01 * random.standard_normal(3 * BLOCK_SAMPLES)
+    for place in range(-3, 4):
+        hit = values.copy()
+        hit[border + place] = 21.0
+        hit[border + 100 + place : border + 130 + place] = 655.35
+        lost = np.flatnonzero(np.isnan(slow(hit)))
+        assert {border + place, *range(border + 100 + place, border + 130 + place)} <= {*lost}
+        assert lost.size <= 35
 
 
 def test_what_is_infinite_is_lost(tmp_path: Path) -> None:

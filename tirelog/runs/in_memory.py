@@ -13,7 +13,7 @@ unpacked again: of an hour at 2.5 kHz they take 36 MB a channel.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Scaled, TimeAxis
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 from tirelog.vocabulary.quality import Doubt, Quality
 
@@ -153,9 +153,8 @@ BESIDE_LIMIT, STEPS_BESIDE, MOST_BESIDE = 0.02, 5.0, 4
 #: share of the samples that are the level between passages, and no limit
 AT_REST = 0.25
 #: a sample of a slow channel is a spike if it bends the signal by so many times the usual bend; of
-#: Gaussian noise one in ten million does. Of a resampled signal, which is straight in between, this
-#: share of its range is usual; where more samples than the last share bend it, they are no spikes
-KINK, STRAIGHT, OFTEN = 8.0, 1e-3, 0.05
+#: Gaussian noise one in ten million does. More than this share are no spikes, and no codes
+KINK, OFTEN = 8.0, 0.05
 #: samples of a cell of a channel that is too slow for bursts, or has no patch
 SLOW_CELL = 64
 
@@ -170,13 +169,13 @@ def without_spikes(channel: Channel) -> Channel:
     channel = replace(in_memory(channel), mended=True)
     size = int(LONGEST_S * channel.axis.rate_Hz)
     if size < FEWEST_SAMPLES:
-        return _without(channel, codes_of(channel, _extremes(channel, SLOW_CELL)))
+        return _without(channel, error_codes(channel, _extremes(channel, SLOW_CELL)))
     cells = _extremes(channel, size)
-    while codes := codes_of(channel, cells):
+    while codes := error_codes(channel, cells):
         channel = _without(channel, codes)
         cells = _extremes(channel, size)
     recorded = channel.recorded
-    clipped = clipped_of(recorded or channel, _extremes(recorded, size) if recorded else cells)
+    clipped = clipped_ranges(recorded or channel, _extremes(recorded, size) if recorded else cells)
     flags = tuple((*one, Quality.CLIPPED) for one in clipped)
     channel = replace(channel, flags=(*channel.flags, *flags))
     return _without(channel, _bursts(channel, size, *cells))
@@ -185,47 +184,71 @@ def without_spikes(channel: Channel) -> Channel:
 def without_codes(channel: Channel) -> Channel:
     """A slow channel beside those with a patch, such as a pressure: codes and spikes are lost.
 
-    They are looked for when it is first read. One sample as far off as a code is enough.
+    They are looked for when it is first read. One sample as far off as a code is enough, but a
+    number that comes often may be one that was set.
     """
 
     @cache
     def mended() -> Channel:
         coded = channel
-        while codes := codes_of(coded, _extremes(coded, SLOW_CELL), 1):
+        while codes := error_codes(coded, _extremes(coded, SLOW_CELL), 1, OFTEN):
             coded = _without(coded, codes)
-        return _without(coded, _kinks_of(coded))
+        return _without(coded, _slow_spikes(coded))
 
     return replace(channel, samples=lambda start, stop: mended().read(start, stop))
 
 
-def _kinks_of(channel: Channel) -> list[tuple[int, int]]:
+def _slow_spikes(channel: Channel) -> list[tuple[int, int]]:
     """Ranges of samples of a slow channel that leave the straight line between their neighbours.
 
-    By KINK times as much as usual; a spike's neighbours are among them. None if that is often so.
+    By KINK times as much as usual around them; a spike's neighbours are among them. None if more
+    than the share OFTEN of the samples does so.
     """
-
-    def bends(values: FloatArray) -> FloatArray:
-        before, after = values[:-2], values[2:]
-        before, after = (
-            np.where(np.isnan(own), other, own) for own, other in ((before, after), (after, before))
-        )
-        return np.abs(values[1:-1] - 0.5 * (before + after))
-
-    some = channel.read(0, BLOCK_SAMPLES)
-    some = some[np.isfinite(some)]
-    if some.size < SLOW_CELL:
-        return []
-    least = max(channel.resolution, STRAIGHT * float(np.ptp(np.quantile(some, [0.05, 0.95]))))
-    usual = max(least, float(np.median(bends(some))))
-    wild: list[IntArray] = []
+    parts = []
     for start in range(0, channel.size - 2, BLOCK_SAMPLES):
         values = channel.read(start, start + BLOCK_SAMPLES + 2)
-        wild.append(start + 1 + np.flatnonzero(bends(values) > KINK * usual))
-    at = np.concatenate(wild)
-    if at.size > OFTEN * channel.size:
-        return []
-    parts = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
-    return [(int(part[0]), int(part[-1]) + 1) for part in parts if part.size]
+        before, after = values[:-2], values[2:]
+        bends = np.abs(
+            values[1:-1]
+            - 0.5 * np.where(np.isnan(before), after, before)
+            - 0.5 * np.where(np.isnan(after), before, after)
+        )
+        parts.append(start + 1 + _runs_of(bends > KINK * _usual(bends, channel.resolution)))
+    ranges = _joined(parts)
+    return [] if np.diff(ranges).sum() > OFTEN * channel.size else _pairs(ranges)
+
+
+def _usual(bends: FloatArray, least: float) -> FloatArray:
+    """The usual size of the `bends` (n,) around each, (n,), and at least `least`.
+
+    The largest of the medians of three cells, so that a signal which begins to move is no spike.
+    """
+    padded = np.pad(np.nan_to_num(bends), (0, -bends.size % SLOW_CELL)).reshape(-1, SLOW_CELL)
+    around = np.pad(np.median(padded, axis=1), 1, mode="edge")
+    largest = np.maximum.reduce([around[:-2], around[1:-1], around[2:]])
+    return np.repeat(np.maximum(largest, least), SLOW_CELL)[: bends.size]
+
+
+def _runs_of(marked: BoolArray) -> IntArray:
+    """The first and the one behind the last of each run of what is `marked` (n,), shape (k, 2)."""
+    return np.flatnonzero(np.diff(marked, prepend=False, append=False)).reshape(-1, 2)
+
+
+def _joined(parts: Sequence[IntArray]) -> IntArray:
+    """The ranges (k, 2) of blocks one behind the other; one that a block's end cut is one."""
+    edges, times = np.unique(np.concatenate([np.zeros((0, 2), int), *parts]), return_counts=True)
+    joined: IntArray = edges[times == 1].reshape(-1, 2)
+    return joined
+
+
+def _pairs(ranges: IntArray) -> list[tuple[int, int]]:
+    """Ranges (k, 2) as pairs of numbers."""
+    return [(int(first), int(stop)) for first, stop in ranges]
+
+
+def _holding(channel: Channel, number: float) -> IntArray:
+    """The ranges of samples, (k, 2), that hold a number exactly."""
+    return _joined([start + _runs_of(values == number) for start, values in channel.blocks()])
 
 
 def _without(channel: Channel, ranges: list[tuple[int, int]]) -> Channel:
@@ -248,14 +271,18 @@ def _extremes(channel: Channel, size: int) -> tuple[FloatArray, FloatArray]:
     return low, high
 
 
-def codes_of(
-    channel: Channel, cells: tuple[FloatArray, FloatArray], fewest: int = FEWEST_ALIKE
+def error_codes(
+    channel: Channel,
+    cells: tuple[FloatArray, FloatArray],
+    fewest: int = FEWEST_ALIKE,
+    most_share: float = 1.0,
 ) -> list[tuple[int, int]]:
     """Ranges of samples that hold an error code: its first and the one behind its last.
 
-    A code is a number that comes exactly, `fewest` times and more, and whose distance from all
-    other samples is FAR times their range. A clipped signal has samples beside its limit,
-    and so has none. `cells` are the least and the largest of the channel's cells, (m,) each.
+    A code is a number that comes exactly, at least `fewest` times and at most in this share of the
+    samples, and whose distance from all other samples is FAR times their range. A clipped signal
+    has samples beside its limit, and so has none. `cells` are the least and the largest of the
+    channel's cells, (m,) each.
     """
     low, high = (cells_[np.isfinite(cells_)] for cells_ in cells)
     if not low.size:
@@ -265,18 +292,16 @@ def codes_of(
     inner = inner[~np.isin(inner, ends)]
     if not inner.size or not _far(ends, float(inner.min()), float(inner.max())):
         return []
-    alike: dict[float, list[int]] = {end: [] for end in ends}
     least, most = np.inf, -np.inf
-    for start in range(0, channel.size, BLOCK_SAMPLES):
-        values = channel.read(start, min(start + BLOCK_SAMPLES, channel.size))
-        for end, samples in alike.items():
-            samples += (start + np.flatnonzero(values == end)).tolist()
+    for _, values in channel.blocks():
         others = values[~np.isin(values, ends) & np.isfinite(values)]
         least, most = others.min(initial=least), others.max(initial=most)
-    far = _far(ends, float(least), float(most))
-    places = np.sort([i for end in far if len(alike[end]) >= fewest for i in alike[end]])
-    parts = np.split(places, np.flatnonzero(np.diff(places) > 1) + 1)
-    return [(int(part[0]), int(part[-1]) + 1) for part in parts if part.size]
+    found: list[tuple[int, int]] = []
+    for end in _far(ends, float(least), float(most)):
+        ranges = _holding(channel, end)
+        if fewest <= np.diff(ranges).sum() <= most_share * channel.size:
+            found += _pairs(ranges)
+    return sorted(found)
 
 
 def _far(ends: tuple[float, float], least: float, most: float) -> list[float]:
@@ -286,33 +311,32 @@ def _far(ends: tuple[float, float], least: float, most: float) -> list[float]:
     return [end for end, gap in zip(ends, (below, above), strict=True) if gap > far > 0.0]
 
 
-def clipped_of(channel: Channel, cells: tuple[FloatArray, FloatArray]) -> list[tuple[int, int]]:
+def clipped_ranges(channel: Channel, cells: tuple[FloatArray, FloatArray]) -> list[tuple[int, int]]:
     """Ranges of samples at an end of the instrument's range: the first and the one behind the last.
 
     FEWEST_ALIKE and more in a row hold the channel's least or largest number, at as many places at
     least. Of a signal that turns round there, more samples lie just beside that number. `cells` are
     the least and the largest of the channel's cells, (m,) each.
     """
-    ranges: list[tuple[int, int]] = []
+    found: list[tuple[int, int]] = []
     low, high = (cells_[np.isfinite(cells_)] for cells_ in cells)
     for limit, own in ((low.min(), low), (high.max(), high)) if low.size else ():
         if np.count_nonzero(own == limit) < FEWEST_ALIKE:
             continue
-        places, nearest = [], np.inf
-        for start, values in channel.blocks():
+        nearest = np.inf
+        for _, values in channel.blocks():
             off = np.abs(values - limit)
-            places.append(start + np.flatnonzero(off == 0.0))
             nearest = off.min(initial=nearest, where=off > 0.0)
         width = max(BESIDE_LIMIT * float(high.max() - low.min()), STEPS_BESIDE * nearest)
         near = sum(int(np.sum(np.abs(values - limit) <= width)) for _, values in channel.blocks())
-        at = np.concatenate(places)
-        parts = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
-        held = [(int(p[0]), int(p[-1]) + 1) for p in parts if p.size >= FEWEST_ALIKE]
-        samples = sum(stop - first for first, stop in held)
-        beside = MOST_BESIDE * (near - at.size)
-        if len(held) >= FEWEST_ALIKE and beside < samples < AT_REST * channel.size:
-            ranges += held
-    return ranges
+        ranges = _holding(channel, limit)
+        beside = near - int(np.diff(ranges).sum())
+        ranges = ranges[np.diff(ranges)[:, 0] >= FEWEST_ALIKE]
+        samples = int(np.diff(ranges).sum())
+        many = len(ranges) >= FEWEST_ALIKE
+        if many and MOST_BESIDE * beside < samples < AT_REST * channel.size:
+            found += _pairs(ranges)
+    return found
 
 
 def _bursts(
