@@ -28,6 +28,10 @@ def test_codes_in_the_vehicle_s_speed_move_no_slip(tmp_path: Path, code: float, 
     own, clean = (
         tirelog.slip(log, setup=SAMPLES / "encoder.toml") for log in (hit, SAMPLES / "encoder.h5")
     )
+    with tirelog.open_log(hit, SAMPLES / "encoder.toml") as log:
+        assert (
+            f"vehicle_speed: {many} samples far off those around them were left" in log.remarks[0]
+        )
     off = np.abs(own.slip - clean.slip) / clean.slip_se
     assert np.nanmax(off) < 2.0  # two samples of the thirteen of a turn are lost
     assert (own.quality == clean.quality).all()
@@ -53,7 +57,8 @@ def test_spikes_in_the_vehicle_s_speed_move_no_slip(tmp_path: Path) -> None:
 def slow(values: np.ndarray) -> np.ndarray:
     """What is left of a vehicle's speed at 100 Hz."""
     axis = TimeAxis.uniform(values.size, 100.0)
-    return without_codes(Channel.of_array("v", "vehicle_speed", values, axis)).read()
+    channel = Channel.of_array("v", "vehicle_speed", values, axis)
+    return without_codes(channel, channel)[0].read()
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-4])

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -152,9 +151,9 @@ FEWEST_ALIKE = 3
 BESIDE_LIMIT, STEPS_BESIDE, MOST_BESIDE = 0.02, 5.0, 4
 #: share of the samples that are the level between passages, and no limit
 AT_REST = 0.25
-#: a sample of a slow channel is a spike if it bends the signal by so many times the usual bend; of
-#: Gaussian noise one in ten million does. More than this share are no spikes, and no codes
-KINK, OFTEN = 8.0, 0.05
+#: a sample of a slow channel is a spike if it bends the signal by so many times the usual bend;
+#: half as much takes good samples of a car's wheel speeds. More than this share are no spikes
+KINK, OFTEN = 20.0, 0.05
 #: samples of a cell of a channel that is too slow for bursts, or has no patch
 SLOW_CELL = 64
 
@@ -181,21 +180,24 @@ def without_spikes(channel: Channel) -> Channel:
     return _without(channel, _bursts(channel, size, *cells))
 
 
-def without_codes(channel: Channel) -> Channel:
-    """A slow channel beside those with a patch, such as a pressure: codes and spikes are lost.
+def without_codes(channel: Channel, quiet: Channel) -> tuple[Channel, str]:
+    """(a slow channel without its codes and spikes, a remark; '' if it has none).
 
-    They are looked for when it is first read. One sample as far off as a code is enough, but a
-    number that comes often may be one that was set.
+    Such as a pressure. One sample as far off as a code is enough, but a number that comes often may
+    be one that was set. `quiet` is the same channel, of whose losses nobody hears.
     """
-
-    @cache
-    def mended() -> Channel:
-        coded = channel
-        while codes := error_codes(coded, _extremes(coded, SLOW_CELL), 1, OFTEN):
-            coded = _without(coded, codes)
-        return _without(coded, _slow_spikes(coded))
-
-    return replace(channel, samples=lambda start, stop: mended().read(start, stop))
+    found: list[tuple[int, int]] = []
+    while codes := error_codes(quiet, _extremes(quiet, SLOW_CELL), 1, OFTEN):
+        found += codes
+        quiet = _without(quiet, codes)
+    found = sorted(found + _slow_spikes(quiet))
+    if not found:
+        return channel, ""
+    many, first_s = sum(stop - first for first, stop in found), channel.axis.at(found[0][0])
+    return _without(channel, found), (
+        f"{many} samples far off those around them were left out as error codes or spikes, the "
+        f"first at {float(first_s):.6g} s"
+    )
 
 
 def _slow_spikes(channel: Channel) -> list[tuple[int, int]]:

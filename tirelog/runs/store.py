@@ -323,7 +323,8 @@ def recording_of(run: Run, log: str, setup: Setup | None = None) -> Recording:
         # what is damaged is said when it is asked for
         quiet = _channel(name, stored, used, axis, [])
         whole = _channel(name, stored, used, axis, losses)
-        channels[name], remark = without_repeats(whole, quiet)
+        mended = without_codes if used.kind in SLOW_KINDS else without_repeats
+        channels[name], remark = mended(whole, quiet)
         said += [f"{name}: {remark}"] if remark else []
     for name, used in setup.channels.items():
         twin = used.temperature_channel
@@ -382,7 +383,7 @@ def _channel(
         for key in ("steps", "gauge_length_m")
         if getattr(channel, key) is not None
     }
-    made = Channel(
+    return Channel(
         name,
         channel.kind,
         KINDS[channel.kind].to_si(channel.source_unit)[2],
@@ -394,7 +395,6 @@ def _channel(
         more,
         at_hand=stored.at_hand,
     )
-    return without_codes(made) if channel.kind in SLOW_KINDS else made
 
 
 def _read(dataset: h5py.Dataset, start: int, stop: int, name: str, losses: list[str]) -> np.ndarray:
