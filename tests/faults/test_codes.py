@@ -50,7 +50,8 @@ def test_spikes_in_the_vehicle_s_speed_move_no_slip(tmp_path: Path) -> None:
     own, clean = (
         tirelog.slip(log, setup=SAMPLES / "encoder.toml") for log in (hit, SAMPLES / "encoder.h5")
     )
-    assert np.nanmax(np.abs(own.slip - clean.slip) / clean.slip_se) < 2.0
+    # ten usual changes of white noise are 9.5 sigma, and of a mean of 13 samples 2.6 of its errors
+    assert np.nanmax(np.abs(own.slip - clean.slip) / clean.slip_se) < 2.7
     assert np.mean(own.quality == "ok") > 0.98
 
 
@@ -66,12 +67,21 @@ def test_a_car_that_starts_after_a_long_stop_is_no_spike(noise: float) -> None:
     random, n = np.random.default_rng(7303), 200_000
     ramp = np.clip((np.arange(n) - 0.98 * n) / 1000.0, 0.0, 12.0)
     values = ramp + np.where(ramp > 0.0, 0.05, noise) * random.standard_normal(n)
-    assert np.isnan(slow(values)).sum() <= 2
+    assert np.isfinite(slow(values)).all()
 
 
-def test_numbers_that_were_set_are_no_codes() -> None:
-    values = np.repeat([2000.0, 3500.0, 3505.0, 3510.0, 5000.0], 4000)
-    assert np.isnan(slow(values)).sum() <= 8  # those beside the steps
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.repeat([2000.0, 3500.0, 3505.0, 3510.0, 5000.0], 4000),
+        np.round(2.2e5 + 2e3 * np.sin(np.arange(3600) / 300), -3),
+        np.interp(np.arange(36_000) / 100, np.arange(361), 10.0 + np.sin(1e4 * np.arange(361))),
+        np.where(np.arange(3600) < 3000, 2.2e5, 1e5 * np.exp((3000 - np.arange(3600)) / 5)),
+    ],
+    ids=["set", "coarse steps", "resampled", "air lost at once"],
+)
+def test_steps_and_kinks_are_neither_codes_nor_spikes(values: np.ndarray) -> None:
+    assert np.isfinite(slow(values)).all()
 
 
 @pytest.mark.parametrize("border", [BLOCK_SAMPLES, 2 * BLOCK_SAMPLES])
@@ -84,7 +94,7 @@ def test_codes_and_spikes_at_a_border_of_blocks_are_lost(border: int) -> None:
         hit[border + 100 + place : border + 130 + place] = 655.35
         lost = np.flatnonzero(np.isnan(slow(hit)))
         assert {border + place, *range(border + 100 + place, border + 130 + place)} <= {*lost}
-        assert lost.size <= 35
+        assert lost.size == 31
 
 
 def test_what_is_infinite_is_lost(tmp_path: Path) -> None:

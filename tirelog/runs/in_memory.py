@@ -151,9 +151,11 @@ FEWEST_ALIKE = 3
 BESIDE_LIMIT, STEPS_BESIDE, MOST_BESIDE = 0.02, 5.0, 4
 #: share of the samples that are the level between passages, and no limit
 AT_REST = 0.25
-#: a sample of a slow channel is a spike if it bends the signal by so many times the usual bend;
-#: half as much takes good samples of a car's wheel speeds. More than this share are no spikes
-KINK, OFTEN = 20.0, 0.05
+#: a spike of a slow channel lasts this many samples at most, and is so many times as high as usual
+#: changes. More than this share of the samples are no spikes
+SPIKE_SAMPLES, KINK, OFTEN = 2, 10.0, 0.05
+#: codes and spikes may hide others: a second code, a spike two samples on
+PASSES = 4
 #: samples of a cell of a channel that is too slow for bursts, or has no patch
 SLOW_CELL = 64
 
@@ -187,10 +189,12 @@ def without_codes(channel: Channel, quiet: Channel) -> tuple[Channel, str]:
     be one that was set. `quiet` is the same channel, of whose losses nobody hears.
     """
     found: list[tuple[int, int]] = []
-    while codes := error_codes(quiet, _extremes(quiet, SLOW_CELL), 1, OFTEN):
-        found += codes
-        quiet = _without(quiet, codes)
-    found = sorted(found + _slow_spikes(quiet))
+    for _ in range(PASSES):
+        some = error_codes(quiet, _extremes(quiet, SLOW_CELL), 1, OFTEN) or _slow_spikes(quiet)
+        if not some:
+            break
+        quiet = _without(quiet, some)
+        found = sorted(found + some)
     if not found:
         return channel, ""
     many, first_s = sum(stop - first for first, stop in found), channel.axis.at(found[0][0])
@@ -201,34 +205,37 @@ def without_codes(channel: Channel, quiet: Channel) -> tuple[Channel, str]:
 
 
 def _slow_spikes(channel: Channel) -> list[tuple[int, int]]:
-    """Ranges of samples of a slow channel that leave the straight line between their neighbours.
+    """Ranges of one or two samples of a slow channel that leave both sides of them, the same way.
 
-    By KINK times as much as usual around them; a spike's neighbours are among them. None if more
-    than the share OFTEN of the samples does so.
+    By KINK times the usual change around them. None if more than OFTEN of the samples do so. A step
+    leaves one side only, and a signal that turns round changes as much beside it.
     """
     parts = []
-    for start in range(0, channel.size - 2, BLOCK_SAMPLES):
-        values = channel.read(start, start + BLOCK_SAMPLES + 2)
-        before, after = values[:-2], values[2:]
-        bends = np.abs(
-            values[1:-1]
-            - 0.5 * np.where(np.isnan(before), after, before)
-            - 0.5 * np.where(np.isnan(after), before, after)
+    for start in range(0, channel.size - 2 * SPIKE_SAMPLES, BLOCK_SAMPLES):
+        values = channel.read(start, start + BLOCK_SAMPLES + 2 * SPIKE_SAMPLES)
+        before = values[SPIKE_SAMPLES:-SPIKE_SAMPLES] - values[: -2 * SPIKE_SAMPLES]
+        after = values[SPIKE_SAMPLES:-SPIKE_SAMPLES] - values[2 * SPIKE_SAMPLES :]
+        before, after = (
+            np.where(np.isnan(before), after, before),
+            np.where(np.isnan(after), before, after),
         )
-        parts.append(start + 1 + _runs_of(bends > KINK * _usual(bends, channel.resolution)))
+        least = np.where(before * after > 0.0, np.minimum(np.abs(before), np.abs(after)), 0.0)
+        wild = least > KINK * _usual(np.abs(before), channel.resolution)
+        parts.append(start + SPIKE_SAMPLES + _runs_of(wild))
     ranges = _joined(parts)
     return [] if np.diff(ranges).sum() > OFTEN * channel.size else _pairs(ranges)
 
 
-def _usual(bends: FloatArray, least: float) -> FloatArray:
-    """The usual size of the `bends` (n,) around each, (n,), and at least `least`.
+def _usual(changes: FloatArray, step: float) -> FloatArray:
+    """The usual size of the `changes` (n,) around each, (n,), at least a `step` of the signal.
 
     The largest of the medians of three cells, so that a signal which begins to move is no spike.
     """
-    padded = np.pad(np.nan_to_num(bends), (0, -bends.size % SLOW_CELL)).reshape(-1, SLOW_CELL)
+    step = max(step, float(changes.min(initial=np.inf, where=changes > 0.0)))
+    padded = np.pad(np.nan_to_num(changes), (0, -changes.size % SLOW_CELL)).reshape(-1, SLOW_CELL)
     around = np.pad(np.median(padded, axis=1), 1, mode="edge")
     largest = np.maximum.reduce([around[:-2], around[1:-1], around[2:]])
-    return np.repeat(np.maximum(largest, least), SLOW_CELL)[: bends.size]
+    return np.repeat(np.maximum(largest, step), SLOW_CELL)[: changes.size]
 
 
 def _runs_of(marked: BoolArray) -> IntArray:
