@@ -188,13 +188,20 @@ def without_codes(channel: Channel, quiet: Channel) -> tuple[Channel, str]:
     Such as a pressure. One sample as far off as a code is enough, but a number that comes often may
     be one that was set. `quiet` is the same channel, of whose losses nobody hears.
     """
-    found: list[tuple[int, int]] = []
+    codes: list[tuple[int, int]] = []
+    spikes: list[tuple[int, int]] = []
     for _ in range(PASSES):
-        some = error_codes(quiet, _extremes(quiet, SLOW_CELL), 1, OFTEN) or _slow_spikes(quiet)
-        if not some:
+        more = error_codes(quiet, _extremes(quiet, SLOW_CELL), 1, OFTEN)
+        codes += more
+        if not more:
+            more = _slow_spikes(quiet)
+            spikes += more
+        if not more:
             break
-        quiet = _without(quiet, some)
-        found = sorted(found + some)
+        quiet = _without(quiet, more)
+    if sum(stop - first for first, stop in spikes) > OFTEN * channel.size:
+        spikes = []
+    found = sorted(codes + spikes)
     if not found:
         return channel, ""
     many, first_s = sum(stop - first for first, stop in found), channel.axis.at(found[0][0])
@@ -207,8 +214,8 @@ def without_codes(channel: Channel, quiet: Channel) -> tuple[Channel, str]:
 def _slow_spikes(channel: Channel) -> list[tuple[int, int]]:
     """Ranges of one or two samples of a slow channel that leave both sides of them, the same way.
 
-    By KINK times the usual change around them. None if more than OFTEN of the samples do so. A step
-    leaves one side only, and a signal that turns round changes as much beside it.
+    By KINK times the usual change around them. A step leaves one side only, and a signal that turns
+    round changes as much beside it.
     """
     parts = []
     for start in range(0, channel.size - 2 * SPIKE_SAMPLES, BLOCK_SAMPLES):
@@ -222,8 +229,7 @@ def _slow_spikes(channel: Channel) -> list[tuple[int, int]]:
         least = np.where(before * after > 0.0, np.minimum(np.abs(before), np.abs(after)), 0.0)
         wild = least > KINK * _usual(np.abs(before), channel.resolution)
         parts.append(start + SPIKE_SAMPLES + _runs_of(wild))
-    ranges = _joined(parts)
-    return [] if np.diff(ranges).sum() > OFTEN * channel.size else _pairs(ranges)
+    return _pairs(_joined(parts))
 
 
 def _usual(changes: FloatArray, step: float) -> FloatArray:
