@@ -6,6 +6,7 @@ simulator.
 
 from __future__ import annotations
 
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -96,6 +97,21 @@ def test_a_log_without_hum_stays_as_it_is():
         values, lines = without_hum(stack, time_s)
         assert not lines
         assert values is stack.values
+
+
+def test_hum_is_found_across_a_standstill_in_little_memory():
+    stack, time_s, clean = a_stack(hum=2.0 * NOISE)
+    late = time_s.copy()
+    late[175:] += 900.0
+    stack.values[:] += 2.0 * NOISE * (np.sin(314.15927 * late) - np.sin(314.15927 * time_s))
+    tracemalloc.start()
+    try:
+        values, lines = without_hum(stack, late)
+        assert tracemalloc.get_traced_memory()[1] < 30e6
+    finally:
+        tracemalloc.stop()
+    assert [round(frequency) for frequency, _ in lines] == [50]
+    assert (values - clean).std() < 0.7 * (stack.values - clean).std()
 
 
 def test_what_rings_with_the_wheel_is_not_hum():

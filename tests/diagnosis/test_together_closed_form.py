@@ -220,6 +220,15 @@ def test_held_out_means_left_out_of_all_observables():
     assert base.held_white[4] == pytest.approx(float((left**2).sum()), rel=1e-3)
 
 
+def test_what_errors_add_depends_on_no_order_of_observables():
+    added = []
+    for names in (ALL, ALL[::-1]):
+        model = Model.new("beam", names, radius_m=R, load_N=F).with_values(dict(TRUTH.values))
+        base = start_from(measured_pieces(several(9, *names)), model, several=False)
+        added.append(base.of_errors)
+    np.testing.assert_allclose(*added, rtol=5e-4)  # descents end within this
+
+
 def level_of_each(cells):
     """A column for the offset of each waveform, (C, m, 2)."""
     return np.stack([cells.level * (cells.part == i)[:, None] for i in (0, 1)], axis=-1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -11,7 +12,8 @@ import pytest
 
 import tirelog
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, TimeAxis
-from tirelog.runs.in_memory import without_codes
+from tirelog.runs.in_memory import without_codes, without_spikes
+from tirelog.vocabulary.quality import Quality
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
@@ -95,6 +97,54 @@ def test_codes_and_spikes_at_a_border_of_blocks_are_lost(border: int) -> None:
         lost = np.flatnonzero(np.isnan(slow(hit)))
         assert {border + place, *range(border + 100 + place, border + 130 + place)} <= {*lost}
         assert lost.size == 31
+
+
+@pytest.mark.parametrize("size", [20, 25, 3 * BLOCK_SAMPLES + 30])
+def test_noise_that_fills_no_cell_has_no_spikes(size: int) -> None:
+    for seed in range(7310, 7330):
+        values = 2.4e5 + 1e3 * np.random.default_rng(seed).standard_normal(size)
+        assert np.isfinite(slow(values)).all()
+
+
+def strain(values: np.ndarray, rate_Hz: float, twin: np.ndarray | None = None) -> Channel:
+    """The strain that is left of `values`, of which a `twin` was taken off."""
+    axis = TimeAxis.uniform(values.size, rate_Hz)
+    recorded = Channel.of_array("s", "fbg_strain", values, axis)
+    if twin is None:
+        return without_spikes(recorded)
+    taken = Channel.of_array("s", "fbg_strain", values - twin, axis)
+    return without_spikes(replace(taken, recorded=recorded))
+
+
+@pytest.mark.parametrize("twin", [False, True])
+@pytest.mark.parametrize("disturbed", ["codes", "burst"])
+def test_a_limit_is_seen_beside_codes_and_bursts(disturbed: str, twin: bool) -> None:
+    random = np.random.default_rng(7305)
+    turn = (np.arange(50_000) * 5 / 2500.0) % 1.0 - 0.5
+    values = -600e-6 * np.exp(-((turn / 0.03) ** 2)) + 1e-6 * random.standard_normal(turn.size)
+    values = np.maximum(values, -300e-6)
+    if disturbed == "codes":
+        values[20_000:20_040] = -9.0
+    else:
+        values[20_100:20_104] = 0.1
+    other = 1e-6 * random.standard_normal(turn.size) if twin else None
+    flags = [one for one in strain(values, 2500.0, other).flags if one[2] is Quality.CLIPPED]
+    assert len(flags) > 90  # of a hundred passages
+
+
+@pytest.mark.parametrize("rate_Hz", [100.0, 2500.0])
+def test_a_code_behind_a_code_is_lost(rate_Hz: float) -> None:
+    values = 1e-5 * np.random.default_rng(7306).standard_normal(4000)
+    values[::400], values[200::400] = 9.0, 0.05
+    assert np.nanmax(strain(values, rate_Hz).read()) < 1e-3
+
+
+def test_very_many_codes_share_their_flags() -> None:
+    values = np.random.default_rng(7307).standard_normal(400_000)
+    values[::3] = 9999.0
+    left = strain(values, 2500.0)
+    assert np.flatnonzero(np.isnan(left.read())).size == values[::3].size
+    assert len(left.flags) < 10
 
 
 def test_what_is_infinite_is_lost(tmp_path: Path) -> None:

@@ -123,6 +123,18 @@ def test_a_page_of_parquet_that_is_damaged_ends_the_rows(tmp_path: Path) -> None
     assert "cannot be read to its end" in lost
 
 
+def test_a_column_of_parquet_that_nobody_reads_may_be_damaged(tmp_path: Path) -> None:
+    places, latin = np.arange(N + 1, dtype=np.int32), b"\xe4" * N
+    note = pa.Array.from_buffers(
+        pa.string(), N, [None, pa.py_buffer(places.tobytes()), pa.py_buffer(latin)]
+    )
+    file = io.BytesIO()
+    pq.write_table(pa.table({"time": np.arange(N) / 100.0, "a": A, "note": note}), file)
+    values, lost = read(file.getvalue(), tmp_path)
+    np.testing.assert_array_equal(values, A)
+    assert not lost
+
+
 @pytest.mark.parametrize("packed", [False, True])
 def test_a_variable_that_is_damaged_is_lost_and_no_other(packed: bool, tmp_path: Path) -> None:
     data = matlab(packed=packed, a=A, b=A[::-1].copy())

@@ -277,6 +277,13 @@ def test_a_name_is_looked_up_before_it_is_parsed(path, name):
     np.testing.assert_array_equal(read(path, {"x": f"/{name}"})[0]["x"], np.arange(50.0))
 
 
+@pytest.mark.parametrize("source", [" x", "  w[:,1]", "x "])
+def test_blanks_around_a_source_are_no_part_of_it(path, source):
+    with h5py.File(path, "w") as file:
+        file["x"], file["w"] = np.arange(50.0), np.tile(np.arange(50.0)[:, None], 2)
+    np.testing.assert_array_equal(read(path, {"x": source})[0]["x"], np.arange(50.0))
+
+
 @pytest.mark.parametrize(
     ("name", "kind", "factor"),
     [

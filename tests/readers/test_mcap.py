@@ -20,7 +20,7 @@ from tests.readers.mcap_files import (
 )  # fmt: skip
 from tirelog.readers.mcap import decode as mcap_decode
 from tirelog.readers.mcap import records as mcap_order
-from tirelog.readers.mcap.fields import parse_path, topic_and_field
+from tirelog.readers.mcap.fields import extract, parse_path, topic_and_field
 
 STEP_NS = 400_000
 N = 1500
@@ -234,6 +234,17 @@ def test_rows_of_gratings_laid_end_to_end_and_lists_of_lists(path):
     np.testing.assert_array_equal(values["b"], data[:, :, 3].ravel())
     np.testing.assert_array_equal(values["c"], data[:, :, 3].ravel())
     assert [g.channels for g in reader.groups] == [("a", "b", "c")]
+
+
+@pytest.mark.parametrize("raw", [b"\x01\x02", b"", [1, 2.5, True], [None, 3]])
+def test_bytes_and_lists_are_batches_of_numbers(raw):
+    wanted = [np.nan if number is None else float(number) for number in raw]
+    np.testing.assert_array_equal(extract({"a": raw}, ("a", slice(None))), wanted)
+
+
+def test_lists_within_a_list_are_named():
+    with pytest.raises(ValueError, match="has lists within a list; allowed is one axis of time"):
+        extract({"a": [[1, 2], [3]]}, ("a", slice(None)))
 
 
 def test_batches_of_unlike_lengths(path):

@@ -488,9 +488,9 @@ def _on_processes(tasks: list[LogTask], workers: int) -> Generator[Entry, None, 
     died: Counter[str] = Counter()  # of suspects: how often each did alone
     one_thread()  # inherited: a worker's share is one core
     # nor do they hear, by multiprocessing's tracker, of what a killed one has left
-    os.environ["PYTHONWARNINGS"] = ",".join(
-        filter(None, (os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker"))
-    )
+    warned = os.environ.get("PYTHONWARNINGS", "")
+    if "ignore:resource_tracker" not in warned:
+        os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (warned, "ignore:resource_tracker")))
     while waiting:
         suspect = next((task for task in waiting.values() if task.name in died), None)
         at_work: dict[str, LogTask] = {}

@@ -553,9 +553,25 @@ def losses_of_errors(
     """
     (in_white,), (in_plain,) = (_left_out_of(cells, one, fit, [()]) for one in (white, plain))
     # one offset a log is in the scatter of manoeuvres; those of further observables are estimated
-    further = np.zeros(in_white.offsets - 1)
-    precision, pull = (np.append(further, part) for part in in_white.prior)
-    return replace(in_white, offsets=1, prior=(precision, pull)).of_errors(in_plain)
+    return _further_as_columns(in_white).of_errors(_further_as_columns(in_plain))
+
+
+def _further_as_columns(own: LeaveOneOut) -> LeaveOneOut:
+    """The same with each log's offsets beyond the first as columns of its own."""
+    further, size = own.offsets - 1, own.normal.right.shape[1]
+    more = further * (int(own.log.max()) + 1)
+    turn = np.zeros((own.log.size, size - further + more, size))
+    rows, each = np.arange(own.log.size)[:, None], np.arange(further)
+    turn[:, 0, 0] = 1.0
+    turn[rows, 1 + own.log[:, None] * further + each, 1 + each] = 1.0
+    parameters = np.arange(size - own.offsets)
+    turn[:, 1 + more + parameters, own.offsets + parameters] = 1.0
+    gram, right, square = own.normal
+    normal = Normal(
+        turn @ gram @ np.swapaxes(turn, 1, 2), (turn @ right[..., None])[..., 0], square
+    )
+    known, pull = (np.pad(part, (more, 0)) for part in own.prior)
+    return replace(own, normal=normal, prior=(known, pull), offsets=1)
 
 
 def _left_out_of(
@@ -573,9 +589,9 @@ def _left_out_of(
         prediction = prediction + shared.columns @ fit.amplitudes
         known = np.append(known, shared.sd**-2.0)
         pull = np.append(pull, -fit.amplitudes / shared.sd**2)
-    levels = cells.level[..., None] * (
-        cells.part[:, None, None] == np.arange(len(cells.observables))
-    )
+    # a number per revolution has no offset
+    waves = [i for i, one in enumerate(cells.members) if one.phi.shape[1] > 1] or [0]
+    levels = cells.level[..., None] * (cells.part[:, None, None] == np.array(waves))
     made: list[list[Normal]] = [[] for _ in additions]
     last = np.searchsorted(np.sort(cells.manoeuvre), np.arange(cells.manoeuvres), side="right")
     cuts = np.flatnonzero(np.diff(last // _SOME_CELLS)) + 1

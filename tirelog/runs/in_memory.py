@@ -107,6 +107,7 @@ def _whole(
 #             --a number that comes again, off all others by twice their range--> a code, lost
 #             --> range of the signal over 2 s, without its few most extreme cells
 #             --samples beyond that by twice the range, and not for longer than a cell--> lost
+#             --of the rest, the least or largest number several times in a row--> clipped
 #
 # An instrument's error code or a knock on a plug is no strain. Left in, a burst a hundred times as
 # high as the patch is all that a search by height sees. A passage of 8 ms is no burst: its wheel
@@ -158,6 +159,10 @@ SPIKE_SAMPLES, KINK, OFTEN = 2, 10.0, 0.05
 PASSES = 4
 #: samples of a cell of a channel that is too slow for bursts, or has no patch
 SLOW_CELL = 64
+#: flags of a channel; of more, those within a slow cell are one: each takes a hundred bytes
+MOST_FLAGS = 100_000
+#: no ranges of samples, (0, 2)
+NO_RANGES = np.zeros((0, 2), np.int64)
 
 
 def without_spikes(channel: Channel) -> Channel:
@@ -168,18 +173,24 @@ def without_spikes(channel: Channel) -> Channel:
     if channel.mended:
         return channel
     channel = replace(in_memory(channel), mended=True)
+    recorded, lost = channel.recorded or channel, [NO_RANGES]
     size = int(LONGEST_S * channel.axis.rate_Hz)
-    if size < FEWEST_SAMPLES:
-        return _without(channel, error_codes(channel, _extremes(channel, SLOW_CELL)))
+    quick = size >= FEWEST_SAMPLES
+    size = size if quick else SLOW_CELL
     cells = _extremes(channel, size)
-    while codes := error_codes(channel, cells):
+    while (codes := error_codes(channel, cells)).size:
         channel = _without(channel, codes)
+        lost.append(codes)
         cells = _extremes(channel, size)
-    recorded = channel.recorded
-    clipped = clipped_ranges(recorded or channel, _extremes(recorded, size) if recorded else cells)
-    flags = tuple((*one, Quality.CLIPPED) for one in clipped)
-    channel = replace(channel, flags=(*channel.flags, *flags))
-    return _without(channel, _bursts(channel, size, *cells))
+    if not quick:
+        return channel
+    bursts = _bursts(channel, size, *cells)
+    # what is lost is no limit of the instrument
+    first, stop = np.sort(np.concatenate([*lost, bursts]), axis=0).T
+    recorded = with_holes(recorded, first, stop) if first.size else recorded
+    channel = _without(channel, bursts)
+    clipped = _flags(clipped_ranges(recorded, _extremes(recorded, size)), Quality.CLIPPED)
+    return replace(channel, flags=(*channel.flags, *clipped))
 
 
 def without_codes(channel: Channel, quiet: Channel) -> tuple[Channel, str]:
@@ -188,31 +199,30 @@ def without_codes(channel: Channel, quiet: Channel) -> tuple[Channel, str]:
     Such as a pressure. One sample as far off as a code is enough, but a number that comes often may
     be one that was set. `quiet` is the same channel, of whose losses nobody hears.
     """
-    codes: list[tuple[int, int]] = []
-    spikes: list[tuple[int, int]] = []
+    codes, spikes = NO_RANGES, NO_RANGES
     for _ in range(PASSES):
         more = error_codes(quiet, _extremes(quiet, SLOW_CELL), 1, OFTEN)
-        codes += more
-        if not more:
+        codes = np.concatenate([codes, more])
+        if not more.size:
             more = _slow_spikes(quiet)
-            spikes += more
-        if not more:
+            spikes = np.concatenate([spikes, more])
+        if not more.size:
             break
         quiet = _without(quiet, more)
-    if sum(stop - first for first, stop in spikes) > OFTEN * channel.size:
-        spikes = []
-    found = sorted(codes + spikes)
-    if not found:
+    if np.diff(spikes).sum() > OFTEN * channel.size:
+        spikes = NO_RANGES
+    found = np.sort(np.concatenate([codes, spikes]), axis=0)
+    if not found.size:
         return channel, ""
-    many, first_s = sum(stop - first for first, stop in found), channel.axis.at(found[0][0])
+    many, first_s = int(np.diff(found).sum()), channel.axis.at(int(found[0, 0]))
     return _without(channel, found), (
         f"{many} samples far off those around them were left out as error codes or spikes, the "
         f"first at {float(first_s):.6g} s"
     )
 
 
-def _slow_spikes(channel: Channel) -> list[tuple[int, int]]:
-    """Ranges of one or two samples of a slow channel that leave both sides of them, the same way.
+def _slow_spikes(channel: Channel) -> IntArray:
+    """Ranges (k, 2) of one or two samples of a slow channel that leave both sides the same way.
 
     By KINK times the usual change around them. A step leaves one side only, and a signal that turns
     round changes as much beside it.
@@ -229,7 +239,7 @@ def _slow_spikes(channel: Channel) -> list[tuple[int, int]]:
         least = np.where(before * after > 0.0, np.minimum(np.abs(before), np.abs(after)), 0.0)
         wild = least > KINK * _usual(np.abs(before), channel.resolution)
         parts.append(start + SPIKE_SAMPLES + _runs_of(wild))
-    return _pairs(_joined(parts))
+    return _joined(parts)
 
 
 def _usual(changes: FloatArray, step: float) -> FloatArray:
@@ -238,7 +248,9 @@ def _usual(changes: FloatArray, step: float) -> FloatArray:
     The largest of the medians of three cells, so that a signal which begins to move is no spike.
     """
     step = max(step, float(changes.min(initial=np.inf, where=changes > 0.0)))
-    padded = np.pad(np.nan_to_num(changes), (0, -changes.size % SLOW_CELL)).reshape(-1, SLOW_CELL)
+    # mirrored: of zeros in the last cell the noise would be spikes
+    room = (0, -changes.size % SLOW_CELL)
+    padded = np.pad(np.nan_to_num(changes), room, mode="symmetric").reshape(-1, SLOW_CELL)
     around = np.pad(np.median(padded, axis=1), 1, mode="edge")
     largest = np.maximum.reduce([around[:-2], around[1:-1], around[2:]])
     return np.repeat(np.maximum(largest, step), SLOW_CELL)[: changes.size]
@@ -256,23 +268,27 @@ def _joined(parts: Sequence[IntArray]) -> IntArray:
     return joined
 
 
-def _pairs(ranges: IntArray) -> list[tuple[int, int]]:
-    """Ranges (k, 2) as pairs of numbers."""
-    return [(int(first), int(stop)) for first, stop in ranges]
-
-
 def _holding(channel: Channel, number: float) -> IntArray:
     """The ranges of samples, (k, 2), that hold a number exactly."""
     return _joined([start + _runs_of(values == number) for start, values in channel.blocks()])
 
 
-def _without(channel: Channel, ranges: list[tuple[int, int]]) -> Channel:
-    """The channel, the samples of these ranges lost and flagged."""
-    if not ranges:
+def _without(channel: Channel, ranges: IntArray) -> Channel:
+    """The channel, the samples of these ranges (k, 2) lost and flagged."""
+    if not ranges.size:
         return channel
-    first, stop = np.array(ranges, np.int64).T
-    flags = tuple((*one, Quality.SPIKE) for one in ranges)
-    return replace(with_holes(channel, first, stop), flags=(*channel.flags, *flags))
+    flags = _flags(ranges, Quality.SPIKE)
+    return replace(with_holes(channel, *ranges.T), flags=(*channel.flags, *flags))
+
+
+def _flags(ranges: IntArray, word: Quality) -> tuple[Doubt, ...]:
+    """The word for each of these ranges (k, 2); of very many, near ones share it."""
+    if len(ranges) > MOST_FLAGS:
+        gap = ranges[1:, 0] - ranges[:-1, 1] > SLOW_CELL
+        ranges = np.stack(
+            [ranges[np.append(True, gap), 0], ranges[np.append(gap, True), 1]], axis=1
+        )
+    return tuple((int(first), int(stop), word) for first, stop in ranges)
 
 
 def _extremes(channel: Channel, size: int) -> tuple[FloatArray, FloatArray]:
@@ -291,8 +307,8 @@ def error_codes(
     cells: tuple[FloatArray, FloatArray],
     fewest: int = FEWEST_ALIKE,
     most_share: float = 1.0,
-) -> list[tuple[int, int]]:
-    """Ranges of samples that hold an error code: its first and the one behind its last.
+) -> IntArray:
+    """Ranges (k, 2) of samples that hold an error code: its first and the one behind its last.
 
     A code is a number that comes exactly, at least `fewest` times and at most in this share of the
     samples, and whose distance from all other samples is FAR times their range. A clipped signal
@@ -301,22 +317,22 @@ def error_codes(
     """
     low, high = (cells_[np.isfinite(cells_)] for cells_ in cells)
     if not low.size:
-        return []
+        return NO_RANGES
     ends = float(low.min()), float(high.max())
     inner = np.concatenate([low, high])
     inner = inner[~np.isin(inner, ends)]
     if not inner.size or not _far(ends, float(inner.min()), float(inner.max())):
-        return []
+        return NO_RANGES
     least, most = np.inf, -np.inf
     for _, values in channel.blocks():
         others = values[~np.isin(values, ends) & np.isfinite(values)]
         least, most = others.min(initial=least), others.max(initial=most)
-    found: list[tuple[int, int]] = []
+    found = NO_RANGES
     for end in _far(ends, float(least), float(most)):
         ranges = _holding(channel, end)
         if fewest <= np.diff(ranges).sum() <= most_share * channel.size:
-            found += _pairs(ranges)
-    return sorted(found)
+            found = np.concatenate([found, ranges])
+    return np.sort(found, axis=0)
 
 
 def _far(ends: tuple[float, float], least: float, most: float) -> list[float]:
@@ -326,14 +342,14 @@ def _far(ends: tuple[float, float], least: float, most: float) -> list[float]:
     return [end for end, gap in zip(ends, (below, above), strict=True) if gap > far > 0.0]
 
 
-def clipped_ranges(channel: Channel, cells: tuple[FloatArray, FloatArray]) -> list[tuple[int, int]]:
-    """Ranges of samples at an end of the instrument's range: the first and the one behind the last.
+def clipped_ranges(channel: Channel, cells: tuple[FloatArray, FloatArray]) -> IntArray:
+    """Ranges (k, 2) of samples at an end of the instrument's range.
 
     FEWEST_ALIKE and more in a row hold the channel's least or largest number, at as many places at
     least. Of a signal that turns round there, more samples lie just beside that number. `cells` are
     the least and the largest of the channel's cells, (m,) each.
     """
-    found: list[tuple[int, int]] = []
+    found = NO_RANGES
     low, high = (cells_[np.isfinite(cells_)] for cells_ in cells)
     for limit, own in ((low.min(), low), (high.max(), high)) if low.size else ():
         if np.count_nonzero(own == limit) < FEWEST_ALIKE:
@@ -350,14 +366,12 @@ def clipped_ranges(channel: Channel, cells: tuple[FloatArray, FloatArray]) -> li
         samples = int(np.diff(ranges).sum())
         many = len(ranges) >= FEWEST_ALIKE
         if many and MOST_BESIDE * beside < samples < AT_REST * channel.size:
-            found += _pairs(ranges)
+            found = np.concatenate([found, ranges])
     return found
 
 
-def _bursts(
-    channel: Channel, size: int, low: FloatArray, high: FloatArray
-) -> list[tuple[int, int]]:
-    """First sample of each burst of `channel`, and the one behind its last, apart.
+def _bursts(channel: Channel, size: int, low: FloatArray, high: FloatArray) -> IntArray:
+    """First sample of each burst of `channel`, and the one behind its last, apart; (k, 2).
 
     `low` and `high` (m,): the least and the largest of its cells of `size` samples.
     """
@@ -378,7 +392,7 @@ def _bursts(
             joined[-1] = joined[-1][0], max(joined[-1][1], stop)
         else:
             joined.append((first, stop))
-    return joined
+    return np.array(joined, np.int64).reshape(-1, 2)
 
 
 def _beyond(

@@ -184,7 +184,7 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
     turn, pieces = 2 * steps, count_teeth(channel, found, steps)
     if found.form == "counter":
         counted, turn = teeth_of_counter(channel, steps)
-        pieces = iter([counted])
+        pieces = (counted[at : at + PIECE] for at in range(0, counted.size, PIECE))
     learner, builder = PitchLearner(turn), KnotBuilder(turn)
     passages, missing, extra, sample = 0, 0, 0, np.zeros(0, TEETH)
     for teeth in pieces:

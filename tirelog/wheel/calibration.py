@@ -382,7 +382,7 @@ def clean_passages(p: EdgeTimes, calibration: Calibration) -> dict[str, np.ndarr
     """Columns (n,): regressors [deg] without trend (P4 (1), (2)) and cross-talk (3).
 
     `width_deg`, `shift_deg` detrended with the maps, `corrected_deg` the shift by (3),
-    `extrapolated`: speed outside of the maps.
+    `outside`: whether the speed is outside of the maps.
     """
     c = calibration
     zero = p.zero_speed_m_s if np.isfinite(p.zero_speed_m_s) else c.reference_speed_m_s

@@ -42,7 +42,7 @@ from tirelog.vocabulary.arrays import FloatArray
 
 # ---- The one descent of every fit: damped least squares (Levenberg-Marquardt) within bounds.
 #
-#     LeastSquares, theta (p,) --damped steps, none longer than a parameter's size--> DescentEnd
+#     LeastSquares, theta (p,) --damped steps, none longer than a parameter's size--> Reached
 #
 # A parameter that stands at a bound and would leave it is held for that step.
 

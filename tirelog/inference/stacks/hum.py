@@ -174,13 +174,17 @@ class _Pairs:
         return np.asarray(np.exp((-2.0 * (np.pi * frequency) ** 2) * self.square_s2))
 
     @cached_property
-    def _near(self) -> tuple[FloatArray, NDArray[np.complex128]]:
+    def _near(self) -> tuple[FloatArray, NDArray[np.complex128], NDArray[np.complex128]]:
         """Frequencies about a middle one [Hz], to half a hertz, and what moves its sums there.
 
-        (k,) and (k, n): the same about each middle.
+        (k,), by every so many steps (few, n), and by the steps between (few, n): of a log that
+        stands for hours, one table (k, n) would fill the memory.
         """
-        off = np.arange(-0.5, 0.5, 0.25 / float(np.ptp(self.at)))
-        return off, np.exp(-2j * np.pi * off[:, None] * self.at)
+        step = 0.25 / float(np.ptp(self.at))
+        off = np.arange(-0.5, 0.5, step)
+        few = int(np.ceil(np.sqrt(off.size)))
+        coarse = np.exp(-2j * np.pi * off[::few, None] * self.at)
+        return off, coarse, np.exp(-2j * np.pi * (step * np.arange(few))[:, None] * self.at)
 
     def power(self, turning: NDArray[np.complex128], middle: float) -> FloatArray:
         """(frequency, power over its own expectation without a line) about a frequency, (k, 2).
@@ -190,8 +194,9 @@ class _Pairs:
 
         along, left = np.empty(self.first.size, np.complex128), self.left(middle)
         size = along_rises(turning, left, self.first, self.weighted, self.weight, along)
-        off, moved = self._near
-        return np.stack([middle + off, np.abs(moved @ along) ** 2 / size], axis=1)
+        off, coarse, fine = self._near
+        amplitude = ((coarse * along) @ fine.T).ravel()[: off.size]
+        return np.stack([middle + off, np.abs(amplitude) ** 2 / size], axis=1)
 
     def line(self, frequency: float, off: float) -> float | None:
         """The frequency of a line near `frequency`; None if nothing stands out there."""

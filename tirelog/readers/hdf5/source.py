@@ -254,9 +254,10 @@ def dataset_and_index(
     """
     cuts = [len(source), *(at.start() for at in re.finditer(r"[\[:]", source))]
     length = next((cut for cut in sorted(cuts, reverse=True) if _is_there(file, source[:cut])), 0)
-    path = re.escape(source[:length]) or r"\s*[^\[\]:]+?"
+    path = re.escape(source[:length]) or r"[^\[\]:]+?"
     match = re.fullmatch(
-        rf"(?P<path>{path})(?::(?P<field>[^\[\]]+))?(?:\[(?P<index>[\d\s,:]+)\])?\s*", source
+        rf"(?P<path>{path})(?::(?P<field>[^\[\]]+))?(?:\[(?P<index>[\d\s,:]+)\])?\s*",
+        source if length else source.strip(),
     )
     if match is None:
         raise ReadError(

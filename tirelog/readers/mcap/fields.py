@@ -111,6 +111,8 @@ def number_of(value: Any) -> float:
             return float(value)
         except OverflowError:
             return float("nan")
+    if is_list(value):
+        raise FieldError("has lists within a list; allowed is one axis of time")
     kind = "text" if isinstance(value, str | bytes) else type(value).__name__
     raise FieldError(f"holds {kind} where a number is expected")
 
@@ -144,7 +146,7 @@ def _batch(items: Any, tokens: tuple[Token, ...]) -> FloatArray:
     """The number at `tokens` of each item, shape (k,).  FieldError if one has none."""
     if not tokens and {*map(type, items)} <= {float, int, bool}:
         with suppress(OverflowError):
-            return np.array(items, np.float64)
+            return np.fromiter(items, np.float64, len(items))
     found = [extract(item, tokens) if tokens else number_of(item) for item in items]
     if not all(isinstance(number, float) for number in found):
         raise FieldError("has lists within a list; allowed is one axis of time")

@@ -198,7 +198,7 @@ def convert_arrow(source: Path, target: Path, answer: ReadReport) -> None:
     schema, batches = _arrow_batches(source)
     kinds = {field.name: _written_kind(field.type) for field in schema}
     if len(kinds) < len(schema):
-        raise NoNumbers("the table has a column name twice")
+        raise NoNumbers("the table has a column name twice; save those under names of their own")
     kept = pa.schema([(name, kind) for name, kind in kinds.items() if kind is not None])
     if not kept.names:
         raise NoNumbers("the table has no column of numbers")
@@ -214,8 +214,9 @@ def convert_arrow(source: Path, target: Path, answer: ReadReport) -> None:
         made.write(("\t".join(_titles(schema, kept.names)) + "\n").encode())
         try:
             for batch in batches:
-                batch.validate(full=True)
-                writer.write_batch(batch.select(kept.names).cast(kept))
+                some = batch.select(kept.names)
+                some.validate(full=True)
+                writer.write_batch(some.cast(kept))
                 rows += len(batch)
         except MemoryError:
             raise

@@ -415,7 +415,8 @@ def _judge(start: Records, found: Records, noise: float) -> None:
     The error of a row that fits far worse than most is larger: its residual is no white noise.
     """
     height, misfit = np.abs(found["height"]), found["misfit"]
-    share = float(np.median(misfit / height))
+    known = height > 0.0  # a row without a sample tells nothing
+    share = float(np.median(misfit[known] / height[known])) if known.any() else 0.0
     bad = misfit > np.maximum(max(STANDING_MISFIT, USUAL_MISFITS * share) * height, 3 * noise)
     standing = bad & (start["stretch"] == STRETCH_WIDTH) & ~found["holds_spike"]
     if noise > 0:
