@@ -18,9 +18,11 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from tirelog.data.recording import Channel
 from tirelog.errors import UsageError
 from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray
+from tirelog.vocabulary.quality import Quality, QualityFlags, good, none_of
 
 # ---- Low-passed time derivatives of windows around the passages, by their spectra.
 #
@@ -271,34 +273,52 @@ def white_noise(values: FloatArray) -> float:
     return float(np.median(sizes) / NORMAL_MEDIAN / DIFFERENCE_GAIN) if sizes.size else np.nan
 
 
-class SampleNoise:
-    """Gathers the noise of a channel of `size` samples while its blocks pass by.
+#: share of the samples that are the one before, from which on the least change is the step of the
+#: source; noise of a standard deviation of a step repeats 0.27 of them
+REPEATED = 0.2
 
-    `resolution` is the step of the source (0: unknown). Blocks are to start at multiples of
-    PIECE_SAMPLES.
+
+def step_of(values: FloatArray) -> float:
+    """The step in which a source gives its `values` (n,); 0 if they are finer than their noise."""
+    changes = np.abs(np.diff(values))
+    changes = changes[np.isfinite(changes)]
+    moved = changes[changes > 0.0]
+    repeated = moved.size < (1.0 - REPEATED) * changes.size
+    return float(moved.min()) if repeated and moved.size else 0.0
+
+
+class SampleNoise:
+    """Gathers the noise of a channel while its blocks pass by.
+
+    Blocks are to start at multiples of PIECE_SAMPLES. What the source rounds is noise too, if its
+    samples show its step, before another channel was taken off.
     """
 
-    def __init__(self, size: int, resolution: float) -> None:
+    def __init__(self, channel: Channel) -> None:
+        size = channel.size
+        self._recorded = channel.recorded or channel
         self._starts = np.unique(
             np.linspace(0, max(size - PIECE_SAMPLES, 0), PIECES).astype(np.int64)
             // PIECE_SAMPLES
             * PIECE_SAMPLES
         )
-        self._rounding = resolution / 12**0.5
+        self._steps = [channel.resolution]
         self._sigmas: list[float] = []
 
     def take(self, start: int, values: FloatArray) -> None:
         """A block that starts at sample `start`."""
         for first in self._starts[(self._starts >= start) & (self._starts < start + values.size)]:
             self._sigmas.append(white_noise(values[first - start : first - start + PIECE_SAMPLES]))
+            self._steps.append(step_of(self._recorded.read(first, first + PIECE_SAMPLES)))
 
     def sigma(self) -> float:
         """Median over the pieces, never below the rounding of the source.
 
-        That is resolution / sqrt(12); NaN if all is lost or too short.
+        That is its step / sqrt(12); NaN if all is lost or too short.
         """
         finite = [sigma for sigma in self._sigmas if np.isfinite(sigma)]
-        return max(float(np.median(finite)), self._rounding) if finite else float("nan")
+        rounding = max(self._steps[0], float(np.median(self._steps))) / 12**0.5
+        return max(float(np.median(finite)), rounding) if finite else float("nan")
 
 
 # ---- Means and medians over sliding windows: x (n,), width --> (n,), the array reflected at its
@@ -334,6 +354,44 @@ def sliding_median(x: FloatArray, width: int) -> FloatArray:
     return np.concatenate(
         [np.median(windows[start : start + ROWS], axis=1) for start in range(0, x.size, ROWS)]
     )
+
+
+#: values on either side that say what is usual; half as many are led by a second outlier
+BESIDE = 4
+#: an outlier leaves them by so many of the usual distances
+MOST_OFF = 8.0
+#: share of its speed by which a wheel is unlike the turns around; one turn's acceleration is less
+UNLIKE_SPEED = 0.02
+
+
+def unlike_neighbours(
+    values: FloatArray, quality: QualityFlags, least: FloatArray | float
+) -> QualityFlags:
+    """Flags (n,) of the good rows whose `values` (n,) are outliers among those of the good rows.
+
+    By `least` so much, (n,) or one for all.
+    """
+    rows = np.flatnonzero(good(quality) & np.isfinite(values))
+    flags = none_of(values.size)
+    off = outliers(values[rows], np.broadcast_to(least, values.shape)[rows])
+    flags[rows[off]] = Quality.UNLIKE_NEIGHBOURS
+    return flags
+
+
+def outliers(x: FloatArray, least: FloatArray | float) -> BoolArray:
+    """Which of x (n,) leave the values before and those after, the same way; shape (n,).
+
+    By more than their neighbours do, and at `least` so much. A trend leaves the two sides in
+    opposite ways, and a step or a kink leaves one of them.
+    """
+    if x.size <= BESIDE:
+        return np.zeros(x.size, bool)
+    beside = np.pad(x, BESIDE, mode="reflect")
+    medians = np.median(sliding_window_view(beside, BESIDE), axis=1)
+    before, after = x - medians[: x.size], x - medians[BESIDE + 1 : BESIDE + 1 + x.size]
+    usual = sliding_median(np.maximum(np.abs(before), np.abs(after)), 2 * BESIDE + 1)
+    off = np.where(before * after > 0.0, np.minimum(np.abs(before), np.abs(after)), 0.0)
+    return np.asarray(off > MOST_OFF * usual + least)
 
 
 def _reflected(x: FloatArray, width: int) -> FloatArray:

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
-from tirelog.dsp.filters import bridged, differentiator
+from tirelog.dsp.filters import bridged, differentiator, outliers, sliding_median
 from tirelog.kernels import compiled
 from tirelog.runs.in_memory import released
 from tirelog.strain.passages.find import Passages
@@ -76,6 +76,11 @@ SHOULDERS = 1.6
 #: edge, and elsewhere up to this share of a turn; twice as many means bridge a whole period, whose
 #: slope is lost, and twice the share half a turn
 BRIDGED_MEANS, BRIDGED_TURNS = 2.0, 0.25
+#: parts of a revolution, each judged beside the same part of the turns around
+PARTS = 24
+#: so many turns are those around; a part is far off by FAR of its usual distances and LEAST_OFF of
+#: the usual factor; a patch is unlike those around by this share of it at least
+TURNS, FAR, LEAST_OFF, UNLIKE = 9, 12.0, 0.005, 0.02
 #: samples worked on at once
 MOST_AT_ONCE = 1 << 16
 #: constant speed: the step from one revolution to the next (P1 4) [m/s], and revolutions of a
@@ -194,11 +199,13 @@ def _energies(
     passages: Passages,
     coefficients: FloatArray,
     averaged: int,
+    near: BoolArray,
     block_samples: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sums over each revolution: energy, bend, and how many means; (n,) each.
+    """Sums over each revolution: energy (n, PARTS), bend (n,), and how many means (n,).
 
-    The squared derivative, and its own squared slope (for the error).
+    The squared derivative of each part; its own squared slope in the patch (for the error), whose
+    parts are `near` (PARTS,).
     """
     filled = _Filled(channel)
     bounds = [np.round(b / averaged) for b in _bounds(passages, filled.place(passages.index))]
@@ -215,7 +222,10 @@ def _energies(
     half = coefficients.size // 2
     side = coefficients[:half][::-1].copy()
     step = max(min(block_samples, MOST_AT_ONCE) // averaged, 4 * coefficients.size)
-    energy, bend = np.zeros((2, len(passages)))
+    of, to = np.flatnonzero(np.diff(near, prepend=False, append=False))
+    share = np.arange(PARTS + 1) / PARTS
+    parts = low[:, None] + np.rint((high - low)[:, None] * share).astype(np.int64)
+    energy, bend = np.zeros((len(passages), PARTS)), np.zeros(len(passages))
     breaks = np.concatenate([[0], filled.breaks // averaged, [last]])
     # rows are in order, and their revolutions nearly so: those of a block stand together
     furthest, nearest = (
@@ -228,18 +238,49 @@ def _energies(
             rows = np.arange(
                 np.searchsorted(furthest, start, "right"), np.searchsorted(nearest, stop)
             )
-            if rows.size:
+            if rows.size and end - begin > 1:  # a mean alone has no change
                 # a place more for changes, and `bridged` judges a sample by three on either side
                 first, final = max(start - half - 4, begin), min(stop + half + 4, end)
                 raw = filled.read(first * averaged, final * averaged)
                 means = bridged(np.ascontiguousarray(_means(raw, averaged)), wild)
                 slope = np.empty(means.size)
                 derivative(means, side, slope)
-                begins, ends = np.maximum(low[rows], start), np.minimum(high[rows], stop)
-                places = np.clip(np.stack([begins, ends]) - first, 1, means.size - 1)
-                energy[rows] += sums_within(slope**2, *places)
-                bend[rows] += sums_within(np.gradient(slope) ** 2, *places)
+                edges = np.clip(parts[rows], start, stop) - first
+                edges = np.clip(edges, 1, means.size - 1)
+                of_parts = sums_within(slope**2, edges[:, :-1].ravel(), edges[:, 1:].ravel())
+                energy[rows] += of_parts.reshape(-1, PARTS)
+                bend[rows] += sums_within(np.gradient(slope) ** 2, edges[:, of], edges[:, to])
     return energy, bend, (high - low).astype(float) * known
+
+
+def _settled(
+    parts: FloatArray, white: FloatArray, near: BoolArray
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """(factor, the noise's share that was taken off it, whether the patch is unlike others), (n,).
+
+    `parts` (n, PARTS) of each revolution's factor with its noise [1/m], `white` (n,) the least that
+    the noise brings to it; `near` (PARTS,): the parts of the patch with its shoulders. The half of
+    the revolution that is opposite to the patch does not bend: its median is the noise. A part away
+    from the patch that is far above the same part of the turns around holds a disturbance, and
+    counts as it does in these.
+    """
+    if not parts.shape[0]:
+        return np.zeros(0), np.zeros(0), np.zeros(0, bool)
+    opposite = np.abs(np.arange(PARTS) + 0.5 - 0.5 * PARTS) > 0.25 * PARTS
+    floor = sliding_median(np.median(parts[:, opposite], axis=1), TURNS)
+    # rounding shows where the strain changes, and opposite to the patch it may not
+    floors = np.where(near, np.maximum(floor, white / PARTS)[:, None], floor[:, None])
+    parts = parts - floors
+    usual = _medians_over_turns(parts)
+    middle = float(np.median(parts.sum(axis=1)))
+    far = parts - usual > FAR * _medians_over_turns(np.abs(parts - usual)) + LEAST_OFF * middle
+    unlike = outliers(parts[:, near].sum(axis=1), UNLIKE * middle)
+    return np.where(far & ~near, usual, parts).sum(axis=1), floors.sum(axis=1), unlike
+
+
+def _medians_over_turns(parts: FloatArray) -> FloatArray:
+    """The median of each part over the TURNS around, (n, PARTS)."""
+    return np.stack([sliding_median(part, TURNS) for part in parts.T], axis=1)
 
 
 def _in_long_gap(channel: Channel, passages: Passages, averaged: int) -> BoolArray:
@@ -311,28 +352,41 @@ def dissipation(
         nan = np.full(n, np.nan)
         return Dissipation(nan, nan, nan, np.zeros(n, bool), nan, nan, np.full(n, -1), quality)
     coefficients, of_each, limited = _filter(channel, passages)
-    energy, bend, means = _energies(channel, passages, coefficients, of_each, block_samples)
-    speed = passages.speed_m_s
-    sigma2 = passages.noise**2 / of_each
-    per_mean = sigma2 * float((coefficients**2).sum())
-    step = of_each / channel.axis.rate_Hz
-    lags = np.correlate(coefficients, coefficients, "full")
-    # the slope's own noise is in `bend` too, and does not belong there
-    bend = np.maximum(
-        bend - means * sigma2 * float((np.convolve(coefficients, (0.5, 0.0, -0.5)) ** 2).sum()),
-        0.0,
+    near = np.abs(np.arange(PARTS) + 0.5 - 0.5 * PARTS) < 0.5 + (
+        SHOULDERS * passages.window_rad * PARTS / (2.0 * np.pi)
     )
-    variance = 4.0 * sigma2 * bend / step**2 + 2.0 * sigma2**2 * means * float((lags**2).sum())
+    energy, bend, means = _energies(channel, passages, coefficients, of_each, near, block_samples)
+    speed = passages.speed_m_s
+    step = of_each / channel.axis.rate_Hz
+    # a revolution whose patch the log cuts off has no energy of its own
+    reach = (
+        SHOULDERS * passages.window_rad / passages.omega_rad_s * channel.axis.rate_Hz
+        + (coefficients.size // 2 + 2) * of_each
+    )
+    whole = (means > 0) & (passages.index - reach >= 0) & (passages.index + reach <= channel.size)
+    rows = np.flatnonzero(whole & np.isfinite(speed))
+    factor, floor = np.full((2, n), np.nan)
+    unlike = np.zeros(n, bool)
+    sigma2 = passages.noise**2 / of_each
     with np.errstate(invalid="ignore", divide="ignore"):
-        # a revolution whose patch the log cuts off has no energy of its own
-        reach = (
-            SHOULDERS * passages.window_rad / passages.omega_rad_s * channel.axis.rate_Hz
-            + (coefficients.size // 2 + 2) * of_each
+        # white noise, which has the rounding in it
+        white = means * sigma2 * float((coefficients**2).sum())
+        scale = step / speed
+        factor[rows], floor[rows], unlike[rows] = _settled(
+            energy[rows] * scale[rows, None], white[rows] * scale[rows], near
         )
-        whole = (
-            (means > 0) & (passages.index - reach >= 0) & (passages.index + reach <= channel.size)
-        )
-        factor = np.where(whole, (energy - means * per_mean) * step / speed, np.nan)
+        beyond = np.maximum(floor / scale - white, 0.0)
+        lags = np.correlate(coefficients, coefficients, "full")
+        # the slope's own noise is in `bend` too, and does not belong there
+        curved = float((np.convolve(coefficients, (0.5, 0.0, -0.5)) ** 2).sum())
+        bend = np.maximum(bend - near.mean() * means * sigma2 * curved, 0.0)
+        variance = 4.0 * sigma2 * bend / step**2
+        variance += 2.0 * sigma2**2 * means * float((lags**2).sum())
+        # slower noise adds to the slope over as many means as the filter's edge is slow, and all of
+        # it may be the tire's own; half of the patch's noise may be none, if it is rounding
+        variance += (0.5 * near.mean() * white) ** 2
+        held = np.maximum(factor, 0.0) / scale
+        variance += beyond / means * held * coefficients.size + beyond**2
         error = np.hypot(np.sqrt(variance) * step / speed, factor * passages.speed_se_m_s / speed)
         known = np.abs(factor[np.isfinite(factor)])
         # a standard error above so many factors, the row's or the log's usual one, tells nothing
@@ -344,6 +398,7 @@ def dissipation(
     error = np.where(absurd, np.nan, error)
     bursts = doubted(channel, Quality.SPIKE, *_bounds(passages, passages.index))
     quality = quality | marked(absurd, Quality.ERROR_UNKNOWN) | marked(bursts, Quality.SPIKE)
+    quality = quality | marked(unlike, Quality.UNLIKE_NEIGHBOURS)
     quality = quality | marked(_in_long_gap(channel, passages, of_each), Quality.GAP)
     power = speed**2 * area_m2 * factor if area_m2 is not None else np.full(n, np.nan)
     stretch = steady_stretches(speed, passages.turn_after, steady_step_m_s)

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Channel, Recording
+from tirelog.dsp.filters import unlike_neighbours
 from tirelog.errors import UsageError
 from tirelog.physics.pressure import STATIC_FRICTION
 from tirelog.strain.footprint.footprint import footprints_of
@@ -88,6 +89,8 @@ def _slip(
         | marked(lost & outside, Quality.EDGE_OF_LOG)
         | marked(lost & ~outside, Quality.GAP)
     )
+    # slip that a wheel may have in one turn alone
+    quality |= unlike_neighbours(slip, quality, 0.01)
     table = {name: columns[name] for name in ("log", "channel", "revolution", "time_s")} | {
         "speed_m_s": columns["speed_m_s"],
         "vehicle_speed_m_s": found.metres / period,

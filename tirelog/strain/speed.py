@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Channel, Recording
+from tirelog.dsp.filters import UNLIKE_SPEED, unlike_neighbours
 from tirelog.errors import UsageError
 from tirelog.strain.passages.find import Passages, passages_of
 from tirelog.strain.passages.passage_flags import TURN_RAD
@@ -106,7 +107,8 @@ def speed_quality(passages: Passages) -> QualityFlags:
         before = having(passages.break_after, why)
         flags |= marked(before, why)
         flags[1:] |= marked(before[:-1], why)
-    return flags
+    speed = passages.speed_m_s
+    return flags | unlike_neighbours(speed, flags, UNLIKE_SPEED * np.abs(speed))
 
 
 def turns_around(passages: Passages) -> WheelTurns:

@@ -84,6 +84,7 @@ class Quality(IntFlag):
     DELAY_UNKNOWN = "how late the vehicle's speed is may make up half a per cent of slip", ("slip",)
     # ---- what could be told
     ERROR_UNKNOWN = "an error larger than what it belongs to, left blank", ("speed", "dissipation")
+    UNLIKE_NEIGHBOURS = "far off the turns before and after, the same way", (*_ALL, "slip")
     CUTOFF = "the sampling is too coarse for the low-pass", ("footprint", "dissipation")
     PATCH_SHORT = "too few samples between the edges for a length", _FOOTPRINT
     NO_LENGTH = "no contact length could be told", _FOOTPRINT

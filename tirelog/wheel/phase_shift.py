@@ -20,7 +20,7 @@ import numpy as np
 
 from tirelog.data.plausibility import implausible
 from tirelog.data.recording import Channel, Recording
-from tirelog.dsp.filters import runs
+from tirelog.dsp.filters import runs, unlike_neighbours
 from tirelog.dsp.teeth import crossings, probe
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
@@ -335,6 +335,10 @@ def _passages(
     reading = np.where(found, middle, np.nan)
     turn, moved, strange = _one_turn(reading, wheel, time)
     quality |= marked(strange, Quality.REVERSING)
+    width = (leave - entry) * DEG
+    # degrees by which one turn alone may differ from those around, in shift or width
+    for column in (turn, width):
+        quality |= unlike_neighbours(column, quality, 0.1)
     clean = found & good(quality)
     steady = steady_passages(speed, clean)
     offset, zero_speed = _zero(turn, speed, time, steady, clean, zero)
@@ -351,7 +355,6 @@ def _passages(
     width_se = se * fronts["magnified"]
     # what both fronts have in common stays in their middle
     middle_se = np.hypot(se / 2, np.sqrt(0.5) * wheel.angle.shared_noise_at(time) * DEG)
-    width = (leave - entry) * DEG
     means = {}
     for force in recording.of_kind("vertical_load", "longitudinal_force") if forces else ():
         # the mean of a turn in which the wheel stood is no passage's
@@ -382,6 +385,10 @@ def _example(channel: Channel, wheel: WheelAngle, fronts: Records, clean: np.nda
     return np.stack([(wheel.angle.at(at) - middle) * DEG, channel.read(first, last) / level, both])
 
 
+#: passages before one whose median says where the patch is; forces move it less in so many
+BEFORE = 5
+
+
 def _one_turn(
     middle: FloatArray, wheel: WheelAngle, time: FloatArray
 ) -> tuple[FloatArray, int, np.ndarray]:
@@ -389,9 +396,9 @@ def _one_turn(
 
     The passages are those of stretches in which the patch is elsewhere.
 
-    After a standstill or a hole the count may have lost whole teeth. The patch cannot have moved by
-    half a tooth, so its place against the first stretch gives them back. If it lies between two
-    teeth the wheel must have rolled the other way.
+    After a standstill, a hole or samples that were held, the count may have lost whole teeth. The
+    patch cannot have moved by half a tooth, so its place against the passages before gives them
+    back. If that of a stretch lies between two teeth the wheel must have rolled the other way.
     """
     tooth = 360.0 / wheel.steps
     known = np.isfinite(middle)
@@ -400,17 +407,19 @@ def _one_turn(
     usual = float(np.angle(np.exp(1j * middle[known]).sum()))
     turn = np.angle(np.exp(1j * (middle - usual))) * DEG
     stretch = wheel.angle.stretch_at(time)
-    moved, first, strange = 0, np.nan, np.zeros(middle.size, bool)
+    order, lost = np.flatnonzero(known), 0.0
+    first, moved, strange = float(np.median(turn[order[:BEFORE]])), 0, np.zeros(middle.size, bool)
+    before = [first]
+    for row in order.tolist():
+        teeth = round((turn[row] - sorted(before)[len(before) // 2]) / tooth) * tooth
+        moved, lost = moved + (teeth != lost), teeth
+        turn[row] -= teeth
+        before = [*before[1 - BEFORE :], turn[row]]
     for number in np.unique(stretch[known]):
         rows = known & (stretch == number)
-        place = float(np.median(turn[rows]))
-        first = place if np.isnan(first) else first
-        lost = round((place - first) / tooth) * tooth
-        turn[rows] -= lost
-        moved += lost != 0
         # forces do not move the patch's usual place by more than this after a standstill; twice as
         # much leaves moves of up to four degrees unsaid
-        strange |= rows & (abs(place - lost - first) > 2.0)
+        strange |= rows & (abs(float(np.median(turn[rows])) - first) > 2.0)
     centre = np.mod(usual * DEG + float(np.median(turn[known])), 360.0) - float(
         np.median(turn[known])
     )

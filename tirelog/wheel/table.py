@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Recording
+from tirelog.dsp.filters import UNLIKE_SPEED, unlike_neighbours
 from tirelog.errors import UsageError
 from tirelog.vocabulary.arrays import TableRows
 from tirelog.vocabulary.quality import Quality, marked, quality_column
@@ -130,16 +131,18 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], WheelTurns, 
     rate = wheel.speed_rad_s(time)
     noise = np.sqrt(2.0) * wheel.angle.noise_at(time) / SPEED_WINDOW_S
     share = 0.0 if np.isnan(radius.se_m) else radius.se_m / radius.radius_m
+    speed = rate * radius.radius_m
+    unlike = unlike_neighbours(speed, turns.quality, UNLIKE_SPEED * np.abs(speed))
     columns = {
         "log": recording.log,
         "channel": channel.name,
         "revolution": np.arange(time.size),
         "time_s": time,
-        "speed_m_s": rate * radius.radius_m,
+        "speed_m_s": speed,
         "period_s": turns.end_s - turns.begin_s,
         "speed_se_m_s": np.hypot(noise * radius.radius_m, share * rate * radius.radius_m),
         "acceleration_m_s2": turns.acceleration_m_s2,
-        "quality": quality_column(turns.quality),
+        "quality": quality_column(turns.quality | unlike),
     }
     return columns, turns, [*wheel.remarks, *([radius.remark] if radius.remark else [])]
 

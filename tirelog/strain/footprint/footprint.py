@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
-from tirelog.dsp.filters import Cutoff
+from tirelog.dsp.filters import Cutoff, unlike_neighbours
 from tirelog.errors import UsageError
 from tirelog.runs.in_memory import released, without_spikes
 from tirelog.strain.footprint.kernels import FITTED
@@ -469,6 +469,8 @@ def _quality(
         # passages of slow loggers without a length
         short = work["inside"] < 4
     unknown = ~np.isfinite(length_m)
+    # of good passages, a length may be off the turns around by this share
+    unlike = unlike_neighbours(length_m, passages.quality, 0.02 * np.nan_to_num(length_m))
     unclear = ~np.isfinite(length_d2_m) & ~cut & ~unknown
     formless = (
         np.zeros(len(passages), bool)
@@ -477,6 +479,7 @@ def _quality(
     )
     return (
         passages.quality
+        | unlike
         | marked(cut, Quality.CUTOFF)
         | marked(short, Quality.PATCH_SHORT)
         | marked(unknown, Quality.NO_LENGTH)
