@@ -224,7 +224,9 @@ def _energies(
     step = max(min(block_samples, MOST_AT_ONCE) // averaged, 4 * coefficients.size)
     of, to = np.flatnonzero(np.diff(near, prepend=False, append=False))
     share = np.arange(PARTS + 1) / PARTS
-    parts = low[:, None] + np.rint((high - low)[:, None] * share).astype(np.int64)
+    begins, ends = (np.where(known, b, 0.0)[:, None] for b in bounds)
+    # of a turn that the log cuts, too, the patch is in the middle
+    parts = np.clip(np.rint(begins + (ends - begins) * share), 0, last).astype(np.int64)
     energy, bend = np.zeros((len(passages), PARTS)), np.zeros(len(passages))
     breaks = np.concatenate([[0], filled.breaks // averaged, [last]])
     # rows are in order, and their revolutions nearly so: those of a block stand together
