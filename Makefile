@@ -1,7 +1,7 @@
 # A fresh machine needs Python 3.11 (or later) and make; every target sets up its own .venv first.
 PYTHON ?= python3
 BIN := .venv/bin
-.PHONY: demo test test-slow test-extras test-versions coverage bench lint hidden nuisances calibration fuzz docs reference outputs gallery
+.PHONY: demo test test-slow test-extras test-versions coverage bench lint hidden nuisances calibration fuzz faults docs reference outputs gallery
 
 # each target installs what it needs and no more: the demo the package with its pictures, the rest also the tools
 .venv/bin/python:
@@ -77,6 +77,10 @@ calibration: .venv/.dev
 fuzz: .venv/.dev
 	$(BIN)/python -m benchmarks.fuzz $(FUZZ)
 	$(BIN)/python -m benchmarks.fuzz.kills
+
+# what one fault in a clean log does to the tables; FAULTS="--suite reporting --seed 1 --logs 2"
+faults: .venv/.dev
+	$(BIN)/python -m benchmarks.faults $(FAULTS)
 
 lint: .venv/.dev
 	$(BIN)/ruff check .

@@ -356,8 +356,8 @@ def sliding_median(x: FloatArray, width: int) -> FloatArray:
     )
 
 
-#: values on either side that say what is usual; half as many are led by a second outlier
-BESIDE = 4
+#: values on either side whose median says what is usual, whatever two of them are
+BESIDE = 5
 #: an outlier leaves them by so many of the usual distances
 MOST_OFF = 8.0
 #: share of its speed by which a wheel is unlike the turns around; one turn's acceleration is less

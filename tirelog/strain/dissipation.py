@@ -277,6 +277,8 @@ def _settled(
     middle = float(np.median(parts.sum(axis=1)))
     far = parts - usual > FAR * _medians_over_turns(np.abs(parts - usual)) + LEAST_OFF * middle
     unlike = outliers(parts[:, near].sum(axis=1), UNLIKE * middle)
+    # what disturbs the part beside the patch may reach into it
+    unlike |= (far & ~near & (np.roll(near, 1) | np.roll(near, -1))).any(axis=1)
     return np.where(far & ~near, usual, parts).sum(axis=1), floors.sum(axis=1), unlike
 
 
