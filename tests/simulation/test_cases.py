@@ -23,21 +23,6 @@ def test_planting_changes_nothing_else() -> None:
     assert all(not s.effects for s in null)
 
 
-def test_null_repeats_between_manoeuvres() -> None:
-    """A null on a smooth road: the same cruise speed in two logs gives the same waveform, whatever
-    the manoeuvre.
-    """
-    how = replace(QUICK, roughness=0.0, noise_nm=0.0)
-    made = [
-        simulate(replace(s, conditions=case((), seed=5, how=how)[0].conditions))
-        for s in case((), seed=5, how=how)
-    ]
-    sensors = [next(iter(m.scenario.channels.values())) for m in made]
-    at = made[0].world.instants(np.array([2.0]))
-    waves = [m.world.waveform(m.world.solve(at), s)[0] for m, s in zip(made, sensors, strict=True)]
-    assert np.array_equal(waves[0], waves[1])
-
-
 @pytest.mark.parametrize("plan", list(PLANS))
 def test_every_plan_can_be_driven(plan: str) -> None:
     how = Case(plan=plan, logs=1, duration=0.2 if plan != "short" else 0.5)
@@ -70,12 +55,6 @@ def test_every_effect_shows_and_is_told(name: str) -> None:
         if name in OUTSIDE:
             assert told[0]["where"] in ("entry", "patch", "exit", "away")
             assert told[0]["parity"] in ("even", "odd", "mixed")
-
-
-def test_ring_curvature_is_a_ring_with_the_beam_s_patch() -> None:
-    made = case(("ring_curvature",), seed=8, how=QUICK)[0]
-    assert (made.truth, made.tire.contact) == ("ring", "parabola")
-    assert [e["name"] for e in simulate(made).truth["effects"]] == ["ring_curvature"]
 
 
 @pytest.mark.parametrize(

@@ -21,14 +21,6 @@ ALL: dict[str, Any] = {
     "warming": {"stiffness_per_K": 0.002, "bending_per_K": -0.002, "strain_per_K": 1e-7},
     "rolling_radius": {"error": -0.015, "growth": 0.02},
 }
-INSTRUMENT: dict[str, Any] = {
-    "noise": 0.0008,
-    "noise_correlation": 0.9,
-    "hum": 0.003,
-    "flicker": 0.004,
-    "quantisation": 0.001,
-    "lost_at_flanks": 0.3,
-}
 
 
 def made_of(truth: str = "beam", noise: float = 0.0008, **more: Any) -> Scenario:
@@ -66,32 +58,48 @@ def test_nuisance_of_size_zero_is_none(truth: str, name: str) -> None:
     assert np.abs(values(none) - values(some)).max() > 1e-5
 
 
-@pytest.mark.parametrize("name", ["run_out", "load_wander", "warming"])
-def test_nuisance_changes_neither_noise_nor_the_other_channels(name: str) -> None:
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"effects": [{"name": "splice"}]},
+        *({"nuisances": {name: ALL[name]}} for name in ("run_out", "load_wander", "warming")),
+    ],
+)
+def test_what_is_added_changes_neither_noise_nor_the_other_channels(more: dict[str, Any]) -> None:
     """The seed draws road, scatter and noise as without it."""
-    nuisance = {name: ALL[name]}
-    noise = [
-        values(simulate(made_of(nuisances=n))) - values(simulate(made_of(noise=0.0, nuisances=n)))
-        for n in ({}, nuisance)
-    ]
+    (bare, changed), still = (
+        [simulate(made_of(noise=noise, **m)) for m in ({}, more)] for noise in (0.0008, 0.0)
+    )
+    noise = [values(a) - values(b) for a, b in zip((bare, changed), still, strict=True)]
     assert noise[0] == pytest.approx(noise[1], abs=1e-9)
     assert noise[0].std() == pytest.approx(0.0008, rel=0.1)
-    speeds = [simulate(made_of(nuisances=n)).channels["e"] for n in ({}, nuisance)]
-    assert np.array_equal(*speeds)
+    assert np.array_equal(bare.channels["e"], changed.channels["e"])
 
 
 @pytest.mark.parametrize("truth", ["beam", "ring"])
 @pytest.mark.parametrize(
-    ("name", "limit"),
-    [("force_variation", 3e-4), ("load_wander", 1e-4), ("rolling_radius", 2e-5), ("warming", 2e-5)],
+    ("more", "limit"),
+    [
+        ({}, 2e-5),
+        ({"road": {"roughness": 0.015}}, 2e-5),
+        ({"effects": [{"name": "traction"}]}, 1.2e-4),
+        ({"effects": [{"name": "load_transfer"}]}, 2e-5),
+        *(
+            ({"nuisances": {name: ALL[name]}}, limit)
+            for name, limit in (
+                ("force_variation", 3e-4),
+                ("load_wander", 1e-4),
+                ("rolling_radius", 2e-5),
+                ("warming", 2e-5),
+            )
+        ),
+    ],
 )
-def test_samples_are_what_is_true_at_their_instant(truth: str, name: str, limit: float) -> None:
-    """Knots and the parabola in the load against solutions at the very instant, over the peak.
-
-    2e-5 is what knots leave without a nuisance (`test_knots_leave_no_trace`).
-    """
-    fine = {"grid_points": 2048, "noise": 0.0, "road": {}}
-    made = simulate(made_of(truth, nuisances={name: ALL[name]}, **fine))
+def test_samples_are_what_is_true_at_their_instant(
+    truth: str, more: dict[str, Any], limit: float
+) -> None:
+    """Knots and the parabola in the load against solutions at the very instant, over the peak."""
+    made = simulate(made_of(truth, **{"grid_points": 2048, "noise": 0.0, "road": {}, **more}))
     w, sensor = made.world, made.scenario.channels["s"]
     time = made.stamp_s["s"][300:-200:41]
     waves = w.waveform(w.solve(w.instants(time, 1.0 + w.fluctuation(time))), sensor)

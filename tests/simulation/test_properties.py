@@ -12,7 +12,6 @@ from scipy.interpolate import CubicSpline
 
 from tirelog.simulation import Scenario, Simulated, scenario_of, simulate
 from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
-from tirelog.simulation.sensors.sampling import passages, tread_angle
 
 from .worlds import instants, tables, world
 
@@ -68,16 +67,6 @@ def test_same_seed_same_log_other_seed_other_log() -> None:
     assert 0.003 < np.isnan(first).mean() < 0.03
 
 
-def test_planting_changes_neither_road_nor_noise() -> None:
-    noisy = {"s": {"kind": "fbg_strain", "noise": 0.0008}}
-    road = {"roughness": 0.01}
-    bare = simulate(clean(seed=4, channels=noisy, road=road))
-    planted = simulate(
-        clean(seed=4, channels=noisy, road=road, effects=[{"name": "splice", "amplitude": 1e-9}])
-    )
-    assert np.abs(strain(bare) - strain(planted)).max() < 1e-8
-
-
 @pytest.mark.parametrize(
     ("name", "form"), [(n, f) for n in STRAIN_EFFECTS for f in PLANTABLE[n].forms]
 )
@@ -129,56 +118,6 @@ def test_other_form_is_another_shape_of_like_size(name: str) -> None:
     assert change > (0.02 if name == "sensor_lag" else 0.15) * size
 
 
-def test_null_repeats_from_revolution_to_revolution() -> None:
-    """At constant speed, on a smooth road and without noise, every revolution reads the same at the
-    same angle.
-    """
-    made = simulate(scenario_of(tables()))
-    time = made.stamp_s["s"]
-    angle = tread_angle(made.world, made.scenario.channels["s"], time)
-    wave = made.world.waveform(made.world.solve(instants()), Sensor("fbg_strain"))[0]
-    # the angle grows by the same number everywhere on the grid, so one spline serves as the
-    # reference for all turns
-    turn = np.append(made.world.ring.xi_m, -made.world.ring.xi_m[0]) / made.world.drive.radius_m
-    reference = CubicSpline(turn, np.append(wave, wave[0]), bc_type="periodic")
-    residual = strain(made) - reference(angle)
-    assert np.abs(residual).max() < 1e-6 * np.abs(wave).max()
-
-
-@pytest.mark.parametrize(
-    ("more", "limit"),
-    [
-        ({}, 2e-5),
-        ({"truth": "ring"}, 2e-5),
-        ({"effects": [{"name": "traction"}]}, 1.2e-4),
-        ({"effects": [{"name": "load_transfer"}]}, 2e-5),
-    ],
-    ids=["beam", "ring", "traction", "load_transfer"],
-)
-def test_knots_leave_no_trace(more: dict[str, object], limit: float) -> None:
-    """Solving every 0.05 s (0.01 s where the load follows the acceleration) against every 5 ms,
-    over the peak.
-    """
-    coarse, fine = clean(**more), clean(knot_s=0.005, **more)
-    a, b = strain(simulate(coarse)), strain(simulate(fine))
-    assert np.abs(a - b).max() < limit * np.abs(b).max()
-
-
-def test_load_within_the_revolution_is_exact() -> None:
-    """The parabola in the load's fluctuation against solutions at the very load of each sample."""
-    made = simulate(clean(seed=9, road={"roughness": 0.015}))
-    w, sensor = made.world, made.scenario.channels["s"]
-    time = made.stamp_s["s"]
-    angle = np.angle(np.exp(1j * tread_angle(w, sensor, time)))
-    some = np.flatnonzero(np.abs(angle) < 0.4)[::41]
-    waves = w.waveform(w.solve(w.instants(time[some], 1.0 + w.fluctuation(time[some]))), sensor)
-    exact = [
-        CubicSpline(w.ring.xi_m, wave)(a * w.drive.radius_m)
-        for wave, a in zip(waves, angle[some], strict=True)
-    ]
-    assert np.abs(strain(made)[some] - exact).max() < 2e-5 * np.abs(exact).max()
-
-
 @pytest.mark.parametrize("truth", ["beam", "ring"])
 def test_grid_converges(truth: str) -> None:
     peaks = {}
@@ -208,34 +147,6 @@ def test_roughness_has_its_size_and_reach() -> None:
     correlation = [np.corrcoef(values[:-lag], values[lag:])[0, 1] for lag in (4, 40)]  # 1 m, 10 m
     assert 0.6 < correlation[0] < 0.95
     assert abs(correlation[1]) < 0.15
-
-
-def test_passages_are_where_the_tread_angle_says() -> None:
-    made = simulate(clean(road={"roughness": 0.01}))
-    sensor = made.scenario.channels["s"]
-    time = passages(made.world, sensor, made.scenario.duration_s)
-    turns = tread_angle(made.world, sensor, time) / (2 * np.pi)
-    assert np.abs(turns - np.round(turns)).max() < 1e-9
-    assert np.array_equal(np.diff(np.round(turns)), np.ones(time.size - 1))
-    # the minimum of an undamped outer grating is at the passage
-    stamps, values = made.stamp_s["s"], strain(made)
-    for t in time[2:-2:5]:
-        near = np.abs(stamps - t) < 0.004
-        assert abs(stamps[near][np.argmin(values[near])] - t) < 0.001
-
-
-def test_speed_is_the_derivative_of_distance() -> None:
-    w = world(manoeuvres=DRIVE)
-    time = np.linspace(0.1, 6.3, 40)
-    step = 1e-4
-    speed = (
-        (w.drive.angle_at(time + step) - w.drive.angle_at(time - step))
-        * w.drive.radius_m
-        / (2 * step)
-    )
-    assert np.abs(speed - w.drive.speed_at(time)).max() < 1e-6
-    acceleration = (w.drive.speed_at(time + step) - w.drive.speed_at(time - step)) / (2 * step)
-    assert np.abs(acceleration - w.drive.acceleration_at(time)).max() < 1e-4
 
 
 def test_dissipation_factor_is_the_time_integral() -> None:

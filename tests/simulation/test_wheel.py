@@ -44,20 +44,6 @@ def test_driven_wheel_winds_forward_in_drive_and_back_in_braking() -> None:
     assert phase_shift(driven, DRIVE_S) == pytest.approx(expected, rel=1e-12)
 
 
-def test_later_in_wheel_angle_is_positive() -> None:
-    """With a positive shift the sensor passes the patch when the wheel has turned further."""
-    w = world(**plan())
-    sensor = w.scenario.channels["s"]
-    without = w.drive.angle_at(DRIVE_S) - np.radians(sensor.angle_deg)
-    assert tread_angle(w, sensor, DRIVE_S)[0] < without[0]
-
-
-def test_load_transfer_widens_and_narrows_the_patch() -> None:
-    w = world(**plan(effects=[{"name": "load_transfer", "coefficient": 0.25}]))
-    width = [w.half_length(w.load(t))[0] for t in (np.array([1.5]), DRIVE_S, BRAKE_S)]
-    assert width[2] < width[0] < width[1]
-
-
 def encoder(**more: object) -> dict[str, object]:
     return tables(
         channels={"e": {"kind": "wheel_encoder", "sampling_rate_Hz": 10000.0, **more}},
