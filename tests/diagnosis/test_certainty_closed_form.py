@@ -6,11 +6,10 @@ from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
-import numpy as np
 import pytest
 import tomlkit
 
-from benchmarks.calibration import fitted, is_right, rows_of, table, weights
+from benchmarks.calibration import is_right, rows_of, table
 from benchmarks.nuisances import Row
 from tirelog.diagnosis.certainty import Marks, certainty_of, unlike_cases
 from tirelog.diagnosis.certainty import calibration as shipped
@@ -138,41 +137,6 @@ def test_the_sentence_says_what_it_rests_on():
 )
 def test_what_is_right(given, right):
     assert is_right(given) is right
-
-
-def test_rows_count_by_the_priors_and_like_ones_as_what_they_tell_together():
-    rows = [row(s, planted="", named="", status="nothing_missing") for s in range(30)]
-    rows += [row(s) for s in range(40, 50)]
-    rows += [row(99, world=f"{i}") for i in range(9)]  # one tire: nine logs tell as 1.8 cases
-    own = weights(rows)
-    assert own[:30].sum() / own.sum() == pytest.approx(0.4 / 0.85)
-    assert own[30] / own[40] == pytest.approx(5.0)
-    assert own.sum() < 41.8
-    assert weights(rows[:30]).sum() == pytest.approx(30.0)
-
-
-def test_a_fit_finds_the_probabilities_that_rows_were_drawn_with():
-    random = np.random.default_rng(5)
-    rest = random.uniform(0.0, 3.0, 3000)
-    truth = 1.0 / (1.0 + np.exp(1.2 * rest - 3.0))
-    hit = random.uniform(size=rest.size) < truth
-    rows = [
-        row(i, rest=1.0 + 0.05 * r, named="wear" if h else "hysteresis")
-        for i, (r, h) in enumerate(zip(rest, hit, strict=True))
-    ]
-    made = table(rows, date(2026, 11, 22)).unwrap()
-    said = np.array([certainty_of(r.marks, made).probability for r in rows])
-    assert np.abs(said - truth).mean() < 0.03
-    assert made["name"]["terms"]["rest"]["slope"] == pytest.approx(-1.2, abs=0.2)
-
-
-def test_few_rows_are_shrunk_and_a_slope_of_the_wrong_sign_is_none():
-    rows = [row(i, rest=1.0 + 0.01 * i) for i in range(10)]
-    found = fitted(rows, np.ones(10), ("rest",))
-    # ten right of ten and a pseudo-case of each kind: eleven to one at the most
-    assert math.log(4.0) < found.intercept <= math.log(11.0) + 1e-6
-    odd = [replace(r, named="wear" if i > 4 else "hysteresis") for i, r in enumerate(rows)]
-    assert fitted(odd, np.ones(10), ("rest",)).slopes["rest"]["slope"] == 0.0
 
 
 def test_the_table_of_the_package_is_whole():

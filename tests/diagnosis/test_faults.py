@@ -100,11 +100,6 @@ def test_a_candidate_whose_fit_fails_is_reported_and_the_others_go_on(
     assert len(result.effects) > 3
 
 
-def test_no_logs(model):
-    with pytest.raises(UsageError, match="at least one log"):
-        compare([], model)
-
-
 def test_no_folder_for_what_is_put_aside(monkeypatch, tmp_path):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
     with pytest.raises(OutputError, match=r"No such file or directory.*set TMPDIR"):
