@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import tomlkit
 
-from benchmarks.calibration import is_right, rows_of, table
+from benchmarks.calibration import is_right, rows_of, table, weights
 from benchmarks.nuisances import Row
 from tirelog.diagnosis.certainty import Marks, certainty_of, unlike_cases
 from tirelog.diagnosis.certainty import calibration as shipped
@@ -139,6 +139,17 @@ def test_what_is_right(given, right):
     assert is_right(given) is right
 
 
+def test_rows_count_by_the_priors_and_like_ones_as_what_they_tell_together():
+    rows = [row(s, planted="", named="", status="nothing_missing") for s in range(30)]
+    rows += [row(s) for s in range(40, 50)]
+    rows += [row(99, world=f"{i}") for i in range(9)]  # one tire: nine logs tell as 1.8 cases
+    own = weights(rows)
+    assert own[:30].sum() / own.sum() == pytest.approx(0.4 / 0.85)
+    assert own[30] / own[40] == pytest.approx(5.0)
+    assert own.sum() < 41.8
+    assert weights(rows[:30]).sum() == pytest.approx(30.0)
+
+
 def test_the_table_of_the_package_is_whole():
     known = shipped()
     assert known["tires"] >= 100
@@ -160,3 +171,5 @@ def test_the_table_of_the_package_is_that_of_the_rows_that_are_kept():
     for kind in ("none", "name", "unknown"):
         assert made[kind]["right"] == known[kind]["right"]
         assert made[kind]["intercept"] == pytest.approx(known[kind]["intercept"], abs=2e-3)
+        for name, term in known[kind]["terms"].items():
+            assert made[kind]["terms"][name]["slope"] == pytest.approx(term["slope"], abs=2e-3)

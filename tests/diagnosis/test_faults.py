@@ -10,7 +10,6 @@ import pytest
 from benchmarks.cases import Case, case
 from tests.diagnosis.toy import phase_shifts, stack
 from tirelog.data.recording import Stack
-from tirelog.diagnosis.compare import compare
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.errors import ModelError, OutputError, UsageError
 from tirelog.inference.stacks.cut import Stacks, stacks_from_logs
@@ -49,12 +48,6 @@ def test_one_manoeuvre_is_too_few_and_ranks(one_cruise, model):
     assert result.selected == ()
     assert "manoeuvres" in " ".join(result.notes)
     assert result.effects
-
-
-def test_model_of_another_observable(one_cruise, model):
-    other = Model.new("beam", "radial_acceleration", radius_m=0.305)
-    with pytest.raises(UsageError, match="predicts radial_acceleration"):
-        compare(stacks_from_logs(one_cruise), other)
 
 
 def test_no_channel_for_the_observable(one_cruise):

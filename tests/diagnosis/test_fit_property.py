@@ -166,15 +166,6 @@ def test_a_nuisance_that_scatters_is_taken_out(waves, kind):
         assert 0.02 < cleared.se[3] / TRUE[3] < 0.1
 
 
-def test_offsets_and_amplitudes_that_scatter_from_revolution_to_revolution(waves):
-    clean, rng = measured(waves, 1105), np.random.default_rng(1105)
-    offset, gain = rng.standard_normal((2, len(clean), 1))
-    moved = clean.values + 3e-5 * offset + 0.02 * gain * (clean.values - 2e-5)
-    result = fit(START, [replace(clean, values=moved)])
-    assert abs(result.reduced_chi2 - 1.0) < 0.15
-    assert np.all(np.abs(pulls(result)) < 4.0)
-
-
 def test_correlations_bounds_and_the_shared_scale_are_said(waves):
     stack = measured(waves, 1106)
     result = fit(START, [stack])

@@ -1,4 +1,4 @@
-"""Closed form: what forms are worth beside a base, how laws are written, what hats interpolate."""
+"""Closed form: how laws are written, what hats interpolate."""
 
 from __future__ import annotations
 
@@ -7,49 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.diagnosis.planted import MODEL, since_exit, stack
 from tirelog.diagnosis.candidates.assessment import hats_on
-from tirelog.diagnosis.compare import start
-from tirelog.diagnosis.propose.formulas import columns_of, polished, scan, strengths
 from tirelog.diagnosis.propose.grammar import LAWS
-from tirelog.diagnosis.propose.ground import Ground, measured_shapes
-from tirelog.vocabulary.arrays import FloatArray
-
-pytestmark = pytest.mark.xdist_group("forms beside a base")  # one worker makes what is shared
-
-
-def bump(xi: FloatArray, speed: FloatArray) -> FloatArray:
-    """3e-5 (v/20)^2 at 2 rad of the wheel, 0.3 rad wide."""
-    off = np.angle(np.exp(1j * (xi / 0.3 - 2.0)))
-    return 3e-5 * (speed / 20.0) ** 2 * np.exp(-0.5 * (off / 0.3) ** 2)
-
-
-@pytest.fixture(scope="module")
-def ground() -> Ground:
-    return Ground(start([stack(bump, m=64)], MODEL))
-
-
-def test_a_planted_bump_is_found_with_its_place_width_law_and_size(ground: Ground) -> None:
-    scanned = scan(ground)
-    assert scanned.p < 1e-3
-    best = polished(ground, scanned.atoms)[0]
-    # under one load the exit edge stays at its angle: both frames are one
-    assert best.form.words in (
-        "bump at a place of the wheel",
-        "bump in the distance since the exit edge",
-    )
-    assert best.law.text == "(speed / 20) ** n"
-    assert best.law.numbers["n"] == pytest.approx(2.0, abs=0.15)
-    size, explained = strengths(ground, best)
-    assert size[0] == pytest.approx(3e-5, rel=0.05)
-    found = columns_of(ground, best)[..., 0] * size[0]
-    wanted = bump(ground.values["xi"], ground.values["speed"])
-    assert np.sqrt(np.mean((found - wanted) ** 2)) < 0.03 * np.sqrt(np.mean(wanted**2))
-    assert explained > 0.9 * (ground.square - ground.base.white.values)
-    # bins are the model's at their mean angle while numbers are sought
-    assert best.explained == pytest.approx(explained, rel=1e-3)
-    before = next(atom for atom in scanned.atoms if atom.form_key == best.form_key)
-    assert best.explained > strengths(ground, before)[1]
 
 
 @pytest.mark.parametrize(
@@ -82,17 +41,3 @@ def test_hats_interpolate_straight_lines_and_close_on_themselves() -> None:
     round_nodes = np.append(nodes, 1.5)
     found = hats_on(x, round_nodes, 1.5) @ np.append(values, values[0])
     np.testing.assert_allclose(found, np.interp(x, nodes, values, period=1.5), atol=1e-12)
-
-
-def test_a_measured_shape_stands_still_in_its_frame_and_follows_its_law() -> None:
-    def recovery(xi: FloatArray, speed: FloatArray) -> FloatArray:
-        return 4e-5 * speed / 20.0 * np.exp(-0.5 * ((since_exit(xi) / speed - 0.01) / 0.002) ** 2)
-
-    ground = Ground(start([stack(recovery, m=96)], MODEL))
-    best = measured_shapes(ground, ground)[0]
-    assert (best.frame, best.acts_on, best.law) == ("time_since_exit", "strain", "(speed / 20)")
-    wanted = 4e-5 * np.exp(-0.5 * ((best.nodes - 0.01) / 0.002) ** 2)
-    seen = best.nodes < 0.025
-    assert np.all(np.abs(best.values - wanted)[seen] < 4.0 * best.band[seen] + 1e-6)
-    assert np.median(best.band[seen]) < 4e-6
-    assert best.removed == pytest.approx(ground.base.excess, rel=0.1)

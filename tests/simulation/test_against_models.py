@@ -56,6 +56,8 @@ ON_A_RING = [
     "viscous_damping", "hysteresis", "pressure_offset", "edge_impact", "rough_contact",
     "water_film", "wear", "load_transfer", "aero_load",
 ]  # fmt: skip
+#: numbers that are nothing by themselves
+MORE = {"wear": {"lever_loss": 0.2}}
 CASES = [
     *(("beam", "strain", name) for name in (None, *STRAIN_EFFECTS)),
     ("beam", "radial_acceleration", None),
@@ -67,14 +69,14 @@ CASES = [
 ]
 
 
-def truth_of(carcass: str, name: str | None = None, **conditions: float) -> World:
+def truth_of(carcass: str, name: str | None = None) -> World:
     """A world on a fine grid, in which an effect may be planted."""
     return world(
         truth=carcass,
-        effects=[] if name is None else [{"name": name}],
+        effects=[] if name is None else [{"name": name, **MORE.get(name, {})}],
         grid_points=4096,
         manoeuvres=[{"duration_s": 4.0, "speed_m_s": SPEED}],
-        conditions={**DRIVEN, **conditions},
+        conditions=DRIVEN,
     )
 
 

@@ -90,15 +90,6 @@ def test_each_grating_sees_the_splice_from_its_own_place() -> None:
     assert seen == pytest.approx([100.0, 40.0], abs=0.3)
 
 
-def test_nothing_pulls_except_suction() -> None:
-    """The rescaled pressure still carries the load with an effect of no catalogue on it."""
-    for name in ("pressure_saddle", "exit_suction"):
-        w = world(effects=[{"name": name}])
-        assert 2.0e6 * w.solve(instants()).w.sum() * w.ring.step_m == pytest.approx(
-            3434.0, rel=1e-9
-        )
-
-
 def test_passages_know_the_wind_up() -> None:
     """In hard braking the sensor arrives early, and the passage is where its place is in the patch
     centre all the same: once a turn, at the minimum of an undamped outer grating.

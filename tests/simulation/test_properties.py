@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
 
 from tirelog.simulation import Scenario, Simulated, scenario_of, simulate
 from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
@@ -116,20 +115,6 @@ def test_other_form_is_another_shape_of_like_size(name: str) -> None:
     assert 0.6 < np.std(other - base) / size < 1.6
     assert change < 0.5 * size
     assert change > (0.02 if name == "sensor_lag" else 0.15) * size
-
-
-@pytest.mark.parametrize("truth", ["beam", "ring"])
-def test_grid_converges(truth: str) -> None:
-    peaks = {}
-    for points in (512, 1024, 2048, 4096):
-        w = world(truth=truth, grid_points=points)
-        wave = w.waveform(w.solve(instants()), Sensor("fbg_strain"))[0]
-        peaks[points] = CubicSpline(w.ring.xi_m, wave)(np.linspace(-0.2, 0.2, 301))
-    errors = [
-        np.abs(peaks[n] - peaks[4096]).max() / np.abs(peaks[4096]).max() for n in (512, 1024, 2048)
-    ]
-    assert errors[2] < 1e-4
-    assert errors[0] > 3 * errors[2]
 
 
 def test_roughness_has_its_size_and_reach() -> None:
