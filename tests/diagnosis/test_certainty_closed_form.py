@@ -6,6 +6,7 @@ from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
+import numpy as np
 import pytest
 import tomlkit
 
@@ -148,6 +149,21 @@ def test_rows_count_by_the_priors_and_like_ones_as_what_they_tell_together():
     assert own[30] / own[40] == pytest.approx(5.0)
     assert own.sum() < 41.8
     assert weights(rows[:30]).sum() == pytest.approx(30.0)
+
+
+def test_a_fit_finds_the_probabilities_that_rows_were_drawn_with():
+    random = np.random.default_rng(5)
+    rest = random.uniform(0.0, 3.0, 3000)
+    truth = 1.0 / (1.0 + np.exp(1.2 * rest - 3.0))
+    hit = random.uniform(size=rest.size) < truth
+    rows = [
+        row(i, rest=1.0 + 0.05 * r, named="wear" if h else "hysteresis")
+        for i, (r, h) in enumerate(zip(rest, hit, strict=True))
+    ]
+    made = table(rows, date(2026, 11, 22)).unwrap()
+    said = np.array([certainty_of(r.marks, made).probability for r in rows])
+    assert np.abs(said - truth).mean() < 0.03
+    assert made["name"]["terms"]["rest"]["slope"] == pytest.approx(-1.2, abs=0.2)
 
 
 def test_the_table_of_the_package_is_whole():

@@ -1,14 +1,18 @@
-"""Property: what holds for every motion of the coupled ring: energy, friction's limit, the road's
-height."""
+"""Property: what holds for every motion of the coupled ring (energy, friction's limit, the road's
+height), and that modes on a road with friction agree with the motion in time, whose bristles,
+contact and steps are its own.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from tests.physics.coupled_tire import TIRE, course, obstacle
+from tirelog.physics import Model
 from tirelog.physics.moving.contact import RoadProfile
-from tirelog.physics.moving.ring import CoupledRing
+from tirelog.physics.moving.ring import CoupledRing, first_order, natural_modes, of_model
 from tirelog.physics.moving.transient import State, Stepper, stepped_motion
 
 LOAD, SPEED = 1000.0, 20.0
@@ -55,3 +59,49 @@ def test_friction_stays_within_its_limit():
 def test_a_long_wave_is_followed():
     motion = passage(RoadProfile(amplitude_m=0.01, wavelength_m=8.0), 0.4)
     assert np.ptp(motion.hub_z_m) == pytest.approx(0.02, rel=0.15)
+
+
+CLINGING = replace(TIRE, modes=20, mu=50.0)
+PRESSED, STEP, WOUND = 3000.0, 5e-5, 2e-4
+
+
+@pytest.mark.parametrize("speed", [0.0, 20.0])
+def test_a_small_wind_up_swings_as_the_linear_system_says(speed):
+    """Within 4 %; on a road free of friction the swing would be off by 40 % and more."""
+    spins = []
+    for wound in (0.0, WOUND):
+        start = State.rolling(CLINGING, PRESSED, speed)
+        start.psi_hub += wound
+        spins.append(
+            stepped_motion(
+                Stepper(CLINGING, start, course(PRESSED), step_s=STEP), 0.05, every=1
+            ).omega_rad_s
+        )
+    swing = spins[1] - spins[0]
+
+    def linear(tire):
+        system, M = first_order(tire, spins[0][0], PRESSED)
+        state, onward, said = np.zeros(system.shape[0]), expm(STEP * system), []
+        state[4] = WOUND
+        for _ in swing:
+            state = onward @ state
+            said.append(state[M.size + 5])
+        return np.array(said)
+
+    assert np.std(swing - linear(CLINGING)) < 0.045 * np.std(swing)
+    assert np.std(swing - linear(replace(CLINGING, mu=0.0))) > 0.3 * np.std(swing)
+
+
+def test_the_road_holds_the_rotation():
+    """At rest hub and ring swing against the bristles: a mode more below the free ones."""
+    clinging, free = (
+        natural_modes(replace(CLINGING, mu=mu), load_N=PRESSED, to_Hz=60.0) for mu in (0.8, 0.0)
+    )
+    assert [mode.shape for mode in free] == ["rigid vertical"]
+    assert [mode.shape for mode in clinging] == ["rigid vertical", "rotational"]
+
+
+def test_a_ring_without_bristles_stands_free_of_friction():
+    ring, coupled = (of_model(Model.new(name).values) for name in ("ring", "coupled_ring"))
+    assert ring.c_x == 0.0
+    assert coupled.c_x == 1.9e6

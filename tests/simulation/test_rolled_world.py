@@ -36,7 +36,9 @@ COARSE = {"truth": "coupled_ring", "grid_points": 768, "step_s": 5e-5}
 DAMPED = {"radial_damping_N_s_m2": 300.0, "tangential_damping_N_s_m2": 300.0}
 
 
-def scenario(seconds: float = 1.0, speed: float = 15.0, **more: Any) -> Scenario:
+def scenario(
+    seconds: float = 1.0, speed: float = 15.0, file: str = "scenario", **more: Any
+) -> Scenario:
     base: dict[str, Any] = {
         **COARSE,
         "tire": DAMPED,
@@ -45,7 +47,7 @@ def scenario(seconds: float = 1.0, speed: float = 15.0, **more: Any) -> Scenario
         "manoeuvres": [{"duration_s": seconds, "speed_m_s": speed}],
         "channels": CHANNELS,
     }
-    return scenario_of({**base, **more})
+    return scenario_of({**base, **more}, file)
 
 
 @cache
@@ -153,15 +155,17 @@ def test_accelerometer_feels_the_turning_belt() -> None:
     assert np.abs((felt + 1.0)[np.cos(phi) > np.cos(0.05)]).max() < 0.08 * np.abs(exact).max()
 
 
+def driven(*manoeuvres: dict[str, Any]) -> Simulated:
+    """A wheel that is driven, on a grippier tread than the papers', so that slip stays small."""
+    tire = {**DAMPED, "bristle_stiffness_N_m2": 2e7, "friction": 1.0}
+    more = {"manoeuvres": list(manoeuvres), "conditions": {"driven": True}, "rounding_s": 0.2}
+    return simulate(scenario(tire=tire, **more))
+
+
 def test_speed_ramp_is_driven_by_its_torque() -> None:
-    ramp = [
+    made = driven(
         {"duration_s": 0.5, "speed_m_s": 12.0},
         {"duration_s": 1.0, "speed_m_s": 14.0, "regime": "drive"},
-    ]
-    # a grippier tread than the papers', so that slip stays small
-    tire = {**DAMPED, "bristle_stiffness_N_m2": 2e7, "friction": 1.0}
-    made = simulate(
-        scenario(manoeuvres=ramp, conditions={"driven": True}, tire=tire, rounding_s=0.2)
     )
     motion = world(made).motion
     speed = np.interp(0.9, world(made).time_s, motion.spin_rad_s) * 0.305
@@ -191,36 +195,23 @@ def test_sensor_lag_and_gauge_length() -> None:
     assert np.ptp(lagged) < 0.9 * np.ptp(plain)
 
 
-@pytest.mark.parametrize("kind", ["step", "sine", "profile"])
-def test_other_roads(kind: str, tmp_path: Path) -> None:
-    (tmp_path / "road.txt").write_text(
-        "# distance, height\n0 0\n3.0, 0.0\n3.2 0.004\n9 0.004\n", encoding="utf-8"
-    )
-    roads: dict[str, dict[str, Any]] = {
-        "step": {"position_m": 3.0, "height_m": 0.004, "ramp_m": 0.05},
-        "sine": {"amplitude_m": 0.002, "wavelength_m": 3.0},
-        "profile": {"file": "road.txt"},
-    }
-    base = {"kind": kind, **roads[kind]}
-    made = simulate(
-        scenario_of(
-            {
-                **COARSE,
-                "tire": DAMPED,
-                "vehicle": {"suspension_damping_N_s_m": 4000.0},
-                "conditions": {"driven": False},
-                "road": base,
-                "manoeuvres": [{"duration_s": 0.6, "speed_m_s": 10.0}],
-                "channels": {"s": {"kind": "strain"}},
-            },
-            str(tmp_path / "s.toml"),
-        )
-    )
-    motion = world(made).motion
-    risen = motion.hub_z_m - np.interp(0.05, world(made).time_s, motion.hub_z_m)
-    assert np.interp(0.58, world(made).time_s, risen) == pytest.approx(
-        0.002 * (1 - np.cos(2 * np.pi * 5.8 / 3.0)) if kind == "sine" else 0.004, abs=4e-4
-    )
+@pytest.mark.parametrize(
+    "road",
+    [
+        {"kind": "step", "position_m": 3.0, "height_m": 0.004, "ramp_m": 0.05},
+        {"kind": "sine", "amplitude_m": 0.002, "wavelength_m": 3.0},
+        {"kind": "profile", "file": "road.txt"},
+    ],
+)
+def test_other_roads(road: dict[str, Any], tmp_path: Path) -> None:
+    points = "# distance, height\n0 0\n3.0, 0.0\n3.2 0.004\n9 0.004\n"
+    (tmp_path / "road.txt").write_text(points, encoding="utf-8")
+    damped = {"suspension_damping_N_s_m": 4000.0}
+    drive = {"road": road, "vehicle": damped, "channels": {"s": {"kind": "strain"}}}
+    made = simulate(scenario(0.6, 10.0, file=str(tmp_path / "s.toml"), **drive))
+    begin, end = np.interp([0.05, 0.58], world(made).time_s, world(made).motion.hub_z_m)
+    sine = 0.002 * (1 - np.cos(2 * np.pi * 5.8 / 3.0))
+    assert end - begin == pytest.approx(sine if road["kind"] == "sine" else 0.004, abs=4e-4)
 
 
 def test_load_follows_planted_effects() -> None:
@@ -237,15 +228,11 @@ def test_load_follows_planted_effects() -> None:
 
 def test_standing_start_and_stop() -> None:
     """The wheel stands, is driven off, brakes and stands again, wound up a little."""
-    parts = [
+    made = driven(
         {"duration_s": 0.3, "speed_m_s": 0.0, "regime": "standstill"},
         {"duration_s": 1.0, "speed_m_s": 2.0, "regime": "drive"},
         {"duration_s": 1.0, "speed_m_s": 0.0, "regime": "brake"},
         {"duration_s": 0.4, "speed_m_s": 0.0},
-    ]
-    tire = {**DAMPED, "bristle_stiffness_N_m2": 2e7, "friction": 1.0}
-    made = simulate(
-        scenario(manoeuvres=parts, conditions={"driven": True}, tire=tire, rounding_s=0.2)
     )
     motion = world(made).motion
     turned = np.interp([0.0, 0.1, 2.6], world(made).time_s, motion.angle_rad) * 0.305
