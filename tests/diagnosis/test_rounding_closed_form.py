@@ -3,6 +3,7 @@ however many revolutions they have; against made-up means with known truth.
 """
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from tests.diagnosis.test_together_closed_form import SPEEDS, measured
 from tests.diagnosis.toy import make_cells, stack, waveform
 from tirelog.data.recording import Channel, TimeAxis
+from tirelog.inference.cells.cells import scatter_of_numbers
 from tirelog.inference.stacks.align import step_of
 
 
@@ -97,3 +99,11 @@ def test_means_of_neighbours_that_are_alike(alike):
         scatters.append(np.sqrt(cells.within))
     assert np.mean(np.concatenate(squares)) == pytest.approx(1.0, abs=0.12)
     assert np.mean(np.concatenate(scatters)) == pytest.approx(1e-3, rel=0.05)
+
+
+def test_a_piece_without_a_scatter_has_that_of_all():
+    pieces = SimpleNamespace(scatter=np.full((300, 1), 0.5), count=np.full((300, 1), 12.0))
+    pieces.scatter[7] = np.nan
+    assert scatter_of_numbers(pieces)[7, 0] == pytest.approx(0.5, rel=0.1)
+    pieces.scatter[:] = np.nan
+    assert np.isnan(scatter_of_numbers(pieces)).all()
