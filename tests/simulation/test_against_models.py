@@ -22,7 +22,9 @@ from tirelog.simulation.steady.waveforms import World
 
 from .worlds import world
 
-R, SPEED, ACCELERATION, TIME = 0.305, 17.0, 1.7, 2.0
+R, SPEED, ACCELERATION, TIME = 0.305, 17.0, 1.7, 3.0
+#: so that these are the speed and the acceleration then
+DRIVE = [{"duration_s": 1.0, "speed_m_s": 13.6}, {"duration_s": 4.0, "speed_m_s": 20.4}]
 DRIVEN = {"distance_km": 22000.0, "water_depth_mm": 0.8}
 SHARED = {"lever_arm_m": 3.0e-4, "radius_m": R, "line_mass_kg_m": 4.5}
 NUMBERS = {
@@ -75,31 +77,15 @@ def truth_of(carcass: str, name: str | None = None) -> World:
         truth=carcass,
         effects=[] if name is None else [{"name": name, **MORE.get(name, {})}],
         grid_points=4096,
-        manoeuvres=[{"duration_s": 4.0, "speed_m_s": SPEED}],
+        manoeuvres=DRIVE,
         conditions=DRIVEN,
     )
 
 
-def moment(w: World) -> Instants:
-    """The world's instant at TIME, with SPEED and ACCELERATION in place of its drive's."""
-    at = replace(
-        w.instants(np.array([TIME])), speed=np.array([SPEED]), acceleration=np.array([ACCELERATION])
-    )
-    nominal = w.scenario.conditions.load_N
-    for effect in w.scenario.effects:
-        if effect.name == "traction":
-            at = replace(at, slip=np.array([-effect["slip_per_g"] * ACCELERATION / 9.81]))
-            continue
-        load = nominal
-        if effect.name == "load_transfer":
-            load = nominal * (1.0 + effect["coefficient"] * ACCELERATION / 9.81)
-        elif effect.name == "aero_load":
-            load = nominal * (1.0 + effect["coefficient"] * (SPEED / 30.0) ** 2)
-        elif effect.name == "imbalance":
-            load = nominal + effect["force_N"] * (SPEED / 20.0) ** 2
-        if load != nominal:
-            at = replace(at, load=np.array([load]), half_length=w.half_length(np.array([load])))
-    return at
+def moment(w: World, **other: float) -> Instants:
+    """The world's instant at TIME, with other numbers in place of its own."""
+    at = w.instants(np.array([TIME]))
+    return replace(at, **{name: np.array([value]) for name, value in other.items()})
 
 
 def modelled(w: World, observable: str | list[str]) -> Model:
@@ -148,8 +134,9 @@ def test_middle_of_the_fronts_of_a_ring_that_leans(name: str) -> None:
     made = truth_of("ring", name)
 
     def middle(speed: float) -> float:
-        at = replace(moment(made), speed=np.array([speed]))
-        wave = made.waveform(made.solve(at), Sensor("radial_acceleration"))[0]
+        wave = made.waveform(made.solve(moment(made, speed=speed)), Sensor("radial_acceleration"))[
+            0
+        ]
         share = CubicSpline(made.ring.xi_m / R, -wave * R / speed**2 - 0.5)
         inner = share.roots(extrapolate=False)
         return float(np.degrees(0.5 * (inner[inner < 0.0].max() + inner[inner > 0.0].min())))
@@ -171,8 +158,7 @@ def test_width_between_fronts_at_every_load_and_pressure(pressure_Pa: float) -> 
     loads = np.array([2700.0, 3434.0, 4100.0])
     seen, half, contact = np.zeros((3, 3))
     for i, load in enumerate(loads):
-        at = replace(made.instants(np.array([TIME])), load=np.array([load]))
-        solution = made.solve(at)
+        solution = made.solve(moment(made, load=load))
         wave = made.waveform(solution, sensor)[0]
         slope = CubicSpline(made.ring.xi_m / R, wave).derivative()
         phi = np.linspace(-0.3, 0.3, 24001)
