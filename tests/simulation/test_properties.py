@@ -64,30 +64,13 @@ def test_same_seed_same_log_other_seed_other_log() -> None:
 )
 def test_strength_zero_is_the_base(name: str, form: str) -> None:
     sizes = SIZES.get(name, (next(iter(PLANTABLE[name].parameters)),))
-    conditions = {"distance_km": 20000.0, "water_depth_mm": 1.0, "warm_up_K": 20.0}
-    if name == "belt_extension":
-        conditions["inflation_pressure_Pa"] = 2.5e5
-    base = world(conditions=conditions)
-    off = world(
-        conditions=conditions, effects=[{"name": name, "form": form, **dict.fromkeys(sizes, 0.0)}]
-    )
-    on = world(conditions=conditions, effects=[{"name": name, "form": form}])
-    sensor, time = Sensor("fbg_strain"), np.array([3.0])
-    at = replace(instants(), distance_km=20000.0, water_depth_mm=1.0)
+    conditions = {"distance_km": 20000.0, "water_depth_mm": 1.0, "warm_up_K": 40.0}
+    conditions["inflation_pressure_Pa"] = 2.5e5
+    sensor, time, planted = Sensor("fbg_strain"), np.array([3.0]), {"name": name, "form": form}
     waves = []
-    for w in (base, off, on):
-        own = replace(at, slip=w.slip(time) - (0.05 if w is on and name == "traction" else 0.0))
-        if name in ("load_transfer", "aero_load") and w is on:
-            factor = 1.0 + w.scenario.effects[0]["coefficient"] * 0.2
-            own = replace(own, load=own.load * factor)
-        if name == "imbalance":
-            own = replace(own, load=w.load(time))
-        if name == "warm_gain":
-            own = replace(own, temperature_K=w.temperature(time) + 5.0)
-        waves.append(
-            w.waveform(w.solve(replace(own, warmed=np.array([0.3]))), sensor)[0]
-            + w.baseline(time, sensor)
-        )
+    for effects in ([], [planted | dict.fromkeys(sizes, 0.0)], [planted]):
+        w = world(conditions=conditions, manoeuvres=DRIVE, effects=effects)
+        waves.append(w.waveform(w.solve(w.instants(time)), sensor)[0] + w.baseline(time, sensor))
     peak = np.abs(waves[0]).max()
     assert np.abs(waves[1] - waves[0]).max() < 1e-12 * peak + 1e-18
     assert np.abs(waves[2] - waves[0]).max() > 1e-3 * peak
