@@ -18,8 +18,6 @@ from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
 
-pytestmark = pytest.mark.xdist_group("hidden truths")  # one worker makes what these tests share
-
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
 

@@ -12,6 +12,8 @@ import pytest
 from tirelog.simulation import scenario_of, simulate
 from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
 from tirelog.simulation.sensors.sampling import passages, tread_angle
+from tirelog.simulation.steady.carcass import carcass
+from tirelog.simulation.steady.loads import true_parabola
 
 from .worlds import instants, tables, world
 
@@ -88,6 +90,18 @@ def test_each_grating_sees_the_splice_from_its_own_place() -> None:
         wave = wave - plain.waveform(plain.solve(instants(12.0)), sensor)[0]
         seen.append(float(np.degrees(spliced.ring.xi_m[np.argmax(wave)] / 0.305)))
     assert seen == pytest.approx([100.0, 40.0], abs=0.3)
+
+
+def test_stiffening_of_the_other_form_hardens_with_the_deflection_itself() -> None:
+    """k (1 + k3 0.008 |w|) w in place of k (1 + k3 w^2) w, which is compared with the models'."""
+    w = world(effects=[{"name": "stiffening", "cubic_1_m2": 3000.0, "form": "other"}])
+    at, ring = instants(), w.ring
+    solution = w.solve(at).w[0]
+    linear = ring.transform(solution[None]) / carcass(w.scenario, ring, at).radial
+    force = ring.inverse(linear)[0] + 2.0e6 * 3000.0 * 0.008 * np.abs(solution) * solution
+    p = true_parabola(ring, at.half_length, at.load)[0]
+    smooth = ring.kernel(np.exp(-0.5 * (ring.xi_m / 0.004) ** 2))
+    assert np.abs(ring.inverse(ring.transform(force - p) * smooth)).max() < 1e-5 * p.max()
 
 
 def test_passages_know_the_wind_up() -> None:
