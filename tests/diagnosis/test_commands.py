@@ -98,12 +98,3 @@ def test_a_full_disk_is_said_in_one_line(folder, capfd, monkeypatch):
     assert said.startswith("tirelog: error: ")
     assert "cannot be put aside (No space left on device)" in said
     assert said.count("\n") == 1
-
-
-def test_stacks_that_were_put_aside_give_the_same_page(folder, capfd, monkeypatch):
-    assert command(folder, "compare", "--by", "revolution") == 0
-    kept = capfd.readouterr().out
-    monkeypatch.setattr(stacks, "IN_MEMORY", 0)
-    assert command(folder, "compare", "--by", "revolution") == 0
-    assert capfd.readouterr().out == kept
-    assert kept.count("\n") > 100

@@ -203,16 +203,14 @@ def test_mistakes_are_status_2_and_leave_nothing(here, capsys, command, says):
     "command",
     [
         ["compare", "LOG.csv", "--model", "p.toml"],
-        ["diagnose", "LOG.csv", "--model", "p.toml"],
-        ["ladder", "LOG.csv", "--model", "p.toml"],
-        ["model", "fit", "LOG.csv", "--model", "p.toml", "-o", "out.toml"],
         ["model", "predict", "p.toml", "--speed", "20"],
         ["model", "add", "q.toml", "aero_load", "-o", "out.toml"],
         ["model", "remove", "b.toml", "load_crosstalk", "-o", "out.toml"],
     ],
     ids=lambda words: " ".join(words[:2]),
 )
-def test_every_command_refuses_an_effect_that_acts_on_nothing(here, capsys, command):
+def test_an_effect_that_acts_on_nothing_is_refused(here, capsys, command):
+    """Wherever a model is read, and where one is changed."""
     status("model new --observable phase_shift -o q.toml")
     status("model add q.toml load_crosstalk -o c.toml")
     status("model add c.toml load_transfer -o b.toml")
