@@ -26,6 +26,7 @@ from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import (
     ForceVariation,
+    LoadWander,
     Nuisances,
     RollingRadius,
     RunOut,
@@ -224,6 +225,17 @@ def test_a_tire_that_drifts_far_on_a_wrong_radius_is_found_as_it_drifted(wheel_n
     for log, way in (("log 1", 1.0), ("log 2", -1.0)):
         assert abs(size[f"patch length along {log}"] - 0.06 * way) < 0.003
         assert abs(size[f"foundation stiffness along {log}"] + 0.06 * way) < 0.006
+
+
+def test_a_load_that_wanders_is_in_the_floor():
+    how = replace(SHORT, plan="mixed")
+    calm, restless = (
+        start(measured(Nuisances(load_wander=LoadWander(share, 2.0)), how=how), MODEL)
+        for share in (0.0, 0.03)
+    )
+    assert calm.floor.scatter.wander_sd < 0.005 < 0.012 < restless.floor.scatter.wander_sd < 0.05
+    assert restless.reduced_chi2 < 1.2
+    np.testing.assert_array_less(calm.floor.between, restless.floor.between)
 
 
 def test_loads_that_scatter_by_3_percent_leave_a_null_at_its_floor():
