@@ -28,6 +28,6 @@ def test_any_waveform_has_a_comparison_and_a_verdict(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", range(4))
+@pytest.mark.parametrize("number", [0, 3])  # a beam, and a ring
 def test_any_waveform_is_answered_by_every_command(tmp_path: Path, number: int) -> None:
     answered(tmp_path, 4 * secrets.randbelow(2**29) + number, tuple(COMMANDS))

@@ -11,7 +11,6 @@ from benchmarks.cases import Case, case
 from tests.diagnosis.toy import done
 from tirelog.cli import run
 from tirelog.inference.stacks import cut as stacks
-from tirelog.physics.model.file import load_model, save_model
 from tirelog.simulation import simulate, write_log
 
 pytestmark = pytest.mark.xdist_group("hidden logs")  # one worker makes what these tests share
@@ -23,65 +22,46 @@ def folder(tmp_path_factory):
     scenarios = case(("water_film",), seed=301, how=Case(plan="short", logs=2, duration=0.6))
     for i, scenario in enumerate(scenarios):
         write_log(simulate(scenario), path / f"log_{i}.csv")
+    # a fit without a form takes a fifth of the time; one with it is a golden
     done("model", "new", "--setup", path / "log_0.toml", "-o", path / "beam.toml")
-    # a fit without a form takes a fifth of the time
-    plain = load_model(path / "beam.toml").with_nuisance("form", "off")
-    save_model(plain, path / "plain.toml")
+    done("model", "nuisance", path / "beam.toml", "form", "off", "-o", path / "beam.toml")
     new = ("model", "new", "--observable", "patch_length", "--setup", path / "log_0.toml")
     done(*new, "-o", path / "length.toml")
     return path
 
 
-def command(folder, name, *more, model="beam.toml"):
+def command(folder, name, *more):
     logs = [str(folder / "log_0.csv"), str(folder / "log_1.csv")]
-    return run([name, *logs, "--model", str(folder / model), "--quiet", *more])
+    return run([name, *logs, "--model", str(folder / "beam.toml"), "--quiet", *more])
 
 
-def test_compare_as_json_table_and_picture(folder, capfd):
-    more = ("--format", "json", "--plot", str(folder / "compare.png"))
-    assert command(folder, "compare", *more) == 0
-    answer = json.loads(capfd.readouterr().out)
-    assert answer["noise_floor"] < answer["rmse_heldout"]
-    square = answer["excess"] ** 2 + answer["noise_floor"] ** 2
-    assert square == pytest.approx(answer["rmse"] ** 2)
-    errors = [fitted["se_with_form"] for fitted in answer["parameters"].values()]
-    assert errors == [None] * len(errors)  # a form would stand for the effect that is missing
-    assert (folder / "compare.png").stat().st_size > 10_000
-    assert command(folder, "compare", "--by", "regime", model="plain.toml") == 0
-    rows = list(csv.DictReader(io.StringIO(capfd.readouterr().out)))
-    assert {row["regime"] for row in rows} <= {"cruise", "drive", "coast", "brake"}
+def rows(capfd):
+    return list(csv.DictReader(io.StringIO(capfd.readouterr().out)))
 
 
-def test_diagnose_prints_a_page_with_the_next_command(folder, capfd):
-    assert command(folder, "diagnose") == 0
-    page = capfd.readouterr().out
-    assert page.startswith("MISSING")
-    assert "* water_film" in page
-    assert "next: tirelog model add" in page
+def test_tables_and_picture_of_compare(folder, capfd):
+    assert command(folder, "compare", "--by", "regime", "--plot", str(folder / "c.png")) == 0
+    assert {row["regime"] for row in rows(capfd)} <= {"cruise", "drive", "coast", "brake"}
+    assert (folder / "c.png").stat().st_size > 10_000
+    assert command(folder, "compare", "--by", "angle") == 0
+    assert {row["angle"] for row in rows(capfd)} == {"entry", "patch", "exit", "away"}
 
 
 def test_ladder_keeps_its_history_beside_the_model(folder, capfd):
     files = ("--plot", str(folder / "ladder.png"), "--save", str(folder / "top.toml"))
     assert command(folder, "ladder", *files) == 0
-    rows = list(csv.DictReader(io.StringIO(capfd.readouterr().out)))
-    assert rows[0]["effect"] == "base"
-    assert float(rows[1]["excess_heldout"]) < 0.5 * float(rows[0]["excess_heldout"])
+    steps = rows(capfd)
+    assert [step["effect"] for step in steps[:2]] == ["base", "water_film"]
+    assert float(steps[1]["excess_heldout"]) < 0.5 * float(steps[0]["excess_heldout"])
     assert "water_film" in (folder / "top.toml").read_text()
     kept = json.loads((folder / "beam.ladder.json").read_text())["ladders"]
-    assert [step["effect"] for step in kept[-1]["steps"]] == [row["effect"] for row in rows]
+    assert [step["effect"] for step in kept[-1]["steps"]] == [row["effect"] for row in steps]
 
 
 def length(folder, name, *more):
     """The status of a command on the patch lengths of one log."""
     model = str(folder / "length.toml")
     return run([name, str(folder / "log_0.csv"), "--model", model, "--quiet", *more])
-
-
-def test_numbers_per_revolution_go_the_same_way(folder, capfd):
-    assert length(folder, "compare", "--format", "json") == 0
-    answer = json.loads(capfd.readouterr().out)
-    assert answer["unit"] == "m"
-    assert 0.0 < answer["rmse_heldout"] < 0.02
 
 
 def test_strengths_by_log_of_a_ladder_that_added_nothing_are_an_empty_table(folder, capfd):
@@ -96,7 +76,10 @@ def test_of_one_log_none_can_be_left_out(folder, capfd):
     assert length(folder, "diagnose", "--leave-one-out", "wheel") == 2
     assert "allowed are log, tire" in capfd.readouterr().err
     assert length(folder, "diagnose", "--bootstrap", "50") == 0
-    assert "No calibration for this kind: " in capfd.readouterr().out
+    page = capfd.readouterr().out
+    assert page.startswith(("NOTHING MISSING", "TOO FEW", "UNKNOWN", "SCATTER", "MISSING"))
+    assert "No calibration for this kind: " in page
+    assert "next: tirelog" in page
 
 
 def test_an_unknown_table_is_refused(folder, capfd):
@@ -115,12 +98,3 @@ def test_a_full_disk_is_said_in_one_line(folder, capfd, monkeypatch):
     assert said.startswith("tirelog: error: ")
     assert "cannot be put aside (No space left on device)" in said
     assert said.count("\n") == 1
-
-
-def test_stacks_that_were_put_aside_give_the_same_page(folder, capfd, monkeypatch):
-    assert command(folder, "compare", "--by", "revolution", model="plain.toml") == 0
-    kept = capfd.readouterr().out
-    monkeypatch.setattr(stacks, "IN_MEMORY", 0)
-    assert command(folder, "compare", "--by", "revolution", model="plain.toml") == 0
-    assert capfd.readouterr().out == kept
-    assert kept.count("\n") > 100

@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 
 from tirelog.diagnosis.candidates.separation import (
@@ -23,15 +22,6 @@ def test_of_two_as_likely_the_right_one_is_told_as_two_normals_part():
     assert probability_after(math.log(9.0), 0.0) == pytest.approx(0.9)
     assert probability_after(math.log(9.0), 1e-3) == pytest.approx(0.9)
     assert probability_after(-math.log(9.0), 30.0) == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("sigma", [0.5, 1.5, 3.0])
-def test_it_is_what_driving_comes_to(sigma):
-    random, odds = np.random.default_rng(3), math.log(4.0)
-    true = random.uniform(size=200_000) < 0.8
-    moved = np.where(true, 1.0, -1.0) * 0.5 * sigma**2 + sigma * random.standard_normal(true.size)
-    chosen = odds + moved > 0.0
-    assert probability_after(odds, sigma) == pytest.approx(np.mean(chosen == true), abs=4e-3)
 
 
 def test_a_gain_is_the_share_of_the_two():

@@ -151,19 +151,6 @@ def test_the_pressure_is_that_of_the_truth(bare: tuple[list[str], str], tmp_path
     assert np.abs(waves["stiffness_N_m2"] / truth - 1.0).max() < 0.1
 
 
-@pytest.mark.slow
-def test_a_parabola_stays_in_its_place_and_does_not_pull(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(f"{__name__}.pressure", parabola)
-    own, _ = form(tmp_path, *measured(tmp_path, 0.0))
-    xi, read, mean = own["xi_m"], own["contact_pressure_N_m"], LOAD_N / (2.0 * HALF_M)
-    off = np.abs(read - mean * parabola(xi, HALF_M))
-    assert (off <= 2.0 * own["contact_pressure_se_N_m"])[np.abs(xi) < HALF_M].mean() > 0.9
-    assert np.sqrt((off**2).mean()) < 0.01 * mean
-    assert read.min() > -0.01 * mean
-
-
 def answer_json(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
     """What a command answers as JSON."""
     capsys.readouterr()

@@ -23,70 +23,54 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(f"tirelog.runs.ingest.{name}", opened)
 
 
-@pytest.mark.parametrize(
-    ("command", "option", "path", "said"),
-    [
-        ("compare", "--plot", "nowhere/x.png", "the folder has to exist"),
-        ("compare", "--plot", "x.jpg", "allowed are .png"),
-        ("compare", "-o", "nowhere/x.json", "the folder has to exist"),
-        ("diagnose", "--plot", "nowhere/x.png", "the folder has to exist"),
-        ("diagnose", "-o", "nowhere/x.json", "the folder has to exist"),
-        ("ladder", "--save", "nowhere/x.toml", "the folder has to exist"),
-        ("ladder", "--plot", "nowhere/x.png", "the folder has to exist"),
-        ("propose", "-o", "nowhere/x.toml", "the folder has to exist"),
-        ("propose", "--plot", "nowhere/x.png", "the folder has to exist"),
-        ("propose", "--plot", "x.jpg", "allowed are .png"),
-        ("report", "-o", "nowhere/x.html", "the folder has to exist"),
-        ("report", "-o", "x.pdf", "the page is HTML"),
-        ("fit", "-o", "nowhere/x.toml", "the folder has to exist"),
-        ("fit", "-o", "other.toml", "is there and is no model file"),
-        ("ladder", "--save", "other.toml", "is there and is no model file"),
-        ("propose", "-o", "other.toml", "is there and is no model file"),
-        ("compare", "--plot-kind", "polr", "nearest: polar"),
-        ("compare", "--plot-kind", "polar", "add --plot FILE"),
-    ],
-)
-@pytest.mark.usefixtures("no_work")
-def test_what_cannot_be_written_is_refused_first(
-    folder: Path, tirelog: Command, command: str, option: str, path: str, said: str
-) -> None:
-    words = ["model", "fit"] if command == "fit" else [command]
-    (folder / "other.toml").write_text("x = 1\n")
-    before = sorted(folder.iterdir())
-    log, model = str(folder / "log.csv"), str(folder / "m.toml")
-    value = path if option == "--plot-kind" else str(folder / path)
-    result = tirelog(*words, log, "--model", model, option, value)
-    assert result.status == 2
-    assert said in result.err
-    assert path in result.err
-    assert sorted(folder.iterdir()) == before
+FOLDER = "the folder has to exist"
 
 
 @pytest.mark.parametrize(
     ("words", "path", "said"),
     [
+        ("compare --model m.toml --plot", "nowhere/x.png", FOLDER),
+        ("compare --model m.toml --plot", "x.jpg", "allowed are .png"),
+        ("compare --model m.toml -o", "nowhere/x.json", FOLDER),
+        ("compare --model m.toml --plot-kind polar", "", "add --plot FILE"),
+        ("diagnose --model m.toml --plot", "nowhere/x.png", FOLDER),
+        ("diagnose --model m.toml -o", "nowhere/x.json", FOLDER),
+        ("ladder --model m.toml --save", "nowhere/x.toml", FOLDER),
+        ("ladder --model m.toml --save", "other.toml", "is there and is no model file"),
+        ("ladder --model m.toml --plot", "nowhere/x.png", FOLDER),
+        ("propose --model m.toml -o", "nowhere/x.toml", FOLDER),
+        ("propose --model m.toml -o", "other.toml", "is there and is no model file"),
+        ("propose --model m.toml --plot", "nowhere/x.png", FOLDER),
+        ("propose --model m.toml --plot", "x.jpg", "allowed are .png"),
+        ("report --model m.toml -o", "nowhere/x.html", FOLDER),
+        ("model fit --model m.toml -o", "nowhere/x.toml", FOLDER),
+        ("model fit --model m.toml -o", "other.toml", "is there and is no model file"),
         ("speed --plot", "x.jpg", "allowed are .png"),
-        ("speed --plot", "nowhere/x.png", "the folder has to exist"),
+        ("speed --plot", "nowhere/x.png", FOLDER),
         ("footprint --plot", "x.jpg", "allowed are .png"),
         ("dissipation --plot", "x.jpg", "allowed are .png"),
         ("phase-shift --plot", "x.jpg", "allowed are .png"),
-        ("phase-shift --calibrate", "nowhere/x.toml", "the folder has to exist"),
+        ("phase-shift --calibrate", "nowhere/x.toml", FOLDER),
         ("inflation --plot", "x.jpg", "allowed are .png"),
         ("speed -o", ".", "Is a directory"),
-        ("ingest -o", "nowhere/x.h5", "the folder has to exist"),
+        ("ingest -o", "nowhere/x.h5", FOLDER),
         ("tables -o", "log.csv", "it is a file; give the path of a folder"),
         ("tables -o", "log.csv/below", "Not a directory"),
         ("report -o", ".", "Is a directory"),
     ],
 )
 @pytest.mark.usefixtures("no_work")
-def test_what_tables_cannot_write_is_refused_first(
+def test_what_cannot_be_written_is_refused_first(
     folder: Path, tirelog: Command, words: str, path: str, said: str
 ) -> None:
-    command, *options = words.split()
-    result = tirelog(command, str(folder / "log.csv"), *options, str(folder / path))
+    (folder / "other.toml").write_text("x = 1\n")
+    before = sorted(folder.iterdir())
+    typed = f"{words} {path} log.csv"
+    result = tirelog(typed)
     assert result.status == 2
     assert said in result.err
+    assert path in result.err
+    assert sorted(folder.iterdir()) == before
 
 
 @pytest.mark.parametrize("command", ["compare", "diagnose", "ladder"])

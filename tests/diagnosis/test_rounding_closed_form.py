@@ -3,6 +3,7 @@ however many revolutions they have; against made-up means with known truth.
 """
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from tests.diagnosis.test_together_closed_form import SPEEDS, measured
 from tests.diagnosis.toy import make_cells, stack, waveform
 from tirelog.data.recording import Channel, TimeAxis
+from tirelog.inference.cells.cells import scatter_of_numbers
 from tirelog.inference.stacks.align import step_of
 
 
@@ -97,3 +99,12 @@ def test_means_of_neighbours_that_are_alike(alike):
         scatters.append(np.sqrt(cells.within))
     assert np.mean(np.concatenate(squares)) == pytest.approx(1.0, abs=0.12)
     assert np.mean(np.concatenate(scatters)) == pytest.approx(1e-3, rel=0.05)
+
+
+def test_a_piece_without_a_scatter_has_that_of_all():
+    differ = np.exp(0.8 * np.random.default_rng(1).standard_normal((300, 1)))
+    pieces = SimpleNamespace(scatter=0.5 * differ, count=np.full((300, 1), 12.0))
+    pieces.scatter[7] = np.nan
+    assert 0.3 < scatter_of_numbers(pieces)[7, 0] < 0.6  # 0.12 as if it had told something
+    pieces.scatter[:] = np.nan
+    assert np.isnan(scatter_of_numbers(pieces)).all()

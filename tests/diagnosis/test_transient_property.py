@@ -1,5 +1,5 @@
-"""Property: in every comparison on an obstacle bands add up, and a hit that was put in is found
-with the error that is said.
+"""Property: in every comparison on an obstacle bands add up; a hit that was put in is found with
+the error that is said, and so are masses from a start that is off.
 """
 
 from dataclasses import replace
@@ -12,9 +12,16 @@ from scipy.interpolate import CubicSpline
 from tests.diagnosis.toy import stack_of
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import RoadSetup, Setup
-from tirelog.diagnosis.obstacles import compare_transients, fit_hit, motion_at
+from tirelog.diagnosis.obstacles import compare_transients, fit_hit, learn_motion, motion_at
 from tirelog.errors import UsageError
-from tirelog.inference.measured import TransientLog, around, steady_revolutions, transient_log
+from tirelog.inference.measured import (
+    TransientLog,
+    around,
+    motion_names,
+    steady_revolutions,
+    transient_log,
+    without_motion_parameters,
+)
 from tirelog.inference.stacks.align import PassageAngle
 from tirelog.physics import Model
 
@@ -176,3 +183,38 @@ def test_passages_that_an_obstacle_hid_are_counted_on():
         2.9 * SPIN - 0.7, abs=1e-6
     )
     assert found.hits_s == pytest.approx([1.61], abs=0.03)
+
+
+def freed(*names):
+    return MODEL.with_parameters(
+        {name: replace(MODEL.parameters[name], free=True) for name in names}
+    )
+
+
+@pytest.mark.slow
+def test_a_line_mass_that_is_off_is_found():
+    start = freed("line_mass_kg_m").with_values(
+        {"line_mass_kg_m": 1.08 * MODEL.values["line_mass_kg_m"]}
+    )
+    learned = learn_motion([made(1.61, 3)], start)
+    mass = learned.model.parameters["line_mass_kg_m"]
+    assert learned.names == ("line_mass_kg_m",)
+    assert mass.value == pytest.approx(MODEL.values["line_mass_kg_m"], rel=2e-3)
+    assert mass.se is not None
+    assert abs(mass.value - MODEL.values["line_mass_kg_m"]) < 6.0 * mass.se
+    assert learned.after < 1.3 * NOISE < 0.2 * learned.before
+
+
+def test_the_steady_waveform_is_fitted_without_them():
+    model = freed("line_mass_kg_m", "hub_mass_kg", "radial_damping_N_s_m2")
+    assert set(motion_names(model)) == {"line_mass_kg_m", "hub_mass_kg", "radial_damping_N_s_m2"}
+    assert without_motion_parameters(model).free == MODEL.free
+    assert motion_names(MODEL) == ()
+
+
+def test_nothing_free_is_said():
+    with pytest.raises(
+        UsageError,
+        match=r"no free parameter that a motion tells; allowed are hub_mass_kg.*; free one",
+    ):
+        learn_motion([], MODEL)

@@ -11,7 +11,6 @@ from tirelog.api.models import forces
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.pressure import parabola, saddled_parabola
 
 EJ, K, MU, HALF, LEVER, LOAD, R = 4.0, 7.8e6, 0.676, 0.058, 3e-4, 3434.0, 0.305
 
@@ -76,15 +75,3 @@ def test_its_critical_speed_is_that_of_its_slowest_wave(length):
     slowest = np.sqrt((EJ * q**2 / (1 + (length * q) ** 2) + K / q**2).min() / MU)
     told = forces(model().with_effect("belt_shear", length_m=length), {"speed_m_s": 2.0})
     assert 2.0 / told["speed_ratio"][0] == pytest.approx(slowest, rel=1e-4)
-
-
-@pytest.mark.parametrize("half", [0.004, 0.0152, 0.058, 0.19])
-def test_the_saddle_s_modes_are_those_of_its_shape(half):
-    x, weight = np.polynomial.legendre.leggauss(80)
-    n = np.arange(1, 60)
-    shape = 0.75 * (1 - x**2) * (x**2 - 0.2)
-    wanted = (weight * shape * np.cos(n[:, None] * half / R * x)).sum(axis=1) / (2 * np.pi * R)
-    column = np.array([[half]])
-    got = saddled_parabola(np.array([[1.0]]), column, R)[0, 1:60]
-    np.testing.assert_allclose(got, wanted, atol=3e-11)
-    assert np.abs(got).max() < parabola(np.array([[1.0]]), column, R)[0, 0]

@@ -8,28 +8,15 @@ import pandas
 import pytest
 
 from tests.physics.commands import status
+from tests.physics.conftest import SETUP
 
-SETUP = """
-[tire]
-unloaded_radius_m = 0.305
-width_m = 0.215
-[conditions]
-load_N = 3434.0
-inflation_pressure_Pa = 2.2e5
-[channels.liner]
-kind = "strain"
-source = "x"
-surface = "inner"
-"""
 CLEAT = ("--road", "cleat,height_m=0.008,length_m=0.04,position_m=0.5", "--duration", "0.1")
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "s.toml").write_text(SETUP)
+def folder(here):
     assert status("model new --carcass coupled_ring --setup s.toml -o m.toml --quiet") == 0
-    return tmp_path
+    return here
 
 
 def table(capsys, *arguments, speed="20"):

@@ -63,10 +63,8 @@ def test_a_flat_road_gives_the_steady_ring():
         "pressure_offset acts on the steady waveform alone; what the road adds is computed "
         "without it",
     )
-    read, steady = (
-        f("radial_acceleration", -1.2)
-        for f in (transient.sensed, lambda o, a: steady_at(transient, model, a, o))
-    )
+    read = transient.sensed("radial_acceleration", -1.2)
+    steady = steady_at(transient, model, -1.2, "radial_acceleration")
     assert np.std(read - steady) < 2e-3 * np.ptp(steady)
 
 
@@ -97,11 +95,8 @@ def test_a_step_of_load_ends_in_the_steady_ring_of_that_load():
     model = MODEL.with_values(
         {"hub_mass_kg": 1.0, "radial_damping_N_s_m2": 200.0, "tangential_damping_N_s_m2": 200.0}
     )
-    ends = driven(
-        model,
-        AT_20,
-        course(duration=0.8, load=Schedule((0.0, 0.1, 0.11), (LOAD, LOAD, 1.2 * LOAD))),
-    )
+    risen = Schedule((0.0, 0.1, 0.11), (LOAD, LOAD, 1.2 * LOAD))
+    ends = driven(model, AT_20, course(duration=0.8, load=risen))
     last = ends.motion.time_s > 0.7
     heavy, *_ = steady_rolling(ends.tire, 1.2 * LOAD, SPEED)
     mean = ends.motion.V[last].mean(axis=0)
@@ -115,15 +110,13 @@ def test_a_step_of_load_ends_in_the_steady_ring_of_that_load():
         for F in (1.2 * LOAD, LOAD)
     )
     # 40 modes of 1024 follow the load
-    assert np.std((ends.sensed("strain", -1.0) - expected)[last]) < 0.15 * np.std(
-        (expected - before)[last]
-    )
+    missed, change = ends.sensed("strain", -1.0) - expected, expected - before
+    assert np.std(missed[last]) < 0.15 * np.std(change[last])
 
 
 def test_a_ramp_of_speed_spins_the_wheel():
-    transient = driven(
-        MODEL, AT_20, course(duration=0.7, speed=Schedule((0.0, 0.1, 0.3), (SPEED, SPEED, 22.0)))
-    )
+    faster = Schedule((0.0, 0.1, 0.3), (SPEED, SPEED, 22.0))
+    transient = driven(MODEL, AT_20, course(duration=0.7, speed=faster))
     omega = transient.motion.omega_rad_s
     assert omega[-1] / omega[0] == pytest.approx(1.1, rel=2e-3)
     level = np.abs(transient.sensed("radial_acceleration", 3.0))
@@ -135,36 +128,29 @@ def test_a_ramp_of_speed_spins_the_wheel():
     assert transient.motion.force_s_N[pulled].mean() == pytest.approx(J * 10.0 / 0.305**2, rel=0.15)
 
 
+def sensed(road=None, **effects):
+    """Strain at -1.7 rad with a sensor's effects, of a course over a road."""
+    model = MODEL
+    for name, value in effects.items():
+        model = model.with_effect(name, **value)
+    return driven(model, AT_20, course(road)).sensed("strain", -1.7)
+
+
 def test_sensor_effects_act_on_the_whole_reading():
-    plain, long, late = (
-        driven(m, AT_20, course(CLEAT)).sensed("strain", -1.7)
-        for m in (
-            MODEL,
-            MODEL.with_effect("gauge_length", length_m=0.06),
-            MODEL.with_effect("sensor_lag", lag_s=1e-3),
-        )
-    )
-    steady = driven(MODEL, AT_20, course())
-    added = np.abs(plain - steady.sensed("strain", -1.7)).max()
+    gauge, lag = {"gauge_length": {"length_m": 0.06}}, {"sensor_lag": {"lag_s": 1e-3}}
+    plain, long, late = (sensed(CLEAT, **effects) for effects in ({}, gauge, lag))
+    added = np.abs(plain - sensed()).max()
     assert added > 5e-5
-    gauged = MODEL.with_effect("gauge_length", length_m=0.06)
-    assert (
-        0.2 * added < np.abs(long - steady_at(steady, gauged, -1.7, "strain")).max() < 0.95 * added
-    )
-    shift = np.argmax(np.correlate(late - late.mean(), plain - plain.mean(), "full")) - (
-        plain.size - 1
-    )
+    assert 0.2 * added < np.abs(long - sensed(**gauge)).max() < 0.95 * added
+    alike = np.correlate(late - late.mean(), plain - plain.mean(), "full")
+    shift = np.argmax(alike) - (plain.size - 1)
     assert 0 < shift * 2e-4 < 2e-3
 
 
 def test_a_longer_lag_is_no_echo_from_the_end():
-    late = driven(MODEL.with_effect("sensor_lag", lag_s=5e-3), AT_20, course(CLEAT)).sensed(
-        "strain", -1.7
-    )
-    steady = MODEL.with_effect("sensor_lag", lag_s=5e-3)
-    flat = driven(steady, AT_20, course()).sensed("strain", -1.7)
-    begin = slice(0, 50)
-    assert np.abs(late - flat)[begin].max() < 1e-3 * np.ptp(flat)
+    lag = {"sensor_lag": {"lag_s": 5e-3}}
+    late, flat = sensed(CLEAT, **lag), sensed(**lag)
+    assert np.abs(late - flat)[:50].max() < 1e-3 * np.ptp(flat)
 
 
 @pytest.mark.parametrize(

@@ -1,41 +1,21 @@
 """Property: `tirelog model forces`, and `model predict` of several conditions, from the outside."""
 
-import json
-import shutil
-
 import pytest
 
-from tests.physics.commands import status
+from tests.physics.commands import rows, status
 from tirelog.cli import run
 from tirelog.physics import CATALOGUE
 from tirelog.physics.model.file import load_model
 
 
-@pytest.fixture(scope="module")
-def models(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("models")
+@pytest.fixture(autouse=True)
+def presets(here):
     for preset, name in (("P3", "ring"), ("P2", "beam")):
-        path = folder / f"{name}.toml"
-        assert status("model new --preset", preset, "-o", str(path), "--quiet") == 0
-    return folder
-
-
-@pytest.fixture
-def here(models, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for model in models.iterdir():
-        shutil.copy(model, tmp_path)
-    return tmp_path
-
-
-def rows(capsys, *words):
-    capsys.readouterr()
-    assert run(["model", *words, "--format", "json"]) == 0
-    return json.loads(capsys.readouterr().out)
+        assert status(f"model new --preset {preset} -o {name}.toml --quiet") == 0
 
 
 def test_each_speed_is_taken_with_each_load(here, capsys):
-    found = rows(capsys, "forces", "ring.toml", "--speed", "5:15:5", "--load", "1000,2000")
+    found = rows(capsys, "model forces ring.toml --speed 5:15:5 --load 1000,2000")
     driven = [(row["speed_m_s"], row["load_N"]) for row in found]
     assert driven == [(v, F) for v in (5.0, 10.0, 15.0) for F in (1000.0, 2000.0)]
     assert all(row["hub_vertical_N"] == pytest.approx(row["load_N"]) for row in found)
@@ -43,12 +23,12 @@ def test_each_speed_is_taken_with_each_load(here, capsys):
 
 
 def test_a_pressure_stiffens_the_ring(here, capsys):
-    found = rows(capsys, "forces", "ring.toml", "--speed", "10", "--pressure", "1.2e5,2.4e5")
+    found = rows(capsys, "model forces ring.toml --speed 10 --pressure 1.2e5,2.4e5")
     assert found[1]["belt_deflection_m"] < found[0]["belt_deflection_m"]
 
 
 def test_several_revolutions_stand_one_after_the_other(here, capsys):
-    found = rows(capsys, "predict", "beam.toml", "--speed", "10,20", "--points", "8")
+    found = rows(capsys, "model predict beam.toml --speed 10,20 --points 8")
     assert [row["speed_m_s"] for row in found] == [10.0] * 8 + [20.0] * 8
     assert {"strain_slope_1_m", "strain_curvature_1_m2", "xi_m"} <= set(found[0])
     # of a beam a displacement along itself is not known
@@ -59,8 +39,8 @@ def test_ten_waves_do_not_reach_the_peak(here, capsys):
     """P3 Fig. 3: 10 modes make 43 % of it, 100 make 99.9 %."""
     peaks = []
     for modes in ("10", "100", "1023"):
-        found = rows(capsys, "predict", "ring.toml", "--speed", "10", "--modes", modes,
-                     "--surface", "inner")  # fmt: skip
+        words = f"model predict ring.toml --speed 10 --surface inner --modes {modes}"
+        found = rows(capsys, words)
         peaks.append(max(row["strain"] for row in found))
     assert peaks[0] / peaks[2] == pytest.approx(0.43, abs=0.02)
     assert peaks[1] / peaks[2] == pytest.approx(0.999, abs=0.005)
@@ -96,7 +76,7 @@ def test_more_rows_than_memory_is_meant_for_are_refused(here, capsys):
 
 
 def test_a_standing_wheel_has_no_rolling_resistance(here, capsys):
-    (row,) = rows(capsys, "forces", "beam.toml", "--speed", "0")
+    (row,) = rows(capsys, "model forces beam.toml --speed 0")
     assert row["rolling_resistance_N"] is None
     assert row["dissipated_power_W"] == 0.0
 
@@ -160,15 +140,15 @@ def test_a_model_of_a_number_gives_that_number_of_each_condition(here, capsys, o
     if observable == "phase_shift":
         words = ["model", "add", "m.toml", "telemetry_delay", "--set", "delay_s=0.0004"]
         assert run([*words, "-o", "late.toml"]) == 0
-        found = rows(capsys, "predict", "late.toml", "--speed", "10,20")
+        found = rows(capsys, "model predict late.toml --speed 10,20")
         assert found[1][column] == pytest.approx(2.0 * found[0][column])
         assert found[0][column] > 0.1
     else:
-        found = rows(capsys, "predict", "m.toml", "--speed", "10,20")
+        found = rows(capsys, "model predict m.toml --speed 10,20")
         assert found[0][column] > 0.0
     assert [row["speed_m_s"] for row in found] == [10.0, 20.0]
     assert "strain" not in found[0]
-    (one, *more) = rows(capsys, "predict", "m.toml", "--speed", "10", "--all", "--points", "8")
+    (one, *more) = rows(capsys, "model predict m.toml --speed 10 --all --points 8")
     assert "strain" in one  # the waveform beside it
     assert len(more) == 7
 
@@ -191,6 +171,6 @@ def test_a_choice_of_an_effect_is_set_as_its_numbers_are(here, capsys, effect, c
 
 
 def test_a_word_is_no_number(here, capsys):
-    words = ["model", "add", "beam.toml", "stiffening", "--set", "cubic_1_m2=softens"]
-    assert run([*words, "-o", "other.toml"]) == 2
+    words = "model add beam.toml stiffening --set cubic_1_m2=softens -o other.toml"
+    assert status(words) == 2
     assert "cubic_1_m2 = softens; a number is allowed" in capsys.readouterr().err

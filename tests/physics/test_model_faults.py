@@ -14,8 +14,7 @@ from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
 from tirelog.physics.model import user_effects
-from tirelog.physics.model.expression import LONGEST
-from tirelog.physics.model.expression import parse_expression as parse_expression
+from tirelog.physics.model.expression import LONGEST, parse_expression
 from tirelog.physics.model.file import as_toml, load_model, parse_model, save_model
 from tirelog.physics.model.user_effects import MOST_NODES, effects_of_file
 
@@ -49,8 +48,6 @@ parameters = { amplitude = { value = 1.0, min = -10.0, max = 10.0 } }
         ("value = 4.0", 'value = "4"', "finite number", 8),
         ("value = 4.0", "value = nan", "finite number", 8),
         ("value = 4.0, min = 0.1", "value = 4.0, min = 200.0", "min < max", 8),
-        ('"strain"', '"strian"', "nearest: strain", 4),
-        ('"beam"', '"boat"', "allowed are beam, ring", 5),
         ("line_mass_kg_m = 4.5", "line_mass_kg_m = true", "finite number", 10),
         ('"my_wedge"', '"viscous_damping"', "taken", 21),
         ("speed / 20", "spead / 20", "nearest: speed", 21),
@@ -66,10 +63,7 @@ parameters = { amplitude = { value = 1.0, min = -10.0, max = 10.0 } }
         ("[0.0, 0.002, 0.004]", "[0.0, 0.004, 0.002]", "ascending", 27),
         ("[0.0, 0.002, 0.004]", "[0.0, 0.002]", "2 nodes and 3 values", 27),
         ("[0.0, 0.002, 0.004]", "[0.0, nan, 0.004]", "finite", 27),
-        ("[0.0, 8e-5, 0.0]", "[0.0, inf, 0.0]", "finite", 27),
-        ("[0.0, 8e-5, 0.0]", "[0.0, true, 0.0]", "finite", 27),
         ("[0.0, 8e-5, 0.0]", '"8e-5"', "finite", 27),
-        ("[0.0, 8e-5, 0.0]", "[[0.0], [8e-5], [0.0]]", "finite", 27),
         ("nodes = [0.0, 0.002, 0.004]\n", "", "finite", 27),
         ("[0.0, 8e-5, 0.0]", str([0.0] * (MOST_NODES + 1)), f"up to {MOST_NODES}", 27),
         ("amplitude = {", "amplitudes = {", "nearest: amplitude", 34),
@@ -95,20 +89,66 @@ def test_an_expression_without_its_place_acts_on_the_contact_pressure():
     assert bare.effects[-1].source["acts_on"] == "contact_pressure"
 
 
-def test_two_effects_of_one_name():
-    with pytest.raises(ModelError, match="already"):
-        parse_model(CONTRACT + '\n[[effects]]\nname = "viscous_damping"\n')
-    with pytest.raises(ModelError, match="already"):
-        Model.new("beam").with_effect("wear").with_effect("wear")
+BEAM = Model.new("beam")
+#: a coupled ring's file without its contact
+COUPLED = as_toml(Model.new("coupled_ring")).replace('contact = "flat_road"', "")
 
 
-def test_unknown_effects_and_parameters_name_the_nearest():
-    with pytest.raises(ModelError, match="nearest: hysteresis"):
-        Model.new("beam").with_effect("histeresis")
-    with pytest.raises(ModelError, match="nearest: load_N"):
-        Model.new("beam").with_values({"load": 3.0})
-    with pytest.raises(ModelError, match="has no effect"):
-        Model.new("beam").without_effect("wear")
+def predicted(model=BEAM, phi=PHI, surface="outer", **drive):
+    return model.predict(Conditions.of(1, **drive), phi, surface=surface)
+
+
+@pytest.mark.parametrize(
+    ("said", "asked"),
+    [
+        # two effects of one name, and names that are none
+        ("already", lambda: parse_model(CONTRACT + '[[effects]]\nname = "viscous_damping"\n')),
+        ("already", lambda: BEAM.with_effect("wear").with_effect("wear")),
+        ("nearest: hysteresis", lambda: BEAM.with_effect("histeresis")),
+        ("nearest: load_N", lambda: BEAM.with_values({"load": 3.0})),
+        ("has no effect", lambda: BEAM.without_effect("wear")),
+        # models that contradict themselves
+        ("flat_road", lambda: Model.new("beam", contact="flat_road")),
+        ("ring already", lambda: Model.new("ring").with_effect("ring_curvature")),
+        ("ring already", lambda: Model.new("coupled_ring").with_effect("ring_curvature")),
+        ("stands on its tread", lambda: Model.new("coupled_ring", contact="prescribed")),
+        ("nearest: hub_mass_kg", lambda: parse_model(COUPLED + "\nhub_mas_kg = 3.0\n")),
+        ("on its tread", lambda: parse_model(COUPLED + "\npatch_half_length_m = 0.05\n")),
+        ("flat_road.* is allow", lambda: parse_model(COUPLED + '\ncontact = "prescribed"\n')),
+        ("does nothing to strain", lambda: BEAM.with_effect("speed_trend")),
+        ("to phase_shift", lambda: Model.new("beam", "phase_shift").with_effect("hysteresis")),
+        ("carcass", lambda: Model.new("wheel")),
+        ("hub", lambda: BEAM.hub_forces(Conditions.of(1, speed_m_s=8.0))),
+        # conditions that are impossible
+        ("critical speed", lambda: predicted(speed_m_s=80.0)),
+        ("above zero", lambda: predicted(speed_m_s=8.0, load_N=0.0)),
+        ("above zero", lambda: predicted(speed_m_s=8.0, load_N=-10.0)),
+        (
+            "above zero",
+            lambda: predicted(
+                BEAM.with_effect("load_transfer", coefficient=2.0),
+                speed_m_s=8.0,
+                acceleration_m_s2=-8.0,
+            ),
+        ),
+        (
+            "longer than the circumference",
+            lambda: predicted(
+                BEAM.with_values({"radius_m": 0.06, "patch_half_length_m": 0.2}), speed_m_s=8.0
+            ),
+        ),
+        ("no speed", predicted),
+        ("surface", lambda: predicted(speed_m_s=8.0, surface="side")),
+        ("needs angles", lambda: predicted(phi=None, speed_m_s=8.0)),
+        # expressions
+        ("not finite", lambda: parse_expression("9 ** 9 ** 9 ** 9", set())({})),
+        ("not finite", lambda: parse_expression("1 / (v - 1)", {"v"})({"v": np.ones(1)})),
+        ("characters", lambda: parse_expression("1+" * LONGEST + "1", set())),
+    ],
+)
+def test_what_is_impossible_is_refused(said, asked):
+    with pytest.raises(ModelError, match=said):
+        asked()
 
 
 def test_files_that_cannot_be_read(tmp_path):
@@ -140,16 +180,19 @@ def test_forbidden_expressions(text):
         parse_expression(text, {"speed", "q"})({"speed": np.array([1.0]), "q": 1.0})
 
 
-def test_huge_powers_stay_floating_point_and_are_refused_as_not_finite():
-    with pytest.raises(ModelError, match="not finite"):
-        parse_expression("9 ** 9 ** 9 ** 9", set())({})
-    with pytest.raises(ModelError, match="not finite"):
-        parse_expression("1 / (speed - 1)", {"speed"})({"speed": np.array([1.0, 2.0])})
-
-
-def test_long_expressions_are_refused():
-    with pytest.raises(ModelError, match="characters"):
-        parse_expression("1+" * LONGEST + "1", set())
+@pytest.mark.parametrize(
+    "text",
+    [
+        "where(xi)", "where(xi < 0, 1)", "minimum(xi, L, xi)", "sinc(xi, 1)", "exp()", "abs(xi, L)",
+        "clip(xi)", "clip(xi, 1)",
+    ],
+)  # fmt: skip
+def test_a_function_with_another_number_of_arguments(text):
+    """numpy's where() of one argument gives places, and a third one of minimum() would be written
+    into.
+    """
+    with pytest.raises(ModelError, match=r"arguments; allowed are \d"):
+        parse_expression(text, {"xi", "L"})
 
 
 def test_expressions_compute_what_numpy_computes():
@@ -167,54 +210,6 @@ def test_expressions_compute_what_numpy_computes():
     for text, wanted in cases.items():
         got = np.broadcast_to(parse_expression(text, {"xi", "v"})({"xi": xi, "v": v}), xi.shape)
         assert np.allclose(got, wanted, atol=1e-15), text
-
-
-def test_impossible_conditions():
-    model = Model.new("beam")
-    with pytest.raises(ModelError, match="critical speed"):
-        model.predict(Conditions.of(1, speed_m_s=80.0), PHI)
-    for load in (0.0, -10.0):
-        with pytest.raises(ModelError, match="above zero"):
-            model.predict(Conditions.of(1, speed_m_s=8.0, load_N=load), PHI)
-    with pytest.raises(ModelError, match="longer than the circumference"):
-        model.with_values({"radius_m": 0.06, "patch_half_length_m": 0.2}).predict(
-            Conditions.of(1, speed_m_s=8.0), PHI
-        )
-    with pytest.raises(ModelError, match="no speed"):
-        model.predict(Conditions.of(1), PHI)
-    with pytest.raises(ModelError, match="surface"):
-        model.predict(Conditions.of(1, speed_m_s=8.0), PHI, surface="side")
-    with pytest.raises(ModelError, match="needs angles"):
-        model.predict(Conditions.of(1, speed_m_s=8.0))
-    lifted = model.with_effect("load_transfer", coefficient=2.0)
-    with pytest.raises(ModelError, match="above zero"):
-        lifted.predict(Conditions.of(1, speed_m_s=8.0, acceleration_m_s2=-8.0), PHI)
-
-
-def test_models_that_contradict_themselves():
-    with pytest.raises(ModelError, match="flat_road"):
-        Model.new("beam", contact="flat_road")
-    for carcass in ("ring", "coupled_ring"):
-        with pytest.raises(ModelError, match="ring already"):
-            Model.new(carcass).with_effect("ring_curvature")
-    with pytest.raises(ModelError, match="stands on its tread"):
-        Model.new("coupled_ring", contact="prescribed")
-    coupled = as_toml(Model.new("coupled_ring")).replace('contact = "flat_road"', "")
-    for line, said in (
-        ("hub_mas_kg = 3.0", "nearest: hub_mass_kg"),
-        ("patch_half_length_m = 0.05", "stands on its tread"),
-        ('contact = "prescribed"', "stands on its tread; .*flat_road.* is allowed"),
-    ):
-        with pytest.raises(ModelError, match=said):
-            parse_model(f"{coupled}\n{line}\n")
-    with pytest.raises(ModelError, match="does nothing to strain"):
-        Model.new("beam").with_effect("speed_trend")
-    with pytest.raises(ModelError, match="nothing to phase_shift"):
-        Model.new("beam", "phase_shift").with_effect("viscous_damping")
-    with pytest.raises(ModelError, match="carcass"):
-        Model.new("wheel")
-    with pytest.raises(ModelError, match="hub"):
-        Model.new("beam").hub_forces(Conditions.of(1, speed_m_s=8.0))
 
 
 PHASE = Model.new("beam", "phase_shift")
@@ -447,34 +442,10 @@ def test_a_list_that_cannot_be_kept_serves_this_process(own, tmp_path):
     assert load_model(model).effects_file == own
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "where(xi)",
-        "where(xi < 0, 1)",
-        "minimum(xi, L, xi)",
-        "sinc(xi, 1)",
-        "exp()",
-        "abs(xi, L)",
-        "clip(xi)",
-        "clip(xi, 1)",
-    ],
-)
-def test_a_function_with_another_number_of_arguments(text: str) -> None:
-    """numpy's where() of one argument gives places, and a third one of minimum() would be written
-    into.
-    """
-    with pytest.raises(ModelError, match=r"arguments; allowed are \d"):
-        parse_expression(text, {"xi", "L"})
-
-
 WRONG = {
     '[nuisances]\nwheels = "on"': "unknown key 'wheels' in [nuisances] (nearest: wheel)",
     '[nuisances]\nwheel = "maybe"': "wheel = 'maybe' in [nuisances]; allowed are auto, on, off; ",
-    "[nuisances]\nwheel = 3": "wheel = 3 in [nuisances]; allowed are auto, on, off",
     "[nuisances]\ndrift = { relative = -1.0 }": "relative = -1 1 lies outside its bounds",
-    '[nuisances]\ndrift = { relative = "a" }': "relative = 'a' in [nuisances.drift]; allowed is a",
-    "[nuisances]\ndrift = { relatve = 0.1 }": "unknown key 'relatve' in [nuisances.drift]",
     '[nuisances]\nform = "off"': "form is under nuisances; a table [form]",
     '[[effects]]\nname = "form"': "form is under effects; a table [form]",
     '[form]\nuse = "of"': "use = 'of' in [form] (nearest: off, on); allowed are auto, on, off",

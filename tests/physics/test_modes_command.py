@@ -1,39 +1,26 @@
 """Property: `tirelog model modes` from the outside."""
 
-import json
 import re
 
 import pytest
 
 from tests.cli.conftest import SETUP, pulse_rows
-from tests.physics.commands import status
+from tests.physics.commands import rows, status
+
+MODES = "model modes ring.toml"
 
 
-@pytest.fixture
-def ring(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture(autouse=True)
+def ring(here):
     status("model new --carcass ring --set load_N=1000 --set radius_m=0.3 -o ring.toml --quiet")
-    return "ring.toml"
 
 
-def rows(capsys, *arguments):
-    capsys.readouterr()
-    assert status("model modes", *arguments, "--format", "json") == 0
-    return json.loads(capsys.readouterr().out)
-
-
-def test_in_the_air_and_on_the_road(ring, capsys):
-    table = rows(capsys, ring)
+def test_in_the_air_and_on_the_road(capsys):
+    table = rows(capsys, MODES)
     assert list(table[0]) == [
-        "support",
-        "speed_m_s",
-        "frequency_Hz",
-        "damping_ratio",
-        "shape",
-        "lobes",
-        "direction",
+        "support", "speed_m_s", "frequency_Hz", "damping_ratio", "shape", "lobes", "direction",
         "share",
-    ]
+    ]  # fmt: skip
     air = [row for row in table if row["support"] == "air"]
     road = [row for row in table if row["support"] == "road"]
     assert {"rigid vertical", "rigid longitudinal", "rotational", "2-lobe", "3-lobe"} <= {
@@ -45,23 +32,23 @@ def test_in_the_air_and_on_the_road(ring, capsys):
     assert {row["direction"] for row in table} == {"standing"}
 
 
-def test_speed_splits_and_load_stiffens(ring, capsys):
+def test_speed_splits_and_load_stiffens(capsys):
     turning = [
         r
-        for r in rows(capsys, ring, "--speed", "20")
+        for r in rows(capsys, MODES, "--speed", "20")
         if r["support"] == "air" and r["shape"] == "2-lobe"
     ]
     assert [r["direction"] for r in turning] == ["against", "with"]
-    light, heavy = (rows(capsys, ring, "--load", load) for load in ("500", "4000"))
+    light, heavy = (rows(capsys, MODES, "--load", load) for load in ("500", "4000"))
     first = [
         next(r["frequency_Hz"] for r in table if r["support"] == "road") for table in (light, heavy)
     ]
     assert first[0] < first[1]
 
 
-def test_no_mode_so_low_is_a_table_without_rows(ring, capsys):
+def test_no_mode_so_low_is_a_table_without_rows(capsys):
     capsys.readouterr()
-    assert status("model modes", ring, "--to-frequency", "1") == 0
+    assert status(MODES, "--to-frequency", "1") == 0
     assert capsys.readouterr().out.strip().count("\n") == 0
 
 
@@ -74,30 +61,29 @@ def test_no_mode_so_low_is_a_table_without_rows(ring, capsys):
         (("--to-frequency", "0"), "above zero"),
     ],
 )
-def test_what_cannot_ring(ring, capsys, arguments, said):
-    assert status("model modes", ring, *arguments) == 2
+def test_what_cannot_ring(capsys, arguments, said):
+    assert status(MODES, *arguments) == 2
     assert re.search(r"tirelog: error: .*" + said + ".*; ", capsys.readouterr().err)
 
 
-def test_a_beam_has_none_and_a_ring_without_tread_only_the_air(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_a_beam_has_none_and_a_ring_without_tread_only_the_air(capsys):
     status("model new -o beam.toml --quiet")
     assert status("model modes beam.toml") == 2
     assert "a beam has no natural modes" in capsys.readouterr().err
     status("model new --carcass ring --contact prescribed -o bare.toml --quiet")
-    assert {row["support"] for row in rows(capsys, "bare.toml")} == {"air"}
+    assert {row["support"] for row in rows(capsys, "model modes bare.toml")} == {"air"}
     assert status("model modes bare.toml --load 1000") == 2
 
 
-def test_modes_are_drawn_over_speed_and_over_a_log(ring, tmp_path, capsys):
-    (tmp_path / "log.csv").write_text("\n".join(["time_s,CH1,CH2", *pulse_rows()]) + "\n")
-    (tmp_path / "log.toml").write_text(SETUP)
+def test_modes_are_drawn_over_speed_and_over_a_log(here, capsys):
+    (here / "log.csv").write_text("\n".join(["time_s,CH1,CH2", *pulse_rows()]) + "\n")
+    (here / "log.toml").write_text(SETUP)
     few = ["--to-frequency", "60", "-o", "modes.csv", "--quiet"]
-    assert status("model modes", ring, "--plot", "modes.svg", *few) == 0
-    assert status("model modes", ring, "--plot", "map.svg", "--log", "log.csv", *few) == 0
-    alone, below = ((tmp_path / f"{name}.svg").read_bytes() for name in ("modes", "map"))
+    assert status(MODES, "--plot", "modes.svg", *few) == 0
+    assert status(MODES, "--plot", "map.svg", "--log", "log.csv", *few) == 0
+    alone, below = ((here / f"{name}.svg").read_bytes() for name in ("modes", "map"))
     assert b"<image" not in alone
     assert b"<image" in below  # the map's colours
     capsys.readouterr()
-    assert status("model modes", ring, "--log", "log.csv") == 2
+    assert status(MODES, "--log", "log.csv") == 2
     assert "--log without --plot" in capsys.readouterr().err

@@ -92,21 +92,6 @@ def test_the_offset_is_where_the_pressure_acts_in_space(carcass, effect):
     assert moment_in_space(changed) == pytest.approx(moment, abs=1e-6 * DRIVEN["load_N"])
 
 
-def test_a_lean_without_losses_is_paid_for_by_the_tread():
-    """p (1 - a xi / L) on a beam: the moment F a L / 5 about the hub, and no power in the carcass;
-    on a damped one both add.
-    """
-    for name in ("beam", "damped beam"):
-        before = {k: v[0] for k, v in forces(CARCASSES[name], DRIVEN).items()}
-        leaning = CARCASSES[name].with_effect("pressure_offset", offset=0.3)
-        told = {k: v[0] for k, v in forces(leaning, DRIVEN).items()}
-        lean = 0.3 * told["load_N"] * told["patch_length_m"] / 10.0
-        spin = DRIVEN["speed_m_s"] / BEAM.values["radius_m"]
-        assert told["tread_power_W"] == pytest.approx(lean * spin, rel=1e-4)
-        # the lean changes what the carcass takes by its square alone
-        assert told["carcass_power_W"] == pytest.approx(before["carcass_power_W"], rel=0.02)
-
-
 def test_a_hub_comes_nearer_by_belt_and_tread():
     """The road yields nothing: R (1 - cos(edge)) is what the hub came down, less the belt's yield
     at the edge, where the tread is not pressed.

@@ -49,30 +49,21 @@ def test_pressure_and_shear_under_traction_are_told_apart(carcass, sigma, grip):
 
 @pytest.mark.parametrize("grip", GRIPS)
 @pytest.mark.parametrize("sigma", [0.05, -0.3, 0.9])
-def test_friction_and_slip_stiffness_are_those_of_the_brush(grip, sigma):
-    """(15): adhesion reaches f_s p at x_s; and the modes are those of tau(xi), by quadrature."""
-    F, L, R = np.array([[3400.0]]), np.array([[0.055]]), 0.31
-    gamma, s = 0.75 * F / L**3, np.array([[sigma]])
-    x_s = pressure.transition(s, L, grip.stiffness_ratio)
-    stiffness = grip.stiffness_ratio * pressure.slip_stiffness(F, L, grip.static_friction)
-    if x_s > -L:
-        held = abs(sigma) * stiffness * (x_s + L)
-        assert held == pytest.approx(grip.static_friction * gamma * (L**2 - x_s**2))
-        assert abs(sigma) == pytest.approx((L - x_s) * gamma * grip.static_friction / stiffness)
-    pieces = [np.linspace(-L[0, 0], x_s[0, 0], 40001), np.linspace(x_s[0, 0], L[0, 0], 40001)]
-    modes = pressure.traction_modes(F, L, s, R, grip)[0]
+def test_the_modes_of_the_brush_are_those_of_its_shear(grip, sigma):
+    """By a sum over P2 (13); (15): adhesion reaches f_s p where sliding begins."""
+    F, L, R, slip = np.array([3400.0]), np.array([0.055]), 0.31, np.array([sigma])
+    border, step = np.linspace(-L[0], L[0], 400_001, retstep=True)
+    xi, gamma = border[1:] - 0.5 * step, 0.75 * F[0] / L[0] ** 3
+    stiffness = 2.0 * gamma * L[0] * grip.static_friction * grip.stiffness_ratio
+    held, p = abs(sigma) * stiffness * (xi + L[0]), gamma * (L[0] ** 2 - xi**2)
+    slides = held > grip.static_friction * p
+    tau = np.sign(sigma) * np.where(slides, grip.sliding_friction * p, held)
+    onset = pressure.transition(slip, L, grip.stiffness_ratio)[0]
+    assert onset == pytest.approx(xi[slides][0], abs=2.0 * step)
+    modes = pressure.traction_modes(F[:, None], L[:, None], slip[:, None], R, grip)[0]
     for n in (0, 1, 7):
-        whole = 0.0
-        for number, xi in enumerate(pieces):
-            if xi[-1] > xi[0]:
-                inside = 0.5 * (xi[1:] + xi[:-1])
-                if number == 0:
-                    tau = sigma * stiffness[0, 0] * (inside + L[0, 0])
-                else:
-                    tau = np.sign(sigma) * grip.sliding_friction * gamma[0, 0]
-                    tau = tau * (L[0, 0] ** 2 - inside**2)
-                whole = whole + np.sum(tau * np.exp(-1j * n * inside / R)) * (xi[1] - xi[0])
-        assert modes[n] == pytest.approx(whole / (2 * np.pi * R), rel=1e-6, abs=1e-6)
+        whole = np.sum(tau * np.exp(-1j * n * xi / R)) * step / (2 * np.pi * R)
+        assert modes[n] == pytest.approx(whole, rel=1e-4)
 
 
 def test_a_ring_is_pulled_by_the_road_whatever_the_lever():

@@ -22,27 +22,29 @@ from tirelog.simulation.steady.waveforms import World
 
 from .worlds import world
 
-R, SPEED, ACCELERATION, TIME = 0.305, 17.0, 1.7, 2.0
-DISTANCE_KM, WATER_MM = 22000.0, 0.8
-BEAM = {
-    "flexural_stiffness_N_m2": 4.0,
-    "foundation_stiffness_N_m2": 2.0e6,
-    "line_mass_kg_m": 4.5,
-    "patch_half_length_m": 0.058,
-    "reference_load_N": 3434.0,
-    "patch_load_exponent": 0.5,
-    "lever_arm_m": 3.0e-4,
-    "radius_m": R,
-}
-RING = {
-    "flexural_stiffness_N_m2": 2.0,
-    "radial_stiffness_N_m2": 6.3e5,
-    "tangential_stiffness_N_m2": 6.3e5,
-    "width_m": 0.14,
-    "tread_stiffness_N_m2": 8.75e7,
-    "inflation_pressure_Pa": 2.2e5,
-    "lever_arm_m": 3.0e-4,
-    "radius_m": R,
+R, SPEED, ACCELERATION, TIME = 0.305, 17.0, 1.7, 3.0
+#: so that these are the speed and the acceleration then
+DRIVE = [{"duration_s": 1.0, "speed_m_s": 13.6}, {"duration_s": 4.0, "speed_m_s": 20.4}]
+DRIVEN = {"distance_km": 22000.0, "water_depth_mm": 0.8}
+SHARED = {"lever_arm_m": 3.0e-4, "radius_m": R, "line_mass_kg_m": 4.5}
+NUMBERS = {
+    "beam": SHARED
+    | {
+        "flexural_stiffness_N_m2": 4.0,
+        "foundation_stiffness_N_m2": 2.0e6,
+        "patch_half_length_m": 0.058,
+        "reference_load_N": 3434.0,
+        "patch_load_exponent": 0.5,
+    },
+    "ring": SHARED
+    | {
+        "flexural_stiffness_N_m2": 2.0,
+        "radial_stiffness_N_m2": 6.3e5,
+        "tangential_stiffness_N_m2": 6.3e5,
+        "width_m": 0.14,
+        "tread_stiffness_N_m2": 8.75e7,
+        "inflation_pressure_Pa": 2.2e5,
+    },
 }
 STRAIN_EFFECTS = [
     name
@@ -51,129 +53,76 @@ STRAIN_EFFECTS = [
     and "strain" in BY_ID[name].observables
     and name not in ("telemetry_delay", "tooth_pitch")
 ]
+#: what is compared on a ring as well, on a flat road, which what lags presses in another way
+ON_A_RING = [
+    "viscous_damping", "hysteresis", "pressure_offset", "edge_impact", "rough_contact",
+    "water_film", "wear", "load_transfer", "aero_load",
+]  # fmt: skip
+#: numbers that are nothing by themselves
+MORE = {"wear": {"lever_loss": 0.2}}
+CASES = [
+    *(("beam", "strain", name) for name in (None, *STRAIN_EFFECTS)),
+    ("beam", "radial_acceleration", None),
+    *(
+        ("ring", observable, name)
+        for name in (None, *ON_A_RING)
+        for observable in ("strain", "radial_acceleration")
+    ),
+]
 
 
-def moment(w: World) -> Instants:
-    """The world's instant at TIME, with SPEED and ACCELERATION in place of its drive's."""
-    at = replace(
-        w.instants(np.array([TIME])), speed=np.array([SPEED]), acceleration=np.array([ACCELERATION])
+def truth_of(carcass: str, name: str | None = None) -> World:
+    """A world on a fine grid, in which an effect may be planted."""
+    return world(
+        truth=carcass,
+        effects=[] if name is None else [{"name": name, **MORE.get(name, {})}],
+        grid_points=4096,
+        manoeuvres=DRIVE,
+        conditions=DRIVEN,
     )
+
+
+def moment(w: World, **other: float) -> Instants:
+    """The world's instant at TIME, with other numbers in place of its own."""
+    at = w.instants(np.array([TIME]))
+    return replace(at, **{name: np.array([value]) for name, value in other.items()})
+
+
+def modelled(w: World, observable: str | list[str]) -> Model:
+    """The model with a world's numbers and effects."""
+    model = Model.new(w.scenario.truth, observable)
+    numbers = NUMBERS[w.scenario.truth]
+    model = model.with_values({n: v for n, v in numbers.items() if n in model.values})
     for effect in w.scenario.effects:
-        if effect.name == "load_transfer":
-            load = at.load * (1.0 + effect["coefficient"] * ACCELERATION / 9.81)
-            at = replace(at, load=load, half_length=w.half_length(load))
-        if effect.name == "aero_load":
-            load = (
-                w.scenario.conditions.load_N
-                * (1.0 + effect["coefficient"] * (SPEED / 30.0) ** 2)
-                * np.ones(1)
-            )
-            at = replace(at, load=load, half_length=w.half_length(load))
-        if effect.name == "imbalance":
-            load = w.scenario.conditions.load_N + effect["force_N"] * (SPEED / 20.0) ** 2 * np.ones(
-                1
-            )
-            at = replace(at, load=load, half_length=w.half_length(load))
-        if effect.name == "traction":
-            at = replace(at, slip=np.array([-effect["slip_per_g"] * ACCELERATION / 9.81]))
-    return at
+        known = {p.name for p in BY_ID[effect.name].parameters}
+        planted = {n: v for n, v in effect.parameters.items() if n in known}
+        model = model.with_effect(effect.name, **planted)
+    return model
 
 
 def conditions() -> Conditions:
-    return Conditions.of(
-        1,
-        speed_m_s=SPEED,
-        acceleration_m_s2=ACCELERATION,
-        time_s=TIME,
-        load_N=3434.0,
-        inflation_pressure_Pa=2.2e5,
-        distance_km=DISTANCE_KM,
-        water_depth_mm=WATER_MM,
-        temperature_K=0.0,
-    )
+    drive = {"speed_m_s": SPEED, "acceleration_m_s2": ACCELERATION, "time_s": TIME, **DRIVEN}
+    return Conditions.of(1, load_N=3434.0, inflation_pressure_Pa=2.2e5, temperature_K=0.0, **drive)
 
 
-def predicted(model: Model, w: World, surface: str = "outer") -> np.ndarray:
-    return model.predict(conditions(), w.ring.xi_m / R, surface=surface)[0]
-
-
-def own(values: dict[str, float], model: Model) -> dict[str, float]:
-    return {name: value for name, value in values.items() if name in model.values}
-
-
-@pytest.mark.parametrize("name", [None, *STRAIN_EFFECTS])
-@pytest.mark.parametrize("surface", ["outer", "inner"])
-def test_strain_of_the_beam(name: str | None, surface: str) -> None:
-    planted = [] if name is None else [{"name": name}]
-    cruise = [{"duration_s": 4.0, "speed_m_s": SPEED}]
-    w = world(
-        effects=planted,
-        grid_points=4096,
-        manoeuvres=cruise,
-        conditions={"distance_km": DISTANCE_KM, "water_depth_mm": WATER_MM},
-    )
-    sensor = Sensor("fbg_strain", surface=surface)
-    truth = w.waveform(w.solve(moment(w)), sensor)[0] + w.baseline(np.array([TIME]), sensor)
-    model = Model.new("beam", **own(BEAM, Model.new("beam")))
-    if name is not None:
-        known = {p.name for p in BY_ID[name].parameters}
-        planted_there = w.scenario.effects[0].parameters
-        model = model.with_effect(name, **{n: v for n, v in planted_there.items() if n in known})
-    assert np.abs(truth - predicted(model, w, surface)).max() < 1e-4 * np.abs(truth).max()
-
-
-def test_radial_acceleration_of_the_beam() -> None:
-    w = world(grid_points=4096)
-    phi = w.ring.xi_m / R
-    still = -9.80665 * np.cos(phi) - ACCELERATION * np.sin(
-        phi
-    )  # what the simulator adds to its accelerometers
-    truth = w.waveform(w.solve(moment(w)), Sensor("radial_acceleration"))[0] + still
-    blank = Model.new("beam", observable="radial_acceleration")
-    model = Model.new("beam", observable="radial_acceleration", **own(BEAM, blank))
-    assert np.abs(truth - predicted(model, w)).max() < 1e-4 * np.abs(truth).max()
-
-
-def test_strain_and_patch_of_the_ring_on_a_flat_road() -> None:
-    w = world(truth="ring", grid_points=4096)
-    solution = w.solve(moment(w))
-    truth = w.waveform(solution, Sensor("fbg_strain"))[0]
-    blank = Model.new("ring", contact="flat_road")
-    model = Model.new("ring", contact="flat_road", **own(RING, blank))
-    assert np.abs(truth - predicted(model, w)).max() < 2e-3 * np.abs(truth).max()
-    assert 0.5 * (solution.exit_m - solution.entry_m) == pytest.approx(
-        model.half_length_m(conditions()), rel=1e-3
-    )
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        "viscous_damping", "hysteresis", "pressure_offset", "edge_impact", "rough_contact",
-        "water_film", "wear", "load_transfer", "aero_load",
-    ],
-)  # fmt: skip
-@pytest.mark.parametrize("observable", ["strain", "radial_acceleration"])
-def test_waveforms_of_the_ring_with_an_effect(name: str, observable: str) -> None:
-    """On a flat road, which what lags presses in another way: 1e-4 of the peak."""
-    w = world(
-        truth="ring",
-        effects=[{"name": name}],
-        grid_points=4096,
-        manoeuvres=[{"duration_s": 4.0, "speed_m_s": SPEED}],
-        conditions={"distance_km": DISTANCE_KM, "water_depth_mm": WATER_MM},
-    )
-    kind = {"strain": "fbg_strain"}.get(observable, observable)
-    truth = w.waveform(w.solve(moment(w)), Sensor(kind))[0]
-    if observable != "strain":
-        phi = w.ring.xi_m / R
-        truth = truth - 9.80665 * np.cos(phi) - ACCELERATION * np.sin(phi)
-    model = Model.new("ring", observable)
-    model = model.with_values(own({**RING, "line_mass_kg_m": 4.5}, model))
-    known = {p.name for p in BY_ID[name].parameters}
-    planted = w.scenario.effects[0].parameters
-    model = model.with_effect(name, **{n: v for n, v in planted.items() if n in known})
-    assert np.abs(truth - predicted(model, w)).max() < 1e-4 * np.abs(truth).max()
+@pytest.mark.parametrize(("carcass", "observable", "name"), CASES)
+def test_waveforms(carcass: str, observable: str, name: str | None) -> None:
+    """To 1e-4 of the peak, at both surfaces."""
+    w = truth_of(carcass, name)
+    phi, solution, model = w.ring.xi_m / R, w.solve(moment(w)), modelled(w, observable)
+    for surface in ("outer", "inner"):
+        if observable == "strain":
+            sensor = Sensor("fbg_strain", surface=surface)
+            beside = w.baseline(np.array([TIME]), sensor)
+        else:  # what the simulator adds to its accelerometers
+            sensor = Sensor(observable, surface=surface)
+            beside = -9.80665 * np.cos(phi) - ACCELERATION * np.sin(phi)
+        truth = w.waveform(solution, sensor)[0] + beside
+        predicted = model.predict(conditions(), phi, surface=surface)[0]
+        assert np.abs(truth - predicted).max() < 1e-4 * np.abs(truth).max()
+    if (carcass, name) == ("ring", None):
+        half = 0.5 * (solution.exit_m - solution.entry_m)
+        assert half == pytest.approx(model.half_length_m(conditions()), rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -182,21 +131,18 @@ def test_waveforms_of_the_ring_with_an_effect(name: str, observable: str) -> Non
 def test_middle_of_the_fronts_of_a_ring_that_leans(name: str) -> None:
     """Where the truth's accelerometer reads half of its level, by its own table of angles, against
     the same in a zero stretch."""
-    made = world(truth="ring", effects=[{"name": name}], grid_points=4096)
+    made = truth_of("ring", name)
 
     def middle(speed: float) -> float:
-        at = replace(moment(made), speed=np.array([speed]))
-        wave = made.waveform(made.solve(at), Sensor("radial_acceleration"))[0]
+        wave = made.waveform(made.solve(moment(made, speed=speed)), Sensor("radial_acceleration"))[
+            0
+        ]
         share = CubicSpline(made.ring.xi_m / R, -wave * R / speed**2 - 0.5)
         inner = share.roots(extrapolate=False)
         return float(np.degrees(0.5 * (inner[inner < 0.0].max() + inner[inner > 0.0].min())))
 
-    model = Model.new("ring", ["radial_acceleration", "phase_shift"])
-    model = model.with_values(own({**RING, "line_mass_kg_m": 4.5}, model))
-    known = {p.name for p in BY_ID[name].parameters}
-    planted = made.scenario.effects[0].parameters
-    model = model.with_effect(name, **{n: v for n, v in planted.items() if n in known})
-    found = np.degrees(model_of(model, "phase_shift").predict(conditions())[0, 0])
+    model = model_of(modelled(made, ["radial_acceleration", "phase_shift"]), "phase_shift")
+    found = np.degrees(model.predict(conditions())[0, 0])
     assert found == pytest.approx(middle(SPEED) - middle(10.0), abs=1e-3)
     assert (abs(found) > 0.02) == (name in ("viscous_damping", "edge_impact"))
 
@@ -208,17 +154,11 @@ def test_width_between_fronts_at_every_load_and_pressure(pressure_Pa: float) -> 
     the contact's edges keep their distance."""
     made = world(truth="ring", conditions={"inflation_pressure_Pa": pressure_Pa})
     sensor = Sensor("radial_acceleration")
-    model = Model.new(
-        "ring",
-        "patch_width",
-        load_N=3434.0,
-        **{k: v for k, v in RING.items() if k != "lever_arm_m"},
-    )
+    model = modelled(made, "patch_width").with_values({"load_N": 3434.0})
     loads = np.array([2700.0, 3434.0, 4100.0])
     seen, half, contact = np.zeros((3, 3))
     for i, load in enumerate(loads):
-        at = replace(made.instants(np.array([TIME])), load=np.array([load]))
-        solution = made.solve(at)
+        solution = made.solve(moment(made, load=load))
         wave = made.waveform(solution, sensor)[0]
         slope = CubicSpline(made.ring.xi_m / R, wave).derivative()
         phi = np.linspace(-0.3, 0.3, 24001)
@@ -229,8 +169,8 @@ def test_width_between_fronts_at_every_load_and_pressure(pressure_Pa: float) -> 
         inside = CubicSpline(made.ring.xi_m / R, wave)(phi) > 0.5 * wave[beside].mean()
         half[i] = phi[inside.nonzero()[0]].max() - phi[inside.nonzero()[0]].min()
         contact[i] = (solution.exit_m - solution.entry_m)[0] / R
-    conditions = Conditions.of(3, speed_m_s=SPEED, load_N=loads, inflation_pressure_Pa=pressure_Pa)
-    predicted = model.predict(conditions)[:, 0]
+    driven = Conditions.of(3, speed_m_s=SPEED, load_N=loads, inflation_pressure_Pa=pressure_Pa)
+    predicted = model.predict(driven)[:, 0]
     assert np.degrees(np.abs(predicted - seen - half[1] + seen[1]).max()) < 0.03
     assert np.degrees(np.ptp(contact)) > 4.0
     assert np.degrees(np.ptp(predicted - contact)) < 0.1

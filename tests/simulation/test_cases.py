@@ -1,17 +1,19 @@
-"""Property: cases by a few arguments can be repeated, are null with nothing planted, and are
-dialled by strength.
+"""Property: the benchmarks' cases can be repeated, differ by what is asked alone, show what is
+planted in them, and their rates count what they say.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
-from benchmarks.cases import IN_CATALOGUE, OUTSIDE, PLANS, Case, case
+from benchmarks import nuisances
+from benchmarks.cases import IN_CATALOGUE, OUTSIDE, Case, case
+from benchmarks.nuisance_worlds import WORLDS, CaseOf
+from benchmarks.nuisances import Row
 from tirelog.errors import UsageError
-from tirelog.simulation import simulate, to_recording
+from tirelog.simulation import simulate
 from tirelog.simulation.scenario.schema import PLANTABLE
 
 QUICK = Case(plan="short", logs=2)
@@ -21,30 +23,6 @@ def test_planting_changes_nothing_else() -> None:
     null, full = case((), seed=5, how=QUICK), case(("wear", "traction"), seed=5, how=QUICK)
     assert [replace(s, effects=()) for s in full] == null
     assert all(not s.effects for s in null)
-
-
-def test_null_repeats_between_manoeuvres() -> None:
-    """A null on a smooth road: the same cruise speed in two logs gives the same waveform, whatever
-    the manoeuvre.
-    """
-    how = replace(QUICK, roughness=0.0, noise_nm=0.0)
-    made = [
-        simulate(replace(s, conditions=case((), seed=5, how=how)[0].conditions))
-        for s in case((), seed=5, how=how)
-    ]
-    sensors = [next(iter(m.scenario.channels.values())) for m in made]
-    at = made[0].world.instants(np.array([2.0]))
-    waves = [m.world.waveform(m.world.solve(at), s)[0] for m, s in zip(made, sensors, strict=True)]
-    assert np.array_equal(waves[0], waves[1])
-
-
-@pytest.mark.parametrize("plan", list(PLANS))
-def test_every_plan_can_be_driven(plan: str) -> None:
-    how = Case(plan=plan, logs=1, duration=0.2 if plan != "short" else 0.5)
-    recording = to_recording(simulate(case((), seed=3, how=how)[0]))
-    values = recording.channels["strain_1"].read()
-    assert np.isfinite(values).all()
-    assert values.min() < -5e-4
 
 
 @pytest.mark.parametrize("name", [*IN_CATALOGUE, *OUTSIDE])
@@ -72,12 +50,6 @@ def test_every_effect_shows_and_is_told(name: str) -> None:
             assert told[0]["parity"] in ("even", "odd", "mixed")
 
 
-def test_ring_curvature_is_a_ring_with_the_beam_s_patch() -> None:
-    made = case(("ring_curvature",), seed=8, how=QUICK)[0]
-    assert (made.truth, made.tire.contact) == ("ring", "parabola")
-    assert [e["name"] for e in simulate(made).truth["effects"]] == ["ring_curvature"]
-
-
 @pytest.mark.parametrize(
     ("effects", "how", "said"),
     [
@@ -89,3 +61,53 @@ def test_ring_curvature_is_a_ring_with_the_beam_s_patch() -> None:
 def test_unknown_words_are_refused(effects: tuple[str, ...], how: Case, said: str) -> None:
     with pytest.raises(UsageError, match=said):
         case(effects, seed=1, how=how)
+    with pytest.raises(UsageError, match="nearest: run_out_3"):
+        CaseOf("control+run_out3", 1).tables()
+
+
+SEEDS = (0, 7, 999, 20000, 20013)
+ROW = Row(
+    "control", 1, "beam", "", "", 0.0, 0.0, "nothing_missing", "", "[]", 0.0, 1.0, 1.0, 1.0, 1.0,
+    0.0, 0.0, 20, 3.0, "",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("carcass", ["beam", "ring"])
+@pytest.mark.parametrize("world", WORLDS)
+def test_worlds_differ_by_their_nuisance_alone(world: str, carcass: str) -> None:
+    for seed in SEEDS:
+        case, control = CaseOf(world, seed, carcass), CaseOf("control", seed, carcass)
+        for log, bare in zip(case.scenarios(), control.scenarios(), strict=True):
+            assert (log.seed, log.manoeuvres) == (bare.seed, bare.manoeuvres)
+            own = {"channels": bare.channels, "nuisances": bare.nuisances}
+            for table, keys in (
+                ("road", ["load_scatter"]),
+                ("tire", ["patch_load_exponent", "contact"]),
+                ("conditions", ["warm_up_K", "warm_up_time_s"]),
+            ):
+                control_s = {key: getattr(getattr(bare, table), key) for key in keys}
+                own[table] = replace(getattr(log, table), **control_s)
+            free = replace(log, **own)
+            assert free == bare
+            assert (log == bare) == (world == "control")
+
+
+def test_rates_count_what_they_say() -> None:
+    planted = replace(ROW, planted="wear", size="small", named="wear", status="missing")
+    assert nuisances.right(planted)
+    assert not nuisances.false_names(planted)
+    in_a_set = replace(planted, named="edge_impact", sets='[["edge_impact", "wear"]]')
+    assert nuisances.right(in_a_set)
+    assert not nuisances.false_names(in_a_set)
+    of_three = replace(in_a_set, sets='[["edge_impact", "wear", "traction"]]')
+    assert not nuisances.right(of_three)
+    second = replace(planted, named="wear+traction")
+    assert nuisances.right(second)
+    assert nuisances.false_names(second) == {"traction"}
+    assert nuisances.contradicted(replace(ROW, heldout_after=1.06))
+    assert nuisances.contradicted(replace(ROW, chi2_after=1.21))
+    assert not nuisances.contradicted(ROW)
+    assert not nuisances.contradicted(replace(ROW, status="scatter", chi2_after=3.0))
+    said = "\n".join(nuisances.summary([ROW, replace(ROW, named="wear", status="missing")]))
+    assert "control: wear x1" in said
+    assert said.count("1/2 = 50.0 %") == 4  # nothing missing and false names; control and all

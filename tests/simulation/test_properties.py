@@ -1,10 +1,11 @@
-"""Property: for every scenario nulls repeat, strength zero is off, interpolation leaves no trace,
-seeds decide everything.
+"""Property: for every scenario strength and size zero are off, another form is another shape, what
+is added changes nothing but what it says, samples are what is true, and seeds decide everything.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from tirelog.simulation import Scenario, Simulated, scenario_of, simulate
 from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
-from tirelog.simulation.sensors.sampling import passages, tread_angle
+from tirelog.simulation.sensors.sampling import tread_angle
 
 from .worlds import instants, tables, world
 
@@ -25,23 +26,13 @@ DRIVE = [
 SIZES = {
     "belt_tension": ("tension_N", "tension_mass_kg_m", "stretch_s2_m2"),
     "wear": ("amplitude", "lever_loss"),
+    "thermal_drift": ("drift", "stiffness"),
 }
-SIZES["thermal_drift"] = ("drift", "stiffness")
-STRAIN_EFFECTS = [
-    name
-    for name in PLANTABLE
-    if name
-    not in (
-        "speed_trend",
-        "load_crosstalk",
-        "telemetry_delay",
-        "tooth_pitch",
-        "inflation",
-        "rough_contact",
-        "gauge_length",
-        "sensor_tilt",
-    )
-]
+NOT_IN_A_STRAIN = {
+    "speed_trend", "load_crosstalk", "telemetry_delay", "tooth_pitch", "inflation",
+    "rough_contact", "gauge_length", "sensor_tilt",
+}  # fmt: skip
+STRAIN_EFFECTS = [name for name in PLANTABLE if name not in NOT_IN_A_STRAIN]
 #: effects of the catalogue whose other form is another waveform (not another course in time or
 #: speed)
 SHAPED = [
@@ -68,45 +59,18 @@ def test_same_seed_same_log_other_seed_other_log() -> None:
     assert 0.003 < np.isnan(first).mean() < 0.03
 
 
-def test_planting_changes_neither_road_nor_noise() -> None:
-    noisy = {"s": {"kind": "fbg_strain", "noise": 0.0008}}
-    road = {"roughness": 0.01}
-    bare = simulate(clean(seed=4, channels=noisy, road=road))
-    planted = simulate(
-        clean(seed=4, channels=noisy, road=road, effects=[{"name": "splice", "amplitude": 1e-9}])
-    )
-    assert np.abs(strain(bare) - strain(planted)).max() < 1e-8
-
-
 @pytest.mark.parametrize(
     ("name", "form"), [(n, f) for n in STRAIN_EFFECTS for f in PLANTABLE[n].forms]
 )
 def test_strength_zero_is_the_base(name: str, form: str) -> None:
     sizes = SIZES.get(name, (next(iter(PLANTABLE[name].parameters)),))
-    conditions = {"distance_km": 20000.0, "water_depth_mm": 1.0, "warm_up_K": 20.0}
-    if name == "belt_extension":
-        conditions["inflation_pressure_Pa"] = 2.5e5
-    base = world(conditions=conditions)
-    off = world(
-        conditions=conditions, effects=[{"name": name, "form": form, **dict.fromkeys(sizes, 0.0)}]
-    )
-    on = world(conditions=conditions, effects=[{"name": name, "form": form}])
-    sensor, time = Sensor("fbg_strain"), np.array([3.0])
-    at = replace(instants(), distance_km=20000.0, water_depth_mm=1.0)
+    conditions = {"distance_km": 20000.0, "water_depth_mm": 1.0, "warm_up_K": 40.0}
+    conditions["inflation_pressure_Pa"] = 2.5e5
+    sensor, time, planted = Sensor("fbg_strain"), np.array([3.0]), {"name": name, "form": form}
     waves = []
-    for w in (base, off, on):
-        own = replace(at, slip=w.slip(time) - (0.05 if w is on and name == "traction" else 0.0))
-        if name in ("load_transfer", "aero_load") and w is on:
-            factor = 1.0 + w.scenario.effects[0]["coefficient"] * 0.2
-            own = replace(own, load=own.load * factor)
-        if name == "imbalance":
-            own = replace(own, load=w.load(time))
-        if name == "warm_gain":
-            own = replace(own, temperature_K=w.temperature(time) + 5.0)
-        waves.append(
-            w.waveform(w.solve(replace(own, warmed=np.array([0.3]))), sensor)[0]
-            + w.baseline(time, sensor)
-        )
+    for effects in ([], [planted | dict.fromkeys(sizes, 0.0)], [planted]):
+        w = world(conditions=conditions, manoeuvres=DRIVE, effects=effects)
+        waves.append(w.waveform(w.solve(w.instants(time)), sensor)[0] + w.baseline(time, sensor))
     peak = np.abs(waves[0]).max()
     assert np.abs(waves[1] - waves[0]).max() < 1e-12 * peak + 1e-18
     assert np.abs(waves[2] - waves[0]).max() > 1e-3 * peak
@@ -129,70 +93,6 @@ def test_other_form_is_another_shape_of_like_size(name: str) -> None:
     assert change > (0.02 if name == "sensor_lag" else 0.15) * size
 
 
-def test_null_repeats_from_revolution_to_revolution() -> None:
-    """At constant speed, on a smooth road and without noise, every revolution reads the same at the
-    same angle.
-    """
-    made = simulate(scenario_of(tables()))
-    time = made.stamp_s["s"]
-    angle = tread_angle(made.world, made.scenario.channels["s"], time)
-    wave = made.world.waveform(made.world.solve(instants()), Sensor("fbg_strain"))[0]
-    # the angle grows by the same number everywhere on the grid, so one spline serves as the
-    # reference for all turns
-    turn = np.append(made.world.ring.xi_m, -made.world.ring.xi_m[0]) / made.world.drive.radius_m
-    reference = CubicSpline(turn, np.append(wave, wave[0]), bc_type="periodic")
-    residual = strain(made) - reference(angle)
-    assert np.abs(residual).max() < 1e-6 * np.abs(wave).max()
-
-
-@pytest.mark.parametrize(
-    ("more", "limit"),
-    [
-        ({}, 2e-5),
-        ({"truth": "ring"}, 2e-5),
-        ({"effects": [{"name": "traction"}]}, 1.2e-4),
-        ({"effects": [{"name": "load_transfer"}]}, 2e-5),
-    ],
-    ids=["beam", "ring", "traction", "load_transfer"],
-)
-def test_knots_leave_no_trace(more: dict[str, object], limit: float) -> None:
-    """Solving every 0.05 s (0.01 s where the load follows the acceleration) against every 5 ms,
-    over the peak.
-    """
-    coarse, fine = clean(**more), clean(knot_s=0.005, **more)
-    a, b = strain(simulate(coarse)), strain(simulate(fine))
-    assert np.abs(a - b).max() < limit * np.abs(b).max()
-
-
-def test_load_within_the_revolution_is_exact() -> None:
-    """The parabola in the load's fluctuation against solutions at the very load of each sample."""
-    made = simulate(clean(seed=9, road={"roughness": 0.015}))
-    w, sensor = made.world, made.scenario.channels["s"]
-    time = made.stamp_s["s"]
-    angle = np.angle(np.exp(1j * tread_angle(w, sensor, time)))
-    some = np.flatnonzero(np.abs(angle) < 0.4)[::41]
-    waves = w.waveform(w.solve(w.instants(time[some], 1.0 + w.fluctuation(time[some]))), sensor)
-    exact = [
-        CubicSpline(w.ring.xi_m, wave)(a * w.drive.radius_m)
-        for wave, a in zip(waves, angle[some], strict=True)
-    ]
-    assert np.abs(strain(made)[some] - exact).max() < 2e-5 * np.abs(exact).max()
-
-
-@pytest.mark.parametrize("truth", ["beam", "ring"])
-def test_grid_converges(truth: str) -> None:
-    peaks = {}
-    for points in (512, 1024, 2048, 4096):
-        w = world(truth=truth, grid_points=points)
-        wave = w.waveform(w.solve(instants()), Sensor("fbg_strain"))[0]
-        peaks[points] = CubicSpline(w.ring.xi_m, wave)(np.linspace(-0.2, 0.2, 301))
-    errors = [
-        np.abs(peaks[n] - peaks[4096]).max() / np.abs(peaks[4096]).max() for n in (512, 1024, 2048)
-    ]
-    assert errors[2] < 1e-4
-    assert errors[0] > 3 * errors[2]
-
-
 def test_roughness_has_its_size_and_reach() -> None:
     made = scenario_of(
         tables(
@@ -210,34 +110,6 @@ def test_roughness_has_its_size_and_reach() -> None:
     assert abs(correlation[1]) < 0.15
 
 
-def test_passages_are_where_the_tread_angle_says() -> None:
-    made = simulate(clean(road={"roughness": 0.01}))
-    sensor = made.scenario.channels["s"]
-    time = passages(made.world, sensor, made.scenario.duration_s)
-    turns = tread_angle(made.world, sensor, time) / (2 * np.pi)
-    assert np.abs(turns - np.round(turns)).max() < 1e-9
-    assert np.array_equal(np.diff(np.round(turns)), np.ones(time.size - 1))
-    # the minimum of an undamped outer grating is at the passage
-    stamps, values = made.stamp_s["s"], strain(made)
-    for t in time[2:-2:5]:
-        near = np.abs(stamps - t) < 0.004
-        assert abs(stamps[near][np.argmin(values[near])] - t) < 0.001
-
-
-def test_speed_is_the_derivative_of_distance() -> None:
-    w = world(manoeuvres=DRIVE)
-    time = np.linspace(0.1, 6.3, 40)
-    step = 1e-4
-    speed = (
-        (w.drive.angle_at(time + step) - w.drive.angle_at(time - step))
-        * w.drive.radius_m
-        / (2 * step)
-    )
-    assert np.abs(speed - w.drive.speed_at(time)).max() < 1e-6
-    acceleration = (w.drive.speed_at(time + step) - w.drive.speed_at(time - step)) / (2 * step)
-    assert np.abs(acceleration - w.drive.acceleration_at(time)).max() < 1e-4
-
-
 def test_dissipation_factor_is_the_time_integral() -> None:
     """int eps'^2 ds = (1/c) int (d eps/dt)^2 dt over a revolution of the clean signal (errata), at
     constant speed.
@@ -253,3 +125,119 @@ def test_dissipation_factor_is_the_time_integral() -> None:
     assert made.truth["channels"]["s"]["passages"]["dissipation_factor_1_m"][4] == pytest.approx(
         integral, rel=2e-3
     )
+
+
+ALL: dict[str, Any] = {
+    "run_out": {"amplitudes_microstrain": [30.0, 15.0, 8.0], "phases_deg": [10.0, 200.0]},
+    "force_variation": {"shares": [0.012, 0.006, 0.004]},
+    "load_wander": {"share": 0.03},
+    "warming": {"stiffness_per_K": 0.002, "bending_per_K": -0.002, "strain_per_K": 1e-7},
+    "rolling_radius": {"error": -0.015, "growth": 0.02},
+}
+
+
+def made_of(truth: str = "beam", noise: float = 0.0008, **more: Any) -> Scenario:
+    given = {
+        "grid_points": 512,
+        "truth": truth,
+        "seed": 4,
+        "road": {"roughness": 0.01, "load_scatter": 0.01},
+        "conditions": {"warm_up_K": 20.0},
+        "manoeuvres": [
+            {"duration_s": 1.0, "speed_m_s": 9.0},
+            {"duration_s": 1.0, "speed_m_s": 19.0},
+        ],
+        "channels": {
+            "s": {"kind": "fbg_strain", "sampling_rate_Hz": 1000.0, "noise": noise},
+            "e": {"kind": "vehicle_speed", "sampling_rate_Hz": 100.0, "noise": 0.1},
+        },
+    }
+    return scenario_of(tables(**{**given, **more}))
+
+
+def values(made: Simulated) -> np.ndarray:
+    return made.channels["s"]
+
+
+@pytest.mark.parametrize("truth", ["beam", "ring"])
+@pytest.mark.parametrize("name", ALL)
+def test_nuisance_of_size_zero_is_none(truth: str, name: str) -> None:
+    sizes = {k: [] if isinstance(v, list) else 0.0 for k, v in ALL[name].items()}
+    none = simulate(made_of(truth))
+    zero = simulate(made_of(truth, nuisances={name: sizes}))
+    some = simulate(made_of(truth, nuisances={name: ALL[name]}))
+    assert np.array_equal(values(none), values(zero))
+    # a hundredth of a picometre is what a text holds
+    assert np.abs(values(none) - values(some)).max() > 1e-5
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"effects": [{"name": "splice"}]},
+        *({"nuisances": {name: ALL[name]}} for name in ("run_out", "load_wander", "warming")),
+    ],
+)
+def test_what_is_added_changes_neither_noise_nor_the_other_channels(more: dict[str, Any]) -> None:
+    """The seed draws road, scatter and noise as without it."""
+    (bare, changed), still = (
+        [simulate(made_of(noise=noise, **m)) for m in ({}, more)] for noise in (0.0008, 0.0)
+    )
+    noise = [values(a) - values(b) for a, b in zip((bare, changed), still, strict=True)]
+    assert noise[0] == pytest.approx(noise[1], abs=1e-9)
+    assert noise[0].std() == pytest.approx(0.0008, rel=0.1)
+    assert np.array_equal(bare.channels["e"], changed.channels["e"])
+
+
+@pytest.mark.parametrize("truth", ["beam", "ring"])
+@pytest.mark.parametrize(
+    ("more", "limit"),
+    [
+        ({}, 2e-5),
+        ({"road": {"roughness": 0.015}}, 2e-5),
+        ({"effects": [{"name": "traction"}]}, 1.2e-4),
+        ({"effects": [{"name": "load_transfer"}]}, 2e-5),
+        *(
+            ({"nuisances": {name: ALL[name]}}, limit)
+            for name, limit in (
+                ("force_variation", 3e-4),
+                ("load_wander", 1e-4),
+                ("rolling_radius", 2e-5),
+                ("warming", 2e-5),
+            )
+        ),
+    ],
+)
+def test_samples_are_what_is_true_at_their_instant(
+    truth: str, more: dict[str, Any], limit: float
+) -> None:
+    """Knots and the parabola in the load against solutions at the very instant, over the peak."""
+    made = simulate(made_of(truth, **{"grid_points": 2048, "noise": 0.0, "road": {}, **more}))
+    w, sensor = made.world, made.scenario.channels["s"]
+    time = made.stamp_s["s"][300:-200:41]
+    waves = w.waveform(w.solve(w.instants(time, 1.0 + w.fluctuation(time))), sensor)
+    turns = np.angle(np.exp(1j * tread_angle(w, sensor, time))) / (2.0 * np.pi)
+    place = turns * w.ring.circumference_m
+    grid = np.append(w.ring.xi_m, -w.ring.xi_m[0])
+    exact = [
+        CubicSpline(grid, np.append(wave, wave[0]), bc_type="periodic")(x)
+        for wave, x in zip(waves, place, strict=True)
+    ] + w.baseline(time, sensor)
+    strain = 1.27 * (values(made)[300:-200:41] / 1550.0 - 1.0)
+    assert np.abs(strain - exact).max() < limit * np.abs(waves).max()
+
+
+def test_truth_says_what_was_a_nuisance() -> None:
+    assert "nuisances" not in simulate(made_of()).truth
+    said = simulate(made_of(nuisances=ALL)).truth["nuisances"]
+    assert said["run_out"]["amplitudes_microstrain"] == (30.0, 15.0, 8.0)
+    assert said["rolling_radius"]["error"] == -0.015
+
+
+def test_the_seed_decides_how_a_load_wanders() -> None:
+    made = made_of(nuisances={"load_wander": {"share": 0.03}})
+    first, again, other = (
+        simulate(replace(made, seed=seed)).world.wander(np.arange(2.0)) for seed in (4, 4, 5)
+    )
+    assert np.array_equal(first, again)
+    assert not np.isclose(first, other).any()
