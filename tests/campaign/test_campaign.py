@@ -37,9 +37,7 @@ def test_tables_of_every_log_read_as_one(manifest: Path, tmp_path: Path) -> None
     assert (summary["peak_memory_MB"] < 400).all()
 
 
-def test_nothing_is_done_twice_and_what_changed_is_done_again(
-    manifest: Path, tmp_path: Path, in_this_process: None
-) -> None:
+def test_nothing_is_done_twice_and_what_changed_is_done_again(manifest, tmp_path, in_this_process):
     call("campaign", "run", manifest, "--quiet")
     parts = {path: path.stat().st_mtime_ns for path in (tmp_path / "results").rglob("part.parquet")}
     assert len(parts) == 8
@@ -62,9 +60,7 @@ def test_nothing_is_done_twice_and_what_changed_is_done_again(
     assert len(touched()) == 4
 
 
-def test_a_missing_part_is_made_again(
-    manifest: Path, tmp_path: Path, in_this_process: None
-) -> None:
+def test_a_missing_part_is_made_again(manifest, tmp_path, in_this_process):
     call("campaign", "run", manifest, "--quiet")
     want = dataset(tmp_path / "results")
     (tmp_path / "results/table=speed/log=logs_run_1.csv/part.parquet").unlink()
@@ -150,9 +146,7 @@ def test_models_that_come_later_leave_the_tables_as_they_are(
     assert summary["rows"].notna().all()
 
 
-def test_each_log_is_diagnosed_alone_and_left_out(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], in_this_process: None
-) -> None:
+def test_each_log_is_diagnosed_alone_and_left_out(tmp_path, capfd, in_this_process):
     manifest = make_campaign(tmp_path, logs=2)
     model, setup = tmp_path / "lengths.toml", tmp_path / "setup.toml"
     new = ("model", "new", "--observable", "patch_length", "--setup", setup, "-o", model)
@@ -173,9 +167,7 @@ def test_each_log_is_diagnosed_alone_and_left_out(
     assert "allowed are log, tire" in capfd.readouterr().err
 
 
-def test_status_and_dry_run_do_not_wait_for_a_run(
-    manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_status_and_dry_run_do_not_wait_for_a_run(manifest, tmp_path, capfd):
     with Folder(tmp_path / "results").held():
         assert call("campaign", "status", manifest) == 0
         assert "4 open" in capfd.readouterr().out
@@ -183,9 +175,7 @@ def test_status_and_dry_run_do_not_wait_for_a_run(
         assert capfd.readouterr().out.count("speed, dissipation") == 4
 
 
-def test_logs_that_left_the_manifest_are_named(
-    manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], in_this_process: None
-) -> None:
+def test_logs_that_left_the_manifest_are_named(manifest, tmp_path, capfd, in_this_process):
     call("campaign", "run", manifest, "--quiet")
     (tmp_path / "logs" / "run_3.csv").unlink()
     assert call("campaign", "run", manifest) == 0

@@ -45,9 +45,7 @@ def tirelog(capfdbinary: pytest.CaptureFixture[bytes]) -> Command:
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_failed_logs_are_kept_with_their_error(
-    manifest: Path, tmp_path: Path, tirelog: Command
-) -> None:
+def test_failed_logs_are_kept_with_their_error(manifest, tmp_path, tirelog):
     logs = tmp_path / "logs"
     (logs / "empty.csv").write_bytes(b"")
     (logs / "binary.csv").write_bytes(bytes(range(256)) * 40)
@@ -72,9 +70,7 @@ def test_failed_logs_are_kept_with_their_error(
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_a_log_that_fails_later_leaves_no_older_rows(
-    manifest: Path, tmp_path: Path, tirelog: Command
-) -> None:
+def test_a_log_that_fails_later_leaves_no_older_rows(manifest, tmp_path, tirelog):
     tirelog("campaign", "run", manifest, "--quiet")
     (tmp_path / "logs" / "run_0.csv").write_bytes(b"")
     assert tirelog("campaign", "run", manifest, "--quiet").status == 3
@@ -96,9 +92,7 @@ BAD = [
 
 
 @pytest.mark.parametrize(("old", "new", "words"), BAD)
-def test_a_manifest_that_cannot_be_used(
-    manifest: Path, tirelog: Command, old: str, new: str, words: str
-) -> None:
+def test_a_manifest_that_cannot_be_used(manifest, tirelog, old, new, words):
     manifest.write_text(MANIFEST.replace(old, new, 1))
     outcome = tirelog("campaign", "run", manifest)
     assert outcome.status == 2, outcome.err
@@ -129,9 +123,7 @@ def test_a_scheduler_that_does_not_answer(manifest: Path) -> None:
     assert "does not answer" in (manifest.parent / "said.txt").read_text()
 
 
-def test_output_folder_that_cannot_be_made(
-    manifest: Path, tmp_path: Path, tirelog: Command
-) -> None:
+def test_output_folder_that_cannot_be_made(manifest, tmp_path, tirelog):
     (tmp_path / "results").write_text("a file")
     outcome = tirelog("campaign", "run", manifest)
     assert outcome.status == 2
@@ -168,9 +160,7 @@ def test_a_row_of_conditions_that_cannot_be_taken_is_told_with_its_line(
 
 
 @pytest.mark.parametrize(("cell", "driven"), [("y", None), ("yes", True), ("0", False)])
-def test_a_wheel_is_driven_or_not_and_nothing_else(
-    manifest: Path, tmp_path: Path, cell: str, driven: bool | None
-) -> None:
+def test_a_wheel_is_driven_or_not_and_nothing_else(manifest, tmp_path, cell, driven):
     (tmp_path / "conditions.csv").write_text(f"log,driven\nrun_0.csv,{cell}\n")
     if driven is None:
         with pytest.raises(UsageError, match="driven = 'y'; allowed are true, yes"):
@@ -259,9 +249,7 @@ ODD = [
 
 
 @pytest.mark.parametrize(("text", "words"), ODD, ids=[text[:50] for text, _ in ODD])
-def test_a_manifest_of_other_types_is_told_what_is_allowed(
-    tmp_path: Path, tirelog: Command, text: str, words: str
-) -> None:
+def test_a_manifest_of_other_types_is_told_what_is_allowed(tmp_path, tirelog, text, words):
     (tmp_path / "a.csv").write_text("time_s,CH1\n")
     logs = '[[logs]]\nglob = "a.csv"\n' if "logs" not in text else ""
     (tmp_path / "m.toml").write_text(
@@ -275,9 +263,7 @@ def test_a_manifest_of_other_types_is_told_what_is_allowed(
     assert not (tmp_path / "results").exists()
 
 
-def test_a_model_of_several_observables_is_refused_before_any_log_is_read(
-    tmp_path: Path, tirelog: Command
-) -> None:
+def test_a_model_of_several_observables_is_refused_before_any_log_is_read(tmp_path, tirelog):
     (tmp_path / "a.csv").write_text("time_s,CH1\n")
     (tmp_path / "both.toml").write_text('[model]\nobservable = ["strain", "phase_shift"]\n')
     (tmp_path / "m.toml").write_text('[[logs]]\nglob = "a.csv"\n[[models]]\nfile = "both.toml"\n')
@@ -320,9 +306,7 @@ def test_a_file_of_ours_that_was_damaged_is_an_empty_one(data: bytes) -> None:
     assert json_table(data) == {}
 
 
-def test_a_log_s_name_does_not_reach_the_terminal_as_it_is(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_log_s_name_does_not_reach_the_terminal_as_it_is(capsys):
     campaign_progress(quiet=False, of=2)(
         Entry("a\x1b[31m\n.csv", "a", "key", rows={"speed": 3}), 1, 2
     )
@@ -330,9 +314,7 @@ def test_a_log_s_name_does_not_reach_the_terminal_as_it_is(
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_a_log_that_stands_twice_is_in_no_model(
-    manifest: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_log_that_stands_twice_is_in_no_model(manifest, capfd):
     folder = manifest.parent
     for more in (1, 2, 3):
         (folder / "logs" / f"run_{more}.csv").unlink()

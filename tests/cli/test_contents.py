@@ -148,9 +148,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("suffix", LOGS)
-def test_info_lists_every_series_of_a_log_without_a_setup(
-    suffix: str, place: Path, tirelog: Command
-) -> None:
+def test_info_lists_every_series_of_a_log_without_a_setup(suffix, place, tirelog):
     write, kinds = LOGS[suffix]
     write(place / f"drive.{suffix}")
     told = tirelog("info", f"drive.{suffix}")
@@ -166,9 +164,7 @@ def test_info_lists_every_series_of_a_log_without_a_setup(
 
 @pytest.mark.parametrize("width", [40, 80])
 @pytest.mark.parametrize("described", [False, True])
-def test_no_terminal_is_too_narrow(
-    width: int, described: bool, place: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_terminal_is_too_narrow(width, described, place, tirelog, monkeypatch):
     name = "a_very_long_name_of_a_column_" * 3
     (place / "l.csv").write_text(
         f"time_s,{name}\n" + "".join(f"{k / 10},{k % 7}\n" for k in range(50))
@@ -206,9 +202,7 @@ def test_info_of_what_cannot_be_read(place: Path, tirelog: Command) -> None:
 
 
 @pytest.mark.parametrize("suffix", ["csv", "mcap"])
-def test_a_drafted_setup_reads_the_log_and_gives_its_speed(
-    suffix: str, place: Path, tirelog: Command
-) -> None:
+def test_a_drafted_setup_reads_the_log_and_gives_its_speed(suffix, place, tirelog):
     LOGS[suffix][0](place / f"drive.{suffix}")
     made = tirelog("setup", "new", f"drive.{suffix}", "-o", "drive.toml")
     assert made.status == 0
@@ -277,9 +271,7 @@ def test_names_that_toml_would_trip_over(place: Path, tirelog: Command) -> None:
 
 
 @pytest.mark.parametrize("suffix", EXTRA_LOGS)
-def test_a_log_that_a_library_reads_gives_the_speed_that_its_text_gives(
-    suffix: str, place: Path, tirelog: Command
-) -> None:
+def test_a_log_that_a_library_reads_gives_the_speed_that_its_text_gives(suffix, place, tirelog):
     needs, write, kinds = EXTRA_LOGS[suffix]
     pytest.importorskip(needs, reason=f"{needs} comes with an extra")
     write(place / f"drive.{suffix}")

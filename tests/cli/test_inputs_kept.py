@@ -144,9 +144,7 @@ def test_a_message_is_one_line_without_control_characters(folder: Path, tirelog:
 
 
 @pytest.mark.filterwarnings("default")  # the tests' own rule would make an error of it
-def test_a_library_s_warning_is_no_message(
-    folder: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_library_s_warning_is_no_message(folder, tirelog, monkeypatch):
     def warns(*_: object) -> None:
         warnings.warn("overflow encountered", RuntimeWarning, stacklevel=1)
 

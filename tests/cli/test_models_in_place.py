@@ -65,9 +65,7 @@ def test_what_failed_leaves_the_model_as_it_was(model: Path, tirelog: Command, w
     assert {path: path.read_bytes() for path in model.parent.iterdir()} == before
 
 
-def test_of_several_gratings_the_one_taken_is_named(
-    model: Path, tirelog: Command, folder: Path
-) -> None:
+def test_of_several_gratings_the_one_taken_is_named(model, tirelog, folder):
     rows = (folder / "log.csv").read_text().splitlines()
     setup = (folder / "log.toml").read_text()
     block = setup[setup.index("[channels.strain_1]") : setup.index("[log]")]

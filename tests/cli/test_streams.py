@@ -75,9 +75,7 @@ def test_names_that_are_not_utf8(folder: Path) -> None:
         ("ingest - --setup log.toml -o made", signal.SIGKILL),
     ],
 )
-def test_what_stops_a_command_leaves_no_result(
-    folder: Path, words: str, how: signal.Signals
-) -> None:
+def test_what_stops_a_command_leaves_no_result(folder, words, how):
     """Rows that never end come on standard input; the process is stopped while it writes."""
     (folder / "tmp").mkdir()
     format = ["--format", "csv"] if words.startswith("speed") else []

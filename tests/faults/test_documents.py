@@ -43,9 +43,7 @@ HOSTILE = {
 
 @pytest.mark.parametrize("what", HOSTILE)
 @pytest.mark.parametrize("kind", FILES)
-def test_every_file_of_tables_is_refused_with_its_name(
-    tmp_path: Path, kind: str, what: str
-) -> None:
+def test_every_file_of_tables_is_refused_with_its_name(tmp_path, kind, what):
     path = tmp_path / "x.toml"
     path.write_text(HOSTILE[what])
     with pytest.raises((SetupError, UsageError, ModelError)) as caught:

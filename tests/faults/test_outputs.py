@@ -44,9 +44,7 @@ def test_a_name_as_long_as_the_system_allows(tmp_path: Path, size: int) -> None:
         assert (tmp_path / name).read_text() == "1"
 
 
-def test_the_temporary_name_is_new_each_time_and_a_planted_link_is_not_followed(
-    tmp_path: Path,
-) -> None:
+def test_the_temporary_name_is_new_each_time_and_a_planted_link_is_not_followed(tmp_path):
     victim = tmp_path / "victim"
     victim.write_text("untouched")
     (tmp_path / f".t.csv.{os.getpid()}.part").symlink_to(victim)  # the name that was chosen once
@@ -56,9 +54,7 @@ def test_the_temporary_name_is_new_each_time_and_a_planted_link_is_not_followed(
     assert victim.read_text() == "untouched"
 
 
-def test_what_a_killed_process_left_is_swept_and_nothing_else(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_a_killed_process_left_is_swept_and_nothing_else(tmp_path, monkeypatch):
     temporary = tmp_path / "tmp"
     temporary.mkdir()
     killed(tmp_path / "t.csv", temporary)

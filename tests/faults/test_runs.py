@@ -104,9 +104,7 @@ def test_a_flipped_bit_is_noticed_or_changes_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("left", [0.1, 0.5, 0.99])
-def test_a_run_that_is_cut_off_is_not_asked_for_a_setup(
-    tmp_path: Path, written: bytes, left: float
-) -> None:
+def test_a_run_that_is_cut_off_is_not_asked_for_a_setup(tmp_path, written, left):
     path = tmp_path / "run.h5"
     path.write_bytes(written[: int(left * len(written))])
     with pytest.raises(ReadError, match="is cut off at"), open_recording(str(path)):
@@ -247,9 +245,7 @@ HOSTILE: dict[str, Callable[[h5py.File, Path], None]] = {
 
 @pytest.mark.parametrize("signed", [False, True])
 @pytest.mark.parametrize("name", HOSTILE)
-def test_a_run_of_somebody_else_is_checked_as_any_file(
-    tmp_path: Path, written: bytes, name: str, signed: bool
-) -> None:
+def test_a_run_of_somebody_else_is_checked_as_any_file(tmp_path, written, name, signed):
     """Also if its digest is one of its own contents: what is no good is refused for what it is."""
     path = tmp_path / "r.h5"
     path.write_bytes(written)
@@ -265,9 +261,7 @@ def test_a_run_of_somebody_else_is_checked_as_any_file(
         pass
 
 
-def test_columns_that_were_exchanged_are_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_columns_that_were_exchanged_are_told(tmp_path, capsys):
     write(tmp_path / "r.h5", source())
     with h5py.File(tmp_path / "r.h5", "r+") as file:
         file["channels/s"][7] = 1

@@ -51,9 +51,7 @@ LINES = {
 
 
 @pytest.mark.parametrize(("path", "line"), LINES.items())
-def test_the_line_of_a_key_or_of_the_table_around_it(
-    path: tuple[str | int, ...], line: int | None
-) -> None:
+def test_the_line_of_a_key_or_of_the_table_around_it(path, line):
     assert Document(TEXT, SetupError, "a file").line(path) == line
 
 

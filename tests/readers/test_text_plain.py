@@ -114,9 +114,7 @@ CELL = st.one_of(
     st.integers(0, 2**32),
 )  # fmt: skip
 @settings(max_examples=300, deadline=None)
-def test_rows_that_are_written_alike(
-    usual: tuple[str, str], other: tuple[str, str], head: str, end: str, often: float, seed: int
-) -> None:
+def test_rows_that_are_written_alike(usual, other, head, end, often, seed):
     """Whatever all rows have in common, and wherever it ends: samples, losses and their lines are
     those of the careful way.
     """

@@ -444,9 +444,7 @@ def test_what_cannot_be_proposed_costs_no_other_section(monkeypatch: pytest.Monk
     assert told in [what for what, _ in missing]
 
 
-def test_the_demo_s_page_has_the_ladder_that_it_climbed(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_demo_s_page_has_the_ladder_that_it_climbed(monkeypatch, tmp_path):
     spec = importlib.util.spec_from_file_location("demo", ROOT / "sample_data" / "demo.py")
     assert spec is not None
     assert spec.loader is not None

@@ -40,9 +40,7 @@ def test_uniform_stamps_give_a_uniform_axis(rate: float, decimals: int) -> None:
 
 @pytest.mark.parametrize("chunk", [700, 10**6])
 @pytest.mark.parametrize("block", [1, 1000, 10**6])
-def test_the_axis_does_not_depend_on_the_block_size(
-    block: int, chunk: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_axis_does_not_depend_on_the_block_size(block, chunk, monkeypatch):
     monkeypatch.setattr("tirelog.runs.stamps._CHUNK", chunk)
     monkeypatch.setattr("tirelog.runs.stamps._IN_MEMORY", chunk)
     k = np.arange(3000) + 7 * (np.arange(3000) > 1234)
@@ -88,9 +86,7 @@ def test_gaps_are_found_at_their_sample(jitter: float) -> None:
 
 @pytest.mark.parametrize(("digits", "samples"), [(1.0, 2), (2.0, 1), (2.5, 1), (2.5, 7)])
 @pytest.mark.parametrize("lost", [70, N // 2, N - 70])
-def test_lost_samples_show_in_stamps_of_few_digits_a_period(
-    digits: float, samples: int, lost: int
-) -> None:
+def test_lost_samples_show_in_stamps_of_few_digits_a_period(digits, samples, lost):
     k = np.arange(N) + samples * (np.arange(N) >= lost)
     made = fit(written(k * digits * 1e-4, 4), resolution_s=1e-4)
     axis = made.axis
