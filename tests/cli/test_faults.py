@@ -14,10 +14,9 @@ import h5py
 import numpy as np
 import pytest
 
+from tests.cli.conftest import SETUP, Command, pulse_rows
 from tests.readers.mcap_files import START_NS, write_json
 from tirelog.cli.pages import ladder_bars
-
-from .conftest import SETUP, Command, pulse_rows
 
 HEADER = "time_s,CH1,CH2\n"
 

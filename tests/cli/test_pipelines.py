@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 import zstandard
 
-from .conftest import Command
+from tests.cli.conftest import Command
 
 COMPRESS = {
     "gz": gzip.compress,

@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import pytest
 
-from .conftest import Command, pulse_rows
+from tests.cli.conftest import Command, pulse_rows
 
 HEADER = "time_s,CH1,CH2\n"
 #: a busy machine may take so long [s] for what takes one second

@@ -200,7 +200,11 @@ HOSTILE: dict[str, Callable[[h5py.File, Path], None]] = {
     ),
     "a size of 1e15": _attribute("groups/g", "size", 1e15),
     "half of the size": _attribute("groups/g", "size", SIZE // 2),
+    "a size of text": _attribute("groups/g", "size", np.bytes_(b"many")),
+    "a negative size": _attribute("groups/g", "size", -5),
     "an infinite rate": _attribute("groups/g", "rate_Hz", np.inf),
+    "a rate of text": _attribute("groups/g", "rate_Hz", np.bytes_(b"fast")),
+    "a rate of a list": _attribute("groups/g", "rate_Hz", np.arange(3.0)),
     "no rate": lambda f, d: f["groups/g"].attrs.__delitem__("rate_Hz"),
     "samples of text": lambda f, d: _replaced(
         f, "channels/s", data=np.array([b"a"] * SIZE), chunks=(CHUNK,)
@@ -229,6 +233,13 @@ HOSTILE: dict[str, Callable[[h5py.File, Path], None]] = {
     "flags from nowhere": lambda f, d: _replaced(
         f, "flags/s/start", data=np.array([-5, 5000]), chunks=True
     ),
+    "no group": lambda f, d: f["channels/s"].attrs.__delitem__("group"),
+    "no provenance": lambda f, d: f.__delitem__("provenance"),
+    "no setup": lambda f, d: f.__delitem__("setup"),
+    "provenance of huge numbers": lambda f, d: _text(
+        f, "provenance", b'{"counts": {"a": 1' + b"0" * 400 + b"}}"
+    ),
+    "provenance without end": lambda f, d: _text(f, "provenance", b'{"sha256": "00"'),
     "decimals without end": _attribute("channels/s", "decimals", 1e9),
     "another group": _attribute("channels/s", "group", np.bytes_(b"nowhere")),
     "a group in the heap": _attribute("channels/s", "group", "g"),
@@ -245,7 +256,7 @@ HOSTILE: dict[str, Callable[[h5py.File, Path], None]] = {
 
 @pytest.mark.parametrize("signed", [False, True])
 @pytest.mark.parametrize("name", HOSTILE)
-def test_a_run_of_somebody_else_is_checked_as_any_file(tmp_path, written, name, signed):
+def test_a_run_of_somebody_else_is_checked_as_any_file(tmp_path, written, capsys, name, signed):
     """Also if its digest is one of its own contents: what is no good is refused for what it is."""
     path = tmp_path / "r.h5"
     path.write_bytes(written)
@@ -257,8 +268,10 @@ def test_a_run_of_somebody_else_is_checked_as_any_file(tmp_path, written, name, 
             except (ReadError, OSError, MemoryError):
                 pytest.skip("cannot be signed")
     assert is_run(path)
-    with pytest.raises(ReadError, match=r"^log: the run is damaged"), open_run(path, "log"):
-        pass
+    assert run(["speed", str(path)]) == 4
+    said = capsys.readouterr().err
+    assert said.startswith(f"tirelog: error: {path}: the run is damaged")
+    assert said.count("\n") == 1
 
 
 def test_columns_that_were_exchanged_are_told(tmp_path, capsys):

@@ -101,22 +101,6 @@ def test_a_value_that_is_not_allowed(text: str, said: str) -> None:
     assert str(refused.value) == said
 
 
-def test_a_value_that_is_allowed() -> None:
-    text = (
-        'seed = 1\nradius = 2\nstops = [1]\nname = "n"\ndriven = true\n'
-        '[[logs]]\nglob = "a"\n[channels.a]\nkind = "load"\n'
-    )
-    assert Document(text, SetupError, "a file", "s").read(FILE) == {
-        "seed": 1,
-        "radius": 2.0,
-        "stops": (1.0,),
-        "name": "n",
-        "driven": True,
-        "logs": ({"glob": "a"},),
-        "channels": {"a": {"kind": "load"}},
-    }
-
-
 @pytest.mark.parametrize(
     "line",
     [
