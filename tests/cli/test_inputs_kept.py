@@ -141,10 +141,6 @@ def test_a_log_that_cannot_be_read_does_not_stop_the_others(folder: Path, tirelo
     assert "error: nope.csv: cannot be read (No such file or directory)" in outcome.err
     assert "error: bad.csv: is empty" in outcome.err
     assert outcome.out.splitlines()[1].startswith("log.csv,strain_1,0,")
-    for log in ("nope.csv", ".", "/"):
-        outcome = tirelog("info", log)
-        assert outcome.status == 4
-        assert f"error: {log}: cannot be read" in outcome.err
 
 
 def test_credentials_are_in_no_message(folder: Path, tirelog: Command) -> None:

@@ -49,9 +49,6 @@ def test_an_edited_model_may_keep_its_name(model: Path, tirelog: Command) -> Non
         "fit log.csv nowhere.csv --model m.toml -o m.toml",
         "fit log.csv cut.csv.gz --model m.toml -o m.toml",
         "fit log.csv log.csv --model m.toml -o m.toml",
-        "fit log.csv --model m.toml -o log.toml",
-        "fit log.csv --model m.toml -o log.csv",
-        "worn m.toml --new-depth 0.008 --depth 0.003 -o m.toml",
     ],
 )
 def test_what_failed_leaves_the_model_as_it_was(model: Path, tirelog: Command, words: str) -> None:

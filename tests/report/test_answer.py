@@ -340,7 +340,9 @@ def proposal(status: str = "formula") -> Proposal:
     )
 
 
-def test_a_proposal_is_shown_with_formula_locked_errors_and_command() -> None:
+def test_a_proposal_is_shown_with_formula_locked_errors_and_command_and_none_by_its_reason() -> (
+    None
+):
     section = proposed(proposal(), "tirelog propose a.csv --model M -o M+proposed.toml")
     text = "".join(render(Report("t", [section])))
     assert HOSTILE not in text
@@ -355,13 +357,9 @@ def test_a_proposal_is_shown_with_formula_locked_errors_and_command() -> None:
     np.testing.assert_allclose(numbers(shape.traces[2]["y"]), 10 * np.hanning(9), atol=1e-5)
     assert numbers(rest.traces[0]["y"]).max() == pytest.approx(10.0)
     assert numbers(rest.traces[1]["y"]).max() == pytest.approx(0.1)
-
-
-def test_no_proposal_is_its_reason() -> None:
-    section = proposed(proposal("nothing"), "tirelog propose")
-    assert section.text == ["Nothing to propose: the catalogue explains it"]
-    assert not section.figures
-    assert not section.tables
+    none = proposed(proposal("nothing"), "tirelog propose")
+    assert none.text == ["Nothing to propose: the catalogue explains it"]
+    assert not none.figures + none.tables
 
 
 def test_obstacles_are_told_hit_by_hit() -> None:

@@ -8,11 +8,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from tests.cli.conftest import Command, folder, tirelog
+from tests.cli.conftest import Command
 from tests.report.test_page import data, numbers
 from tirelog.report.page import ReportRequest
-
-__all__ = ["folder", "tirelog"]
 
 
 @pytest.mark.parametrize(
