@@ -6,9 +6,7 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
 
 import pytest
 
@@ -34,29 +32,26 @@ def work(tmp_path, monkeypatch):
     return tmp_path
 
 
-def run_on(words: str, file: str, opened: Callable[[], BinaryIO], *, before: bool) -> int:
+def run_on(words, file, opened, *, before):
     """The status of a command; what `file` holds is written once a notice is given.
 
     What it is written to is `opened` then, or `before`.
     """
     heard, data = threading.Event(), Path(file).read_bytes()
 
-    def write() -> None:
-        if before:
-            with opened() as pipe:
-                heard.wait(30.0)
-                pipe.write(data)
-        else:
+    def write():
+        if not before:
             heard.wait(30.0)
-            with opened() as pipe:
-                pipe.write(data)
+        with opened() as pipe:
+            heard.wait(30.0)
+            pipe.write(data)
 
     threading.Thread(target=write, daemon=True).start()
     with hearing(lambda text: heard.set()):
         return run(words.split())
 
 
-def run_on_pipe(words: str, file: str, *, before: bool = False) -> int:
+def run_on_pipe(words, file, *, before=False):
     """As `run_on`, of `pipe.csv`."""
     os.mkfifo("pipe.csv")
     return run_on(words, file, lambda: open("pipe.csv", "wb"), before=before)
@@ -73,9 +68,7 @@ def run_on_pipe(words: str, file: str, *, before: bool = False) -> int:
         ("check pipe.csv --against speed.csv", "speed.csv", False),
     ],
 )
-def test_a_pipe_without_a_writer_or_a_word_is_noticed_and_waited_for(
-    work, capfd, words, file, silent
-):
+def test_a_pipe_without_a_writer_or_a_word_is_noticed(work, capfd, words, file, silent):
     assert run_on_pipe(words, file, before=silent) == 0
     said = capfd.readouterr().err
     assert said.count(NOTICE) == 1
