@@ -97,7 +97,7 @@ QUOTED_TIMES = {
 
 @given(layouts(), st.integers(0, 10**6))
 @example(QUOTED_TIMES, 62637)
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=200, deadline=None)
 def test_any_layout(layout: dict, seed: int) -> None:
     rng = np.random.default_rng(seed)
     values = np.round(1550 + rng.standard_normal((layout["rows"], 3)), 4)

@@ -54,7 +54,7 @@ def test_a_time_beyond_all_times_is_no_readable_time(text: str) -> None:
 
 
 @given(NUMBER, st.sampled_from([",", ";", "\n", " ", "x"]))
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=250, deadline=None)
 def test_a_number_is_what_python_reads(text: str, behind: str) -> None:
     m, e, stop = digits_number(np.frombuffer((text + behind).encode(), np.uint8), 0, ord("."))
     digits = re.sub(r"[eE].*|\D", "", text).lstrip("0")
@@ -73,7 +73,7 @@ def test_a_number_is_what_python_reads(text: str, behind: str) -> None:
     st.floats(min_value=1e-75, max_value=1e100),
     st.sampled_from([repr, "{:.17g}".format, "{:.16e}".format, "{:.3g}".format]),
 )
-@settings(max_examples=1000, deadline=None)
+@settings(max_examples=400, deadline=None)
 def test_any_float_is_rounded_correctly(value: float, write: Callable[[float], str]) -> None:
     text = write(value)
     m, e, stop = digits_number(np.frombuffer((text + ",").encode(), np.uint8), 0, ord("."))
@@ -82,7 +82,7 @@ def test_any_float_is_rounded_correctly(value: float, write: Callable[[float], s
 
 
 @given(st.integers(2**52, 2**53 - 1), st.integers(0, 6))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 def test_half_way_between_two_floats_goes_to_the_even_one(mantissa: int, up: int) -> None:
     for off in (-1, 0, 1):
         whole = ((2 * mantissa + 1) << up) + off
@@ -113,7 +113,7 @@ CELL = st.one_of(
     st.sampled_from(["\n", "\r\n", " \n"]), st.sampled_from([0.0, 0.004, 0.3]),
     st.integers(0, 2**32),
 )  # fmt: skip
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 def test_rows_that_are_written_alike(usual, other, head, end, often, seed):
     """Whatever all rows have in common, and wherever it ends: samples, losses and their lines are
     those of the careful way.
@@ -144,7 +144,7 @@ ROW = st.one_of(st.lists(PIECE, min_size=3, max_size=3), st.lists(PIECE, min_siz
 
 
 @given(st.lists(ROW, min_size=1, max_size=30), st.integers(0, 2))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 def test_anything_at_all_is_what_the_careful_way_reads(rows: list[list[str]], often: int) -> None:
     """Bad rows, bad cells and lost peaks among good rows: both ways agree on samples, on losses and
     on their lines.
@@ -213,7 +213,7 @@ def test_a_bad_cell_behind_a_row_without_a_time_is_told_once() -> None:
 
 
 @given(st.lists(st.text(alphabet=" \t\rab1.", max_size=8), max_size=6))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 def test_runs_of_blanks(lines: list[str]) -> None:
     text = "\n".join(lines).encode() + b"\n"
     want = re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", text))

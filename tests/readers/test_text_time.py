@@ -38,7 +38,7 @@ def read(cells: list[str], form: str, us: bool) -> list[int]:
 
 @pytest.mark.parametrize("form", LAYOUTS)
 @given(st.data())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_a_column_is_its_cells(form: str, data: st.DataObject) -> None:
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
     layouts = data.draw(st.lists(st.sampled_from(LAYOUTS[form]), min_size=1, max_size=3))
@@ -85,14 +85,14 @@ def ns_since(time, form):
 
 @pytest.mark.parametrize(("form", "us", "written"), WRITTEN)
 @given(MOMENTS)
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_python_knows_the_same_calendar_and_hours(form, us, written, time):
     time = time.replace(tzinfo=UTC)
     assert read([time.strftime(written)] * 3, form, us) == [ns_since(time, form)] * 3
 
 
 @given(MOMENTS, st.integers(-14 * 60, 14 * 60))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_offsets_are_those_of_python(time, minutes):
     there = time.replace(tzinfo=timezone(timedelta(minutes=minutes)))
     assert read([there.isoformat()] * 3, "iso", False) == [ns_since(there, "iso")] * 3
