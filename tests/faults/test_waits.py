@@ -106,12 +106,9 @@ def test_compiling_is_noticed_once(tmp_path):
     for built in (package / "kernels").glob("_built*"):
         built.unlink()
     (tmp_path / "log.csv").write_text("time_s,a\n0,1\n0.001,2\n0.002,1\n")
+    command = [sys.executable, "-c", "from tirelog.cli import main; main()", "info", "log.csv"]
+    seen = {**os.environ, "PYTHONPATH": str(tmp_path)}
     done = subprocess.run(
-        [sys.executable, "-c", "from tirelog.cli import main; main()", "info", "log.csv"],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        command, cwd=tmp_path, env=seen, capture_output=True, text=True, check=True
     )
     assert done.stderr.count("compiling kernels") == 1
