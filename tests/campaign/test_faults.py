@@ -118,9 +118,7 @@ ROWS = [
 
 
 @pytest.mark.parametrize(("rows", "words"), ROWS)
-def test_a_row_of_conditions_that_cannot_be_taken_is_told_with_its_line(
-    manifest: Path, tmp_path: Path, tirelog: Command, rows: str, words: str
-) -> None:
+def test_a_row_of_conditions_that_cannot_be_taken_is_told(manifest, tmp_path, tirelog, rows, words):
     (tmp_path / "conditions.csv").write_text(f"log,load_N\n{rows}")
     outcome = tirelog("campaign", "run", manifest, "--quiet")
     assert outcome.status == 2
@@ -141,9 +139,7 @@ def test_a_wheel_is_driven_or_not_and_nothing_else(manifest, tmp_path, cell, dri
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_a_condition_beyond_the_setup_s_range_names_its_row_and_spares_the_rest(
-    manifest: Path, tmp_path: Path, tirelog: Command
-) -> None:
+def test_a_condition_beyond_the_setup_s_range_costs_its_log(manifest, tmp_path, tirelog):
     (tmp_path / "conditions.csv").write_text("log,load_N\nrun_0.csv,3000\nrun_1.csv,-5\n")
     outcome = tirelog("campaign", "run", manifest, "--quiet")
     assert outcome.status == 3
@@ -159,7 +155,7 @@ def test_conditions_of_no_log_are_told(manifest: Path, tmp_path: Path, tirelog: 
     assert "no log is called run_O.csv: what it says of them is unused" in outcome.err
 
 
-def test_a_calibration_stands_beside_the_manifest_and_its_content_counts(
+def test_a_calibration_is_beside_the_manifest_and_its_content_counts(
     manifest: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path.parent)

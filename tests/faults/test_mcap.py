@@ -86,7 +86,7 @@ def test_a_flipped_bit_loses_its_chunk_by_name_and_no_other(path, compression, w
 
 
 @pytest.mark.parametrize(("ahead", "as_stream"), [(1 << 25, True), (1000, False)])
-def test_definitions_lost_with_the_first_chunk_come_from_the_end_of_the_file(
+def test_definitions_lost_at_the_begin_come_from_the_end_of_the_file(
     path, monkeypatch, ahead, as_stream
 ):
     monkeypatch.setattr("tirelog.readers.mcap.reader.READ_AHEAD_BYTES", ahead)
@@ -379,9 +379,7 @@ SWOLLEN = {
 
 @pytest.mark.parametrize("alone", [False, True])
 @pytest.mark.parametrize("what", SWOLLEN)
-def test_a_small_file_that_unpacks_to_much_costs_that_chunk_and_no_memory(
-    path, monkeypatch, what, alone
-):
+def test_a_small_file_that_unpacks_to_much_costs_that_chunk(path, monkeypatch, what, alone):
     monkeypatch.setattr("tirelog.readers.mcap.records.LARGEST_DEFINITION_BYTES", 2000)
     monkeypatch.setattr("tirelog.readers.mcap.records.MOST_DEFINITION_BYTES", 4000)
     monkeypatch.setattr("tirelog.readers.mcap.decode.LARGEST_MESSAGE_BYTES", 50_000)

@@ -340,9 +340,7 @@ def proposal(status: str = "formula") -> Proposal:
     )
 
 
-def test_a_proposal_is_shown_with_formula_locked_errors_and_command_and_none_by_its_reason() -> (
-    None
-):
+def test_a_proposal_is_shown_with_its_formula_and_none_by_its_reason() -> None:
     section = proposed(proposal(), "tirelog propose a.csv --model M -o M+proposed.toml")
     text = "".join(render(Report("t", [section])))
     assert HOSTILE not in text
@@ -403,9 +401,7 @@ def test_a_model_that_does_not_move_says_so() -> None:
 
 
 @pytest.mark.parametrize("asked_for", [True, False])
-def test_what_is_unknown_is_written_down_if_asked_and_obstacles_have_their_section(
-    monkeypatch: pytest.MonkeyPatch, asked_for: bool
-) -> None:
+def test_what_is_unknown_is_written_down_if_asked(monkeypatch, asked_for):
     log = SimpleNamespace(log="made", hits_s=np.ones(2), road=SimpleNamespace(kind="cleat"))
     measured = MeasuredLogs([stack(ringing, manoeuvres=9, revolutions=4, m=64)], (log,))
     monkeypatch.setattr("tirelog.report.build.measured_for", lambda *_, **__: measured)
