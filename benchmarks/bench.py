@@ -129,7 +129,8 @@ def mcap(folder: Path, sizes: Sizes) -> None:
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
 
-    from tests.readers.mcap_files import MULTI_ARRAY, START_NS, setup_of, write_ros2
+    from tests.readers.logs import setup_of
+    from tests.readers.mcap_files import MULTI_ARRAY, START_NS, write_ros2
     from tirelog.readers.mcap.reader import open_mcap
 
     log, messages = folder / "log.mcap", 60_000
@@ -141,7 +142,8 @@ def mcap(folder: Path, sizes: Sizes) -> None:
             for n, row in enumerate(values.tolist())
         )
         write_ros2(log, rows, chunk_size=1 << 20)
-        setup = setup_of({f"c{k}": f"/fbg:data[{k}]" for k in range(width)})
+        sources = {f"c{k}": f"/fbg:data[{k}]" for k in range(width)}
+        setup = setup_of(sources, kind="temperature")
 
         def library() -> None:
             with log.open("rb") as stream:

@@ -37,11 +37,7 @@ def test_an_unknown_name_is_no_attribute() -> None:
 
 
 @pytest.mark.parametrize("name", ["speed", "footprint", "dissipation"])
-def test_a_table_is_the_command_s(
-    folder: Path,
-    command: Command,
-    name: str,
-) -> None:
+def test_a_table_is_the_command_s(folder, command, name):
     assert command(name, "log.csv", "-o", "t.parquet").status == 0
     written = read_table("t.parquet")
     table = getattr(tirelog, name)("log.csv")
@@ -129,10 +125,7 @@ def test_what_cannot_be_is_a_tirelog_error(folder: Path, ask, says: str) -> None
         ask()
 
 
-def test_answers_are_drawn_shown_and_written(
-    folder: Path,
-    command: Command,
-) -> None:
+def test_answers_are_drawn_shown_and_written(folder, command):
     from matplotlib.figure import Figure
 
     model = tirelog.Model.new("beam", "patch_length")

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import SETUP, pulse_rows
+from tests.cli.conftest import tirelog as tirelog
 from tirelog.campaign import runner
 from tirelog.campaign.runner import make_tables
 

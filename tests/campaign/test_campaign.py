@@ -25,7 +25,7 @@ def call(*arguments: object) -> int:
     return run([str(a) for a in arguments])
 
 
-def test_tables_of_every_log_read_as_one(manifest: Path, tmp_path: Path) -> None:
+def test_tables_of_every_log_read_as_one_whatever_the_workers(manifest, tmp_path):
     assert call("campaign", "run", manifest, "--quiet") == 0
     table = pd.read_parquet(tmp_path / "results" / "table=speed")
     good = table[table["quality"] == "ok"]
@@ -35,24 +35,30 @@ def test_tables_of_every_log_read_as_one(manifest: Path, tmp_path: Path) -> None
     assert summary["status"].tolist() == ["done"] * 4
     assert summary["driver"].tolist() == ["ben", "anna", "ben", "anna"]
     assert (summary["peak_memory_MB"] < 400).all()
+    want = dataset(tmp_path / "results")
+    remove(tmp_path / "results")
+    assert call("campaign", "run", manifest, "--quiet", "--workers", 2) == 0
+    assert dataset(tmp_path / "results") == want
 
 
-def test_nothing_is_done_twice_and_what_changed_is_done_again(
-    manifest: Path, tmp_path: Path, in_this_process: None
-) -> None:
+def test_what_changed_or_is_gone_is_done_again_and_nothing_else(
+    manifest, tmp_path, in_this_process
+):
+    results = tmp_path / "results"
     call("campaign", "run", manifest, "--quiet")
-    parts = {path: path.stat().st_mtime_ns for path in (tmp_path / "results").rglob("part.parquet")}
+    parts = {path: path.stat().st_mtime_ns for path in results.rglob("part.parquet")}
     assert len(parts) == 8
 
     def touched() -> set[str]:
-        return {
-            p.parent.name
-            for p in (tmp_path / "results").rglob("part.parquet")
-            if p.stat().st_mtime_ns != parts.get(p)
-        }
+        now = {p: p.stat().st_mtime_ns for p in results.rglob("part.parquet")}
+        return {p.parent.name for p in now if now[p] != parts.get(p)}
 
     call("campaign", "run", manifest, "--quiet")
     assert touched() == set()
+    want = dataset(results)
+    (results / "table=speed/log=logs_run_2.csv/part.parquet").unlink()
+    call("campaign", "run", manifest, "--quiet")
+    assert dataset(results) == want
     log = tmp_path / "logs" / "run_2.csv"
     log.write_bytes(log.read_bytes()[:-2000])
     call("campaign", "run", manifest, "--quiet")
@@ -62,27 +68,9 @@ def test_nothing_is_done_twice_and_what_changed_is_done_again(
     assert len(touched()) == 4
 
 
-def test_a_missing_part_is_made_again(
-    manifest: Path, tmp_path: Path, in_this_process: None
-) -> None:
-    call("campaign", "run", manifest, "--quiet")
-    want = dataset(tmp_path / "results")
-    (tmp_path / "results/table=speed/log=logs_run_1.csv/part.parquet").unlink()
-    call("campaign", "run", manifest, "--quiet")
-    assert dataset(tmp_path / "results") == want
-
-
 def remove(folder: Path) -> None:
     for path in sorted(folder.rglob("*"), reverse=True):
         path.unlink() if path.is_file() else path.rmdir()
-
-
-def test_one_worker_or_two_give_the_same_bytes(manifest: Path, tmp_path: Path) -> None:
-    assert call("campaign", "run", manifest, "--quiet") == 0
-    want = dataset(tmp_path / "results")
-    remove(tmp_path / "results")
-    assert call("campaign", "run", manifest, "--quiet", "--workers", 2) == 0
-    assert dataset(tmp_path / "results") == want
 
 
 @pytest.mark.slow
@@ -101,17 +89,15 @@ def test_killed_at_any_moment_and_resumed(tmp_path: Path) -> None:
     assert not list((results / ".tirelog" / "tmp").iterdir())
 
 
-def test_one_run_at_a_time(manifest: Path, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("in_this_process")
+def test_one_run_at_a_time(tmp_path):
+    manifest = make_campaign(tmp_path, logs=1, seconds=1.0)
     program = (
         "from tirelog.campaign.ledger import Folder; import sys\n"
         "with Folder(sys.argv[1]).held(): print('held', flush=True); sys.stdin.read()"
     )
-    with subprocess.Popen(
-        [sys.executable, "-c", program, str(tmp_path / "results")],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-    ) as holder:
-        assert holder.stdout is not None
+    command = [sys.executable, "-c", program, str(tmp_path / "results")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:
         assert holder.stdout.readline() == b"held\n"
         assert call("campaign", "run", manifest, "--quiet") == 2
         holder.send_signal(signal.SIGKILL)
@@ -128,9 +114,7 @@ def test_conditions_of_the_campaign_are_in_the_setup(manifest: Path) -> None:
     assert parse_setup(SETUP).channels == campaign.logs[0].setup.channels
 
 
-def test_models_that_come_later_leave_the_tables_as_they_are(
-    manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], in_this_process: None
-) -> None:
+def test_models_that_come_later_leave_the_tables(manifest, tmp_path, capfd, in_this_process):
     call("campaign", "run", manifest, "--quiet")
     parts = {path: path.stat().st_mtime_ns for path in (tmp_path / "results").rglob("part.parquet")}
     new = ("model", "new", "--carcass", "beam", "--setup", tmp_path / "setup.toml")
@@ -150,9 +134,7 @@ def test_models_that_come_later_leave_the_tables_as_they_are(
     assert summary["rows"].notna().all()
 
 
-def test_each_log_is_diagnosed_alone_and_left_out(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], in_this_process: None
-) -> None:
+def test_each_log_is_diagnosed_alone_and_left_out(tmp_path, capfd, in_this_process):
     manifest = make_campaign(tmp_path, logs=2)
     model, setup = tmp_path / "lengths.toml", tmp_path / "setup.toml"
     new = ("model", "new", "--observable", "patch_length", "--setup", setup, "-o", model)
@@ -173,9 +155,7 @@ def test_each_log_is_diagnosed_alone_and_left_out(
     assert "allowed are log, tire" in capfd.readouterr().err
 
 
-def test_status_and_dry_run_do_not_wait_for_a_run(
-    manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_status_and_dry_run_do_not_wait_for_a_run(manifest, tmp_path, capfd):
     with Folder(tmp_path / "results").held():
         assert call("campaign", "status", manifest) == 0
         assert "4 open" in capfd.readouterr().out
@@ -183,9 +163,7 @@ def test_status_and_dry_run_do_not_wait_for_a_run(
         assert capfd.readouterr().out.count("speed, dissipation") == 4
 
 
-def test_logs_that_left_the_manifest_are_named(
-    manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], in_this_process: None
-) -> None:
+def test_logs_that_left_the_manifest_are_named(manifest, tmp_path, capfd, in_this_process):
     call("campaign", "run", manifest, "--quiet")
     (tmp_path / "logs" / "run_3.csv").unlink()
     assert call("campaign", "run", manifest) == 0

@@ -36,9 +36,7 @@ def local_cluster(distributed: Any, workers: int) -> Iterator[Any]:
 
 
 @pytest.mark.slow
-def test_a_cluster_that_loses_a_worker_gives_the_same_bytes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cluster_that_loses_a_worker_gives_the_same_bytes(tmp_path, monkeypatch):
     distributed = pytest.importorskip("distributed")
     manifest = make_campaign(tmp_path, logs=8)
     results = tmp_path / "results"
@@ -79,9 +77,7 @@ def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     s3fs.S3FileSystem.clear_instance_cache()
 
 
-def test_logs_and_tables_in_s3(
-    bucket: str, manifest: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_logs_and_tables_in_s3(bucket, manifest, tmp_path, monkeypatch):
     import s3fs
 
     monkeypatch.chdir(tmp_path)
@@ -97,9 +93,7 @@ def test_logs_and_tables_in_s3(
     pd.testing.assert_frame_equal(here, there, check_exact=True)
 
 
-def test_what_is_not_there_and_a_bucket_that_is_not(
-    bucket: str, manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_not_there_and_a_bucket_that_is_not(bucket, manifest, tmp_path, capfd):
     setup = str(tmp_path / "setup.toml")
     assert run(["speed", f"{bucket}/nothing.csv", "--setup", setup]) == 4
     assert "cannot be reached" in capfd.readouterr().err
@@ -119,13 +113,7 @@ def without_credentials(monkeypatch: pytest.MonkeyPatch, home: Path) -> None:
     s3fs.S3FileSystem.clear_instance_cache()
 
 
-def test_no_credentials(
-    bucket: str,
-    manifest: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
+def test_no_credentials(bucket, manifest, tmp_path, monkeypatch, capfd):
     without_credentials(monkeypatch, tmp_path)
     assert run(["speed", f"{bucket}/run_1.csv", "--setup", str(tmp_path / "setup.toml")]) == 4
     assert "credentials" in capfd.readouterr().err

@@ -47,12 +47,7 @@ def states(manifest: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("what", [errno.EIO, errno.EMFILE, errno.ENOSPC, errno.ETIMEDOUT, GONE])
-def test_what_the_machine_refuses_stays_open_and_is_tried_again(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    what: int | str,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
+def test_what_the_machine_refuses_stays_open_and_is_tried_again(tmp_path, monkeypatch, what, capfd):
     manifest = make_campaign(tmp_path, logs=2, seconds=0.5)
     with monkeypatch.context() as broken:
         broken.setattr(runner, "open_recording", refusing(what))
@@ -63,9 +58,7 @@ def test_what_the_machine_refuses_stays_open_and_is_tried_again(
     assert states(manifest) == ["done", "done"]
 
 
-def test_five_in_a_row_end_the_run_with_one_sentence(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_five_in_a_row_end_the_run_with_one_sentence(tmp_path, monkeypatch, capfd):
     manifest = make_campaign(tmp_path, logs=6, seconds=0.5)
     with monkeypatch.context() as broken:
         broken.setattr(runner, "open_recording", refusing(errno.ETIMEDOUT))
@@ -77,9 +70,7 @@ def test_five_in_a_row_end_the_run_with_one_sentence(
     assert campaign(manifest) == 0
 
 
-def test_an_early_end_is_summed_up(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_an_early_end_is_summed_up(tmp_path, monkeypatch, capfd):
     """What was done before stands in it; no log that stays open is called failed."""
     manifest, usual, asked = make_campaign(tmp_path, logs=7, seconds=0.5), runner.open_recording, 0
 

@@ -107,9 +107,7 @@ def test_killed_and_resumed(far: tuple[Path, Path, str], tmp_path: Path) -> None
     assert not folder.temporary.exists()
 
 
-def test_a_host_that_does_not_answer(
-    manifest: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_host_that_does_not_answer(manifest, monkeypatch, capfd):
     pytest.importorskip("s3fs").S3FileSystem.clear_instance_cache()
     silent = socket.create_server(("127.0.0.1", 0))  # takes the connection and says nothing
     monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{silent.getsockname()[1]}")

@@ -71,9 +71,13 @@ def commands(parsed: Any, path: str = "") -> Iterator[tuple[str, Any]]:
         yield from commands(one, f"{path} {name}".strip())
 
 
+#: the command line whole, which takes a tenth of a second to make
+_parser = cache(command)
+
+
 def command_of(words: list[str]) -> tuple[Any, list[str]]:
     """The command, or group of commands, that words begin with, and the words behind its name."""
-    one, rest = command(), words
+    one, rest = _parser(), words
     while rest and rest[0] in getattr(one, "commands", {}):
         one, rest = one.commands[rest[0]], rest[1:]
     return one, rest

@@ -7,12 +7,12 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
-from mcap.writer import Writer
 from rich.console import Console
 from scipy.io import savemat, wavfile
 
 from benchmarks.layouts import writers
 from tests.cli.conftest import Command, pulse_rows
+from tests.readers.mcap_files import START_NS, write_json
 from tirelog.data.setup import load_setup
 
 ROWS = np.array([[float(x) for x in row.split(",")] for row in pulse_rows(1.6)])
@@ -50,82 +50,49 @@ def matlab(path: Path) -> None:
 
 
 def mcap(path: Path) -> None:
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        channels = {
-            topic: writer.register_channel(
-                topic, "json", writer.register_schema("x", "jsonschema", b"{}")
-            )
-            for topic in ("/tire", "/vehicle")
-        }
-        for k in range(T.size):
-            at = 1_700_000_000_000_000_000 + round(T[k] * 1e9)
-            both = {"gratings": [round(STRAIN[k], 4), round(TWIN[k], 5)], "note": "x"}
-            for topic, what in (("/tire", both), ("/vehicle", {"speed": round(SPEED[k], 4)})):
-                writer.add_message(channels[topic], at, json.dumps(what).encode(), at)
-        writer.finish()
+    messages = []
+    for t, strain, twin, speed in zip(T, STRAIN, TWIN, SPEED, strict=True):
+        at = START_NS + round(t * 1e9)
+        both = {"gratings": [round(strain, 4), round(twin, 5)], "note": "x"}
+        messages += [("/tire", at, both), ("/vehicle", at, {"speed": round(speed, 4)})]
+    write_json(path, messages)
 
 
 def wav(path: Path) -> None:
     wavfile.write(path, 2500, (1e4 * np.sin(T)).astype(np.int16))
 
 
+def frame() -> pd.DataFrame:
+    return pd.DataFrame({"t": T, "CH1": STRAIN, "CH2": TWIN, "v": SPEED})
+
+
+def kinds_of(strain: str, twin: str, speed: str = "", **more: str) -> dict[str, str]:
+    """Sources with their likely kinds."""
+    speed_too = {speed: "vehicle_speed"} if speed else {}
+    return {strain: "fbg_strain", twin: "fbg_temperature", **speed_too, **more}
+
+
 #: suffix: (writes the log, sources with their likely kinds)
 LOGS = {
-    "csv": (
-        text,
-        {"CH1": "fbg_strain", "CH2": "fbg_temperature", "speed": "vehicle_speed", "odd": "signal"},
-    ),
-    "txt": (peaks, {"peak_1542nm": "fbg_temperature", "peak_1550nm": "fbg_strain"}),
-    "parquet": (
-        lambda path: pd.DataFrame({"t": T, "CH1": STRAIN, "CH2": TWIN, "v": SPEED}).to_parquet(
-            path
-        ),
-        {"CH1": "fbg_strain", "CH2": "fbg_temperature", "v": "signal"},
-    ),
-    "h5": (
-        hdf5,
-        {
-            "/fbg/both[0]": "fbg_strain",
-            "/fbg/both[1]": "fbg_temperature",
-            "/vehicle/speed": "vehicle_speed",
-        },
-    ),
-    "mat": (
-        matlab,
-        {
-            "/run/CH1": "fbg_strain",
-            "/run/CH2": "fbg_temperature",
-            "/run/speed": "vehicle_speed",
-        },
-    ),
-    "mcap": (
-        mcap,
-        {
-            "/tire:gratings[0]": "fbg_strain",
-            "/tire:gratings[1]": "fbg_temperature",
-            "/vehicle:speed": "vehicle_speed",
-        },
-    ),
+    "csv": (text, kinds_of("CH1", "CH2", "speed", odd="signal")),
+    "txt": (peaks, kinds_of("peak_1550nm", "peak_1542nm")),
+    "parquet": (lambda path: frame().to_parquet(path), kinds_of("CH1", "CH2", v="signal")),
+    "h5": (hdf5, kinds_of("/fbg/both[0]", "/fbg/both[1]", "/vehicle/speed")),
+    "mat": (matlab, kinds_of("/run/CH1", "/run/CH2", "/run/speed")),
+    "mcap": (mcap, kinds_of("/tire:gratings[0]", "/tire:gratings[1]", "/vehicle:speed")),
     "wav": (wav, {"#1": "signal"}),
-    "feather": (
-        lambda path: pd.DataFrame({"t": T, "CH1": STRAIN, "CH2": TWIN, "v": SPEED}).to_feather(
-            path
-        ),
-        {"CH1": "fbg_strain", "CH2": "fbg_temperature", "v": "signal"},
-    ),
+    "feather": (lambda path: frame().to_feather(path), kinds_of("CH1", "CH2", v="signal")),
 }
 GRATINGS = {"CH1": STRAIN, "CH2": TWIN}
-_RUN = {"/run/CH1": "fbg_strain", "/run/CH2": "fbg_temperature"}
-_TIRE = {"/tire:vector.x": "fbg_strain", "/tire:vector.y": "fbg_temperature"}
+_RUN = kinds_of("/run/CH1", "/run/CH2")
+_TIRE = kinds_of("/tire:vector.x", "/tire:vector.y")
 #: suffix: library, and as in LOGS
 EXTRA_LOGS = {
     "tdms": ("nptdms", lambda path: writers.tdms(path, GRATINGS, 2500.0, unit="nm"), _RUN),
     "xlsx": (
         "python_calamine",
         lambda path: writers.xlsx(path, {"run": [["time", *GRATINGS], *ROWS.tolist()]}),
-        {"CH1": "fbg_strain", "CH2": "fbg_temperature"},
+        kinds_of("CH1", "CH2"),
     ),
     "bag": ("rosbags", lambda path: writers.bag_1(path, GRATINGS, 2500.0), _TIRE),
     "db3": ("rosbags", lambda path: writers.bag_2(path, GRATINGS, 2500.0), _TIRE),
@@ -133,10 +100,7 @@ EXTRA_LOGS = {
     "uff": (
         "pyuff",
         lambda path: writers.uff(path, GRATINGS, T, unit="nm"),
-        {
-            "/set_1_node_1_+Z/values": "fbg_strain",
-            "/set_2_node_2_+Z/values": "fbg_temperature",
-        },
+        kinds_of("/set_1_node_1_+Z/values", "/set_2_node_2_+Z/values"),
     ),
 }
 
@@ -148,9 +112,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("suffix", LOGS)
-def test_info_lists_every_series_of_a_log_without_a_setup(
-    suffix: str, place: Path, tirelog: Command
-) -> None:
+def test_info_lists_every_series_of_a_log_without_a_setup(suffix, place, tirelog):
     write, kinds = LOGS[suffix]
     write(place / f"drive.{suffix}")
     told = tirelog("info", f"drive.{suffix}")
@@ -166,9 +128,7 @@ def test_info_lists_every_series_of_a_log_without_a_setup(
 
 @pytest.mark.parametrize("width", [40, 80])
 @pytest.mark.parametrize("described", [False, True])
-def test_no_terminal_is_too_narrow(
-    width: int, described: bool, place: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_terminal_is_too_narrow(width, described, place, tirelog, monkeypatch):
     name = "a_very_long_name_of_a_column_" * 3
     (place / "l.csv").write_text(
         f"time_s,{name}\n" + "".join(f"{k / 10},{k % 7}\n" for k in range(50))
@@ -206,9 +166,7 @@ def test_info_of_what_cannot_be_read(place: Path, tirelog: Command) -> None:
 
 
 @pytest.mark.parametrize("suffix", ["csv", "mcap"])
-def test_a_drafted_setup_reads_the_log_and_gives_its_speed(
-    suffix: str, place: Path, tirelog: Command
-) -> None:
+def test_a_drafted_setup_reads_the_log_and_gives_its_speed(suffix, place, tirelog):
     LOGS[suffix][0](place / f"drive.{suffix}")
     made = tirelog("setup", "new", f"drive.{suffix}", "-o", "drive.toml")
     assert made.status == 0
@@ -277,9 +235,7 @@ def test_names_that_toml_would_trip_over(place: Path, tirelog: Command) -> None:
 
 
 @pytest.mark.parametrize("suffix", EXTRA_LOGS)
-def test_a_log_that_a_library_reads_gives_the_speed_that_its_text_gives(
-    suffix: str, place: Path, tirelog: Command
-) -> None:
+def test_a_log_that_a_library_reads_gives_the_speed_that_its_text_gives(suffix, place, tirelog):
     needs, write, kinds = EXTRA_LOGS[suffix]
     pytest.importorskip(needs, reason=f"{needs} comes with an extra")
     write(place / f"drive.{suffix}")

@@ -5,7 +5,7 @@ status.
 import errno
 import gzip
 import json
-import re
+import lzma
 import zlib
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,10 +14,9 @@ import h5py
 import numpy as np
 import pytest
 
+from tests.cli.conftest import SETUP, Command, pulse_rows
 from tests.readers.mcap_files import START_NS, write_json
 from tirelog.cli.pages import ladder_bars
-
-from .conftest import SETUP, Command, pulse_rows
 
 HEADER = "time_s,CH1,CH2\n"
 
@@ -41,30 +40,43 @@ def with_rows(change: dict[int, str]) -> bytes:
 def scaled(factor: float) -> bytes:
     """The log with its stamps running at another rate."""
     rows = [row.split(",") for row in pulse_rows()]
-    return (
-        HEADER + "\n".join(f"{float(a) * factor:.6f},{b},{c}" for a, b, c in rows) + "\n"
-    ).encode()
+    lines = (f"{float(a) * factor:.6f},{b},{c}\n" for a, b, c in rows)
+    return (HEADER + "".join(lines)).encode()
 
 
+ROWS = (HEADER + "0.0,1550,1542\n" * 100).encode()
 UNREADABLE = {
-    "empty": b"",
-    "header only": HEADER.encode(),
-    "binary": bytes(range(256)) * 64,
-    "nul bytes": HEADER.encode() + b"\x00" * 4000,
-    "utf-16": (HEADER + "0.0,1550,1542\n" * 100).encode("utf-16"),
-    "gzip without its end, nothing whole": gzip.compress(b"x" * 100_000)[:20],
-    "mcap magic alone": b"\x89MCAP0\r\n",
-    "hdf5 magic alone": b"\x89HDF\r\n\x1a\n" + b"\x00" * 600,
-    "zstd magic alone": b"\x28\xb5\x2f\xfd",
+    "empty": (b"", "is empty"),
+    "blank": (b" \n\n\n", "is empty"),
+    "header only": (HEADER.encode(), "holds no rows of numbers"),
+    "prose": (b"Dear Sir,\nthe log is lost.\n" * 20, "holds no rows of numbers"),
+    "binary": (bytes(range(256)) * 64, "is not text"),
+    "control characters": (b"\x01\x02\x03\x04abc\n" * 100, "is not text"),
+    "nul in every row": (ROWS.replace(b",1542", b",15\x0042"), "is not text (a NUL byte at"),
+    "nothing but nul": (HEADER.encode() + b"\x00" * 4000, "is not text (a NUL byte at"),
+    "utf-16": (ROWS.decode().encode("utf-16"), "UTF-16"),
+    "utf-16 without its mark": (ROWS.decode().encode("utf-16-le"), "UTF-16"),
+    "utf-16 big-endian": (ROWS.decode().encode("utf-16-be"), "UTF-16"),
+    "utf-32": (ROWS.decode().encode("utf-32"), "iconv -f UTF-32"),
+    "utf-32 big-endian": (b"\0\0\xfe\xff" + ROWS.decode().encode("utf-32-be"), "iconv -f UTF-32"),
+    "no column": (ROWS.replace(b"CH1,CH2", b"C,D"), "no column 'CH1'"),
+    "gzip without its end": (gzip.compress(b"x" * 100_000)[:20], "gzip stream is cut off"),
+    "gzip of binary": (gzip.compress(bytes(range(256)) * 100), "is not text"),
+    "mcap magic alone": (b"\x89MCAP0\r\n", "names no field"),
+    "hdf5 magic alone": (b"\x89HDF\r\n\x1a\n" + b"\x00" * 600, "HDF5"),
+    "zstd magic alone": (b"\x28\xb5\x2f\xfd", "zstd stream is cut off"),
+    "xz damaged": (lzma.compress(ROWS)[:30] + b"\xff" * 50, "xz stream is damaged"),
 }
 
 
 @pytest.mark.parametrize("name", UNREADABLE)
 def test_nothing_can_be_read(folder: Path, tirelog: Command, name: str) -> None:
-    (folder / "log.csv").write_bytes(UNREADABLE[name])
+    data, words = UNREADABLE[name]
+    (folder / "log.csv").write_bytes(data)
     outcome = tirelog("speed", "log.csv")
     assert outcome.status == 4, outcome.err
-    assert message(outcome.err).startswith("tirelog: error: log.csv")
+    assert message(outcome.err).startswith("tirelog: error: log.csv: ")
+    assert words in message(outcome.err)
     assert outcome.err.count(";") >= 2
     assert len(outcome.out.splitlines()) <= 1
 
@@ -85,9 +97,7 @@ def test_some_of_it_is_lost(folder: Path, tirelog: Command, name: str) -> None:
     assert len(outcome.out.splitlines()) > 10
 
 
-def test_a_full_disk_is_told_of_the_run_that_was_asked_for(
-    folder: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_is_told_of_the_run_that_was_asked_for(folder, tirelog, monkeypatch):
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -111,9 +121,7 @@ MISREAD = {
 
 @pytest.mark.parametrize("damaged", [False, True])
 @pytest.mark.parametrize("name", MISREAD)
-def test_a_setup_is_not_blamed_for_a_damaged_log(
-    folder: Path, tirelog: Command, name: str, damaged: bool
-) -> None:
+def test_a_setup_is_not_blamed_for_a_damaged_log(folder, tirelog, name, damaged):
     """What does not go with the setup, under a gzip checksum of its own or of other bytes."""
     (folder / "log.toml").write_text(SETUP + "sampling_rate_Hz = 2500.0\n")
     packed = gzip.compress(MISREAD[name])
@@ -125,9 +133,7 @@ def test_a_setup_is_not_blamed_for_a_damaged_log(
 
 
 @pytest.mark.parametrize("table", ["speed", "footprint", "dissipation"])
-def test_a_log_refused_for_its_second_channel_leaves_no_row(
-    folder: Path, tirelog: Command, table: str
-) -> None:
+def test_a_log_refused_for_its_second_channel_leaves_no_row(folder, tirelog, table):
     """A wrong surface shows when the channel is read: after the first one's rows, if they go to a
     file, which keeps what it held.
     """
@@ -156,35 +162,28 @@ def test_a_missing_column_costs_that_channel_only(folder: Path, tirelog: Command
     assert outcome.status == 3
     assert "CH7" in message(outcome.err)
     assert len(outcome.out.splitlines()) > 10
-    (folder / "log.csv").write_text("time_s,A,B\n" + "\n".join(pulse_rows()) + "\n")
-    outcome = tirelog("speed log.csv")  # no column of the setup is there
-    assert outcome.status == 4
-    assert re.search("CH1.*A", message(outcome.err))
 
 
+#: rows of a log, and how many revolutions it has
 QUIET = {
-    "all lost": (
-        HEADER + "\n".join(f"{i / 2500:.4f},,1542.0" for i in range(5000)) + "\n"
-    ).encode(),
-    "constant": (
-        HEADER + "\n".join(f"{i / 2500:.4f},1550.0000,1542.0" for i in range(5000)) + "\n"
-    ).encode(),
-    "one revolution": (HEADER + "\n".join(pulse_rows(0.16)) + "\n").encode(),
-    "two revolutions": (HEADER + "\n".join(pulse_rows(0.32)) + "\n").encode(),
-    "half a revolution": (HEADER + "\n".join(pulse_rows(0.04)) + "\n").encode(),
+    "all lost": ([f"{i / 2500:.4f},,1542.0" for i in range(5000)], 0),
+    "constant": ([f"{i / 2500:.4f},1550.0000,1542.0" for i in range(5000)], 0),
+    "half a revolution": (pulse_rows(0.04), 0),
+    "one revolution": (pulse_rows(0.16), 1),
+    "two revolutions": (pulse_rows(0.32), 2),
 }
 
 
 @pytest.mark.parametrize("name", QUIET)
 def test_ordinary_data_with_little_in_it(folder: Path, tirelog: Command, name: str) -> None:
-    (folder / "log.csv").write_bytes(QUIET[name])
+    lines, revolutions = QUIET[name]
+    (folder / "log.csv").write_text(HEADER + "\n".join(lines) + "\n")
     outcome = tirelog("speed", "log.csv")
     assert outcome.status == 0, outcome.err
     rows = outcome.out.splitlines()[1:]
-    assert len(rows) == {"one revolution": 1, "two revolutions": 2}.get(name, 0)
-    assert all(
-        row.split(",")[-1] != "ok" for row in rows
-    )  # no speed without a neighbour on either side
+    assert len(rows) == revolutions
+    # no speed without a neighbour on either side
+    assert all(row.split(",")[-1] != "ok" for row in rows)
 
 
 REPAIRED = {
@@ -194,9 +193,7 @@ REPAIRED = {
 
 
 @pytest.mark.parametrize("name", REPAIRED)
-def test_a_clock_that_stumbles_is_repaired_and_said(
-    folder: Path, tirelog: Command, name: str
-) -> None:
+def test_a_clock_that_stumbles_is_repaired_and_said(folder, tirelog, name):
     clean = tirelog("speed", "log.csv").out.splitlines()
     (folder / "log.csv").write_bytes(REPAIRED[name])
     outcome = tirelog("speed", "log.csv")
@@ -244,27 +241,23 @@ def test_output_that_cannot_be_written(folder: Path, tirelog: Command, target: s
 
 
 @pytest.mark.parametrize(
-    ("command", "option"),
+    "words",
     [
-        *(
-            ("compare", "--plot"),
-            ("ladder", "--save"),
-            ("ladder", "--plot"),
-            ("footprint", "--plot"),
-        ),
-        *((c, "-o") for c in ("diagnose", "speed", "model fit", "report", "simulate", "ingest")),
+        "compare none.csv --model none.toml --plot",
+        "ladder none.csv --model none.toml --save",
+        "ladder none.csv --model none.toml --plot",
+        "footprint none.csv --plot",
+        "diagnose none.csv --model none.toml -o",
+        "model fit none.csv --model none.toml -o",
+        *(f"{command} none.csv -o" for command in ("speed", "report", "simulate", "ingest")),
     ],
 )
-@pytest.mark.parametrize("place", ["nodir/x.png", "log.csv/x.png"])
-def test_a_folder_that_is_not_there_is_told_before_the_work(
-    folder: Path, tirelog: Command, command: str, option: str, place: str
-) -> None:
+def test_a_folder_that_is_not_there_is_told_before_the_work(folder, tirelog, words):
     """Even before the logs and models are looked for, which are not there either."""
-    asks = command in ("compare", "diagnose", "ladder", "model fit")
-    model = "--model none.toml" if asks else ""
-    outcome = tirelog(f"{command} none.csv {model} {option} {place}")
-    assert outcome.status == 2
-    assert message(outcome.err).startswith(f"tirelog: error: {place}: cannot be written (No")
+    for place in ("nodir/x.png", "log.csv/x.png"):
+        outcome = tirelog(f"{words} {place}")
+        assert outcome.status == 2
+        assert message(outcome.err).startswith(f"tirelog: error: {place}: cannot be written (No")
 
 
 @pytest.mark.parametrize(
@@ -286,13 +279,11 @@ def test_usage(folder: Path, tirelog: Command, arguments: list[str], words: str)
 
 
 @pytest.mark.parametrize("log", [".", "/", "", "..", "x" * 300, "a" * 5000 + ".csv"])
-@pytest.mark.parametrize("command", [["speed"], ["info"], ["ingest", "-o", "run.h5"]])
-def test_a_log_that_is_no_file(
-    folder: Path, tirelog: Command, log: str, command: list[str]
-) -> None:
-    outcome = tirelog(command[0], log, *command[1:])
-    assert outcome.status in (2, 4), outcome.err
-    message(outcome.err)
+def test_a_log_that_is_no_file(folder: Path, tirelog: Command, log: str) -> None:
+    for command in (["speed"], ["info"], ["ingest", "-o", "run.h5"]):
+        outcome = tirelog(command[0], log, *command[1:])
+        assert outcome.status in (2, 4), outcome.err
+        message(outcome.err)
     assert sorted(p.name for p in folder.iterdir()) == ["log.csv", "log.toml"]
 
 
@@ -301,15 +292,10 @@ def test_names_of_a_log_do_not_reach_the_terminal_raw(folder: Path, tirelog: Com
     message of their own.
     """
     hostile = "/\x1b[2J\x9b31m\u202e\ntirelog: error: a lie"
-    write_json(
-        folder / "log.mcap",
-        [(hostile, START_NS + 10**6 * i, {hostile: i, "v": i}) for i in range(99)],
-    )
-    first = pulse_rows(0.1)
-    (folder / "cells.csv").write_text(
-        f"time_s,CH1,CH2,\x1b]0;title\x07\x9b\n{chr(10).join(row + ',0' for row in first)}\n",
-        "utf-8",
-    )
+    topic = [(hostile, START_NS + 10**6 * i, {hostile: i, "v": i}) for i in range(99)]
+    write_json(folder / "log.mcap", topic)
+    rows = "".join(f"{row},0\n" for row in pulse_rows(0.1))
+    (folder / "cells.csv").write_text(f"time_s,CH1,CH2,\x1b]0;title\x07\x9b\n{rows}", "utf-8")
     (folder / "log.toml").write_text(SETUP.replace('"CH1"', '"/t:v"'))
     (folder / "cells.toml").write_text(SETUP.replace('"CH1"', '"CH7"').replace('"CH2"', '"CH8"'))
     (folder / "topic.toml").write_text(
@@ -325,9 +311,7 @@ def test_names_of_a_log_do_not_reach_the_terminal_raw(folder: Path, tirelog: Com
 
 
 @pytest.mark.parametrize("name", ["compare", "diagnose", "ladder"])
-def test_a_model_against_nothing_that_can_be_read(
-    folder: Path, tirelog: Command, name: str
-) -> None:
+def test_a_model_against_nothing_that_can_be_read(folder, tirelog, name):
     assert tirelog("model new --carcass beam --setup log.toml -o beam.toml").status == 0
     (folder / "empty.csv").write_text("")
     outcome = tirelog(name, "empty.csv", "--setup", "log.toml", "--model", "beam.toml")
@@ -336,29 +320,22 @@ def test_a_model_against_nothing_that_can_be_read(
     assert "is empty" in outcome.err
 
 
-def test_a_few_irregular_stamps_do_not_take_the_log_with_them(
-    folder: Path, tirelog: Command
-) -> None:
+def test_a_few_irregular_stamps_do_not_take_the_log_with_them(folder, tirelog):
     """A short topic from a bus beside the strain: its times are its stamps, and the strain is read
     as without it.
     """
     times_s = np.cumsum(np.random.default_rng(5).uniform(0.01, 0.09, 69))
     cells = [row.split(",") for row in pulse_rows()]
     strain = [
-        ("/s", START_NS + round(float(t) * 1e9), {"a": float(a), "b": float(b)})
-        for t, a, b in cells
+        ("/s", START_NS + round(t * 1e9), {"a": a, "b": b})
+        for t, a, b in np.array(cells, float).tolist()
     ]
     bus = [("/can", START_NS + round(t * 1e9), {"v": 12.0}) for t in times_s]
     write_json(folder / "log.mcap", sorted(strain + bus, key=lambda m: m[1]))
-    sources = (
-        SETUP.replace('"CH1"', '"/s:a"')
-        .replace('"CH2"', '"/s:b"')
-        .replace('[log]\ntime = "time_s"', "")
-    )
+    sources = SETUP.split("[log]")[0].replace('"CH1"', '"/s:a"').replace('"CH2"', '"/s:b"')
     (folder / "alone.toml").write_text(sources)
-    (folder / "log.toml").write_text(
-        sources + '[channels.v]\nkind = "vehicle_speed"\nsource = "/can:v"\n'
-    )
+    speed = '[channels.v]\nkind = "vehicle_speed"\nsource = "/can:v"\n'
+    (folder / "log.toml").write_text(sources + speed)
     alone = tirelog("speed", "log.mcap", "--setup", "alone.toml")
     both = tirelog("speed", "log.mcap")
     assert both.status == 0, both.err

@@ -19,9 +19,7 @@ NAMES = sorted({word for words, _ in _WORDS for word in words} | _ALONG | {"volt
     st.sampled_from([0.0, 1e-6, 0.1, 3.0]),
 )
 @settings(max_examples=120, deadline=None)
-def test_a_guess_is_a_kind_with_a_unit_of_it(
-    name: str, unit: str, size: float, moves: float
-) -> None:
+def test_a_guess_is_a_kind_with_a_unit_of_it(name, unit, size, moves):
     samples = size * (1.0 + moves * np.sin(np.arange(50.0)))
     guess = guessed(name, unit, samples)
     KINDS[guess.kind].to_si(guess.unit)

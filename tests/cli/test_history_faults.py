@@ -4,12 +4,18 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import Command
+from tests.cli.conftest import Command
+
+DAMAGED = ["", "{}", '{"ladders": [{"steps": [{"step": 0}]}]}', '{"ladders": 3}', "[1]"]
+DEEP = [
+    "[" * 100_000,
+    '{"ladders": ' * 500,
+    '{"ladders": [1' + "0" * 400 + "]}",
+    "[" * 40 + "]" * 40,
+]
 
 
-@pytest.mark.parametrize(
-    "content", ["", "{}", '{"ladders": [{"steps": [{"step": 0}]}]}', '{"ladders": 3}', "[1]"]
-)
+@pytest.mark.parametrize("content", [*DAMAGED, *DEEP])
 def test_a_damaged_history(model: Path, tirelog: Command, content: str) -> None:
     model.with_suffix(".ladder.json").write_text(content)
     outcome = tirelog("model", "show", model, "--history")

@@ -5,7 +5,7 @@ import io
 import json
 from pathlib import Path
 
-from .conftest import Command
+from tests.cli.conftest import Command
 
 STEP = {
     "rmse_fit": 2e-6,

@@ -49,9 +49,6 @@ def test_an_edited_model_may_keep_its_name(model: Path, tirelog: Command) -> Non
         "fit log.csv nowhere.csv --model m.toml -o m.toml",
         "fit log.csv cut.csv.gz --model m.toml -o m.toml",
         "fit log.csv log.csv --model m.toml -o m.toml",
-        "fit log.csv --model m.toml -o log.toml",
-        "fit log.csv --model m.toml -o log.csv",
-        "worn m.toml --new-depth 0.008 --depth 0.003 -o m.toml",
     ],
 )
 def test_what_failed_leaves_the_model_as_it_was(model: Path, tirelog: Command, words: str) -> None:
@@ -65,9 +62,7 @@ def test_what_failed_leaves_the_model_as_it_was(model: Path, tirelog: Command, w
     assert {path: path.read_bytes() for path in model.parent.iterdir()} == before
 
 
-def test_of_several_gratings_the_one_taken_is_named(
-    model: Path, tirelog: Command, folder: Path
-) -> None:
+def test_of_several_gratings_the_one_taken_is_named(model, tirelog, folder):
     rows = (folder / "log.csv").read_text().splitlines()
     setup = (folder / "log.toml").read_text()
     block = setup[setup.index("[channels.strain_1]") : setup.index("[log]")]

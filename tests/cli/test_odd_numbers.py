@@ -27,9 +27,7 @@ def test_hundreds_of_decimals_are_no_counts(folder: Path, tirelog: Command) -> N
     assert len(outcome.out.splitlines()) > 10
 
 
-def test_an_encoder_of_numbers_too_large_to_square_shows_no_teeth(
-    folder: Path, tirelog: Command
-) -> None:
+def test_an_encoder_of_numbers_too_large_to_square_shows_no_teeth(folder, tirelog):
     teeth = np.sin(2 * np.pi * 300 * np.arange(20_000) / 5000.0)
     with h5py.File(folder / "encoder.h5", "w") as file:
         file.create_dataset("encoder", data=1.7e308 * teeth).attrs["sampling_rate_Hz"] = 5000.0

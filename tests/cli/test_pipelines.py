@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 import zstandard
 
-from .conftest import Command
+from tests.cli.conftest import Command
 
 COMPRESS = {
     "gz": gzip.compress,
@@ -69,9 +69,7 @@ def test_every_format_of_one_table_passes_check(folder: Path, tirelog: Command, 
         (["tables", "--table", "speed", "-o", "f", "--format", "parquet"], "f/speed.parquet"),
     ],
 )
-def test_a_parquet_table_and_a_run_carry_the_hash_of_the_log(
-    folder: Path, tirelog: Command, command: list[str], name: str
-) -> None:
+def test_a_parquet_table_and_a_run_carry_the_hash_of_the_log(folder, tirelog, command, name):
     digest = hashlib.sha256((folder / "log.csv").read_bytes()).hexdigest()
     assert tirelog("ingest", "log.csv", "-o", "run.h5").status == 0
     for log in ("log.csv", "run.h5"):
@@ -120,9 +118,7 @@ def test_check_does_not_take_another_folder_for_another_log(folder: Path, tirelo
 @pytest.mark.parametrize(
     "text", ["log,a\nx,1\nx,1,2,3\n", "log,a\nx,1,2\ny,3,4\n", 'log,a\nx,"1\n']
 )
-def test_a_table_whose_rows_do_not_fit_its_header(
-    folder: Path, tirelog: Command, text: str
-) -> None:
+def test_a_table_whose_rows_do_not_fit_its_header(folder, tirelog, text):
     (folder / "ragged.csv").write_text(text)
     outcome = tirelog("check", "ragged.csv", "--against", "ragged.csv")
     assert outcome.status == 4

@@ -114,9 +114,7 @@ def run_all(tirelog: Command, line: str) -> str:
 @pytest.mark.parametrize(
     "path", [pytest.param(p, marks=pytest.mark.slow) if p in SLOW else p for p in EXAMPLES]
 )
-def test_examples_in_help_run(
-    folder: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch, path: str
-) -> None:
+def test_examples_in_help_run(folder, tirelog, monkeypatch, path):
     shown = tirelog(*path.split(), "--help").out
     for line, _ in EXAMPLES[path]:
         assert line in shown
@@ -179,9 +177,7 @@ def next_of(tirelog: Command, line: str) -> str:
     return str(follows)
 
 
-def test_too_few_manoeuvres_ask_for_more_with_the_same_options(
-    folder: Path, tirelog: Command
-) -> None:
+def test_too_few_manoeuvres_ask_for_more_with_the_same_options(folder, tirelog):
     run_all(tirelog, "tirelog model new --setup hidden_1.toml -o beam.toml")
     shutil.copy(folder / "hidden_1.csv.gz", folder / "first.csv.gz")
     given = "--setup hidden_1.toml --channel strain_1"

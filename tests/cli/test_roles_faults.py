@@ -27,9 +27,7 @@ CASES = (
 
 
 @pytest.mark.parametrize(("words", "role", "use"), CASES, ids=[case[0] for case in CASES])
-def test_a_file_in_the_wrong_role_is_named(
-    folder: Path, tirelog: Command, words: str, role: str, use: str
-) -> None:
+def test_a_file_in_the_wrong_role_is_named(folder, tirelog, words, role, use):
     (folder / "s.toml").write_text(SCENARIO)
     (folder / "c.toml").write_text('[campaign]\noutput = "o"\n[[logs]]\nglob = "*.csv"\n')
     assert tirelog("model", "new", "--setup", "log.toml", "-o", "m.toml").status == 0

@@ -39,9 +39,7 @@ def several(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("workers", ["1", "3"])
-def test_the_rows_are_those_of_the_single_commands(
-    several: Path, tirelog: Command, workers: str
-) -> None:
+def test_the_rows_are_those_of_the_single_commands(several, tirelog, workers):
     line = f"tables log.csv more.csv -o made/now --workers {workers}"
     assert tirelog(line).status == 0
     made = {path.name: path.read_bytes() for path in (several / "made" / "now").iterdir()}
@@ -94,9 +92,7 @@ def test_a_file_where_the_folder_should_be(folder: Path, tirelog: Command) -> No
     assert "it is a file; give the path of a folder" in outcome.err
 
 
-def test_a_channel_that_fails_is_not_waited_for(
-    several: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_channel_that_fails_is_not_waited_for(several, tirelog, monkeypatch):
     from tirelog.strain.passages import find as passage_surface
     from tirelog.strain.passages.find import Passages
 
@@ -125,9 +121,7 @@ def swapped(several: Path) -> Path:
     ("name", "logs"),
     [("speed", ("log.csv", "more.csv")), ("dissipation", ("more.csv", "log.csv"))],
 )
-def test_of_two_logs_the_refused_one_is_left_out_and_the_other_whole(
-    swapped: Path, tirelog: Command, name: str, logs: tuple[str, str]
-) -> None:
+def test_of_two_logs_the_refused_one_is_left_out_and_the_other_whole(swapped, tirelog, name, logs):
     alone = tirelog(name, "log.csv")
     both = tirelog(name, *logs)
     assert both.out == alone.out
@@ -140,9 +134,7 @@ def test_of_two_logs_the_refused_one_is_left_out_and_the_other_whole(
     assert (swapped / "both.csv").read_text() == alone.out
 
 
-def test_of_three_logs_the_refused_one_is_left_out_of_all_tables(
-    swapped: Path, tirelog: Command
-) -> None:
+def test_of_three_logs_the_refused_one_is_left_out_of_all_tables(swapped, tirelog):
     (swapped / "third.csv").write_bytes((swapped / "log.csv").read_bytes())
     (swapped / "third.toml").write_bytes((swapped / "log.toml").read_bytes())
     assert tirelog("tables", "log.csv", "third.csv", "-o", "two").status == 0
@@ -155,9 +147,7 @@ def test_of_three_logs_the_refused_one_is_left_out_of_all_tables(
 
 
 @pytest.mark.parametrize("arguments", [("speed",), ("tables",)])
-def test_if_every_log_is_refused_nothing_is_written(
-    swapped: Path, tirelog: Command, arguments: tuple[str, ...]
-) -> None:
+def test_if_every_log_is_refused_nothing_is_written(swapped, tirelog, arguments):
     (swapped / "bad.csv").write_bytes((swapped / "log.csv").read_bytes())
     (swapped / "bad.toml").write_text('[channels.x]\nkind = "no such"\n')
     (swapped / "old").write_text("kept")

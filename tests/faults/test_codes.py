@@ -18,40 +18,39 @@ from tirelog.vocabulary.quality import Quality
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
 
-@pytest.mark.parametrize(("code", "many"), [(9999.0, 30), (-99.0, 30), (65535.0, 1)])
-def test_codes_in_the_vehicle_s_speed_move_no_slip(tmp_path: Path, code: float, many: int) -> None:
-    hit = tmp_path / "encoder.h5"
+def slips(folder, spoil):
+    """(the log, slip of it, slip of encoder.h5), the log with a vehicle's speed that was spoilt."""
+    hit, setup = folder / "encoder.h5", SAMPLES / "encoder.toml"
     shutil.copy(SAMPLES / "encoder.h5", hit)
     with h5py.File(hit, "r+") as file:
-        speed = file["vehicle/speed"]
-        values = speed[()]
+        values = file["vehicle/speed"][()]
+        spoil(values)
+        file["vehicle/speed"][...] = values
+    return hit, *(tirelog.slip(log, setup=setup) for log in (hit, SAMPLES / "encoder.h5"))
+
+
+@pytest.mark.parametrize(("code", "many"), [(9999.0, 30), (-99.0, 30), (65535.0, 1)])
+def test_codes_in_the_vehicle_s_speed_move_no_slip(tmp_path, code, many):
+    def spoil(values):
         values[np.random.default_rng(7301).choice(values.size, many, replace=False)] = code
-        speed[...] = values
-    own, clean = (
-        tirelog.slip(log, setup=SAMPLES / "encoder.toml") for log in (hit, SAMPLES / "encoder.h5")
-    )
+
+    hit, own, clean = slips(tmp_path, spoil)
     with tirelog.open_log(hit, SAMPLES / "encoder.toml") as log:
-        assert (
-            f"vehicle_speed: {many} samples far off those around them were left" in log.remarks[0]
-        )
+        said = f"vehicle_speed: {many} samples far off those around them were left"
+        assert said in log.remarks[0]
     off = np.abs(own.slip - clean.slip) / clean.slip_se
     assert np.nanmax(off) < 2.0  # two samples of the thirteen of a turn are lost
     assert (own.quality == clean.quality).all()
 
 
-def test_spikes_in_the_vehicle_s_speed_move_no_slip(tmp_path: Path) -> None:
-    hit, random = tmp_path / "encoder.h5", np.random.default_rng(7302)
-    shutil.copy(SAMPLES / "encoder.h5", hit)
-    with h5py.File(hit, "r+") as file:
-        speed = file["vehicle/speed"]
-        values = speed[()]
+def test_spikes_in_the_vehicle_s_speed_move_no_slip(tmp_path):
+    def spoil(values):
+        random = np.random.default_rng(7302)
         hits = random.choice(values.size - 1, 30, replace=False)
         values[hits] *= random.uniform(0.0, 3.0, 30)
         values[hits[:5] + 1] = np.nan  # lost beside the spike
-        speed[...] = values
-    own, clean = (
-        tirelog.slip(log, setup=SAMPLES / "encoder.toml") for log in (hit, SAMPLES / "encoder.h5")
-    )
+
+    _, own, clean = slips(tmp_path, spoil)
     # ten usual changes of white noise are 9.5 sigma, and of a mean of 13 samples 2.6 of its errors
     assert np.nanmax(np.abs(own.slip - clean.slip) / clean.slip_se) < 2.7
     assert np.mean(own.quality == "ok") > 0.98

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from tirelog.data.setup import load_setup
-from tirelog.diagnosis.history import read_history
 from tirelog.errors import ModelError, SetupError, TirelogError, UsageError, printable
 from tirelog.physics.model.file import load_model as read
 from tirelog.simulation.scenario.schema import load_scenario
@@ -43,9 +42,7 @@ HOSTILE = {
 
 @pytest.mark.parametrize("what", HOSTILE)
 @pytest.mark.parametrize("kind", FILES)
-def test_every_file_of_tables_is_refused_with_its_name(
-    tmp_path: Path, kind: str, what: str
-) -> None:
+def test_every_file_of_tables_is_refused_with_its_name(tmp_path, kind, what):
     path = tmp_path / "x.toml"
     path.write_text(HOSTILE[what])
     with pytest.raises((SetupError, UsageError, ModelError)) as caught:
@@ -54,28 +51,13 @@ def test_every_file_of_tables_is_refused_with_its_name(
     assert caught.value.exit_status == 2
     assert caught.value.message.count(";") >= 1
     assert len(str(caught.value)) < 2000
+    assert caught.value.line == 1 or what != "not TOML"
 
 
 def test_a_file_of_tables_that_is_no_file(tmp_path: Path) -> None:
     for load in FILES.values():
         with pytest.raises(TirelogError, match="cannot be read"):
             load(tmp_path)
-
-
-def test_the_line_of_what_is_no_toml() -> None:
-    with pytest.raises(SetupError) as caught:
-        toml_tables("a = 1\nb = = 2\n", SetupError, file="s.toml")
-    assert (caught.value.file, caught.value.line) == ("s.toml", 2)
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["[" * 100_000, '{"ladders": ' * 500, '{"ladders": [1' + "0" * 400 + "]}", "[" * 40 + "]" * 40],
-)
-def test_a_history_that_goes_too_far(tmp_path: Path, text: str) -> None:
-    (tmp_path / "m.ladder.json").write_text(text)
-    with pytest.raises(ModelError, match="no history"):
-        read_history(tmp_path / "m.toml")
 
 
 def test_what_is_as_deep_as_allowed_is_read() -> None:

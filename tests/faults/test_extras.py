@@ -13,44 +13,14 @@ import pyarrow.feather
 import pytest
 
 from benchmarks.layouts import writers
-from benchmarks.layouts.generated import setup
-from tirelog.data.setup import parse_setup
-from tirelog.errors import ReadError, TirelogError
+from tests.readers.other_files import outcome, read, refusal
+from tirelog.errors import TirelogError
 from tirelog.readers.other import conversion as apart
 from tirelog.readers.other.datasets import check_names, proper, unsafe_formula
 from tirelog.readers.other.formats import FORMATS, name_of
-from tirelog.runs.ingest import open_recording
 
 N = 400
 COLUMNS = {"inner": 10.0 + np.sin(np.arange(N) * 0.37), "outer": 1e-3 * np.arange(N)}
-
-
-def read(path: Path, source: str = "inner") -> tuple[np.ndarray, str]:
-    """(samples, what was lost)."""
-    with open_recording(str(path), parse_setup(setup(source))) as recording:
-        return recording.channels["a"].read(), "; ".join(recording.losses)
-
-
-def outcome(path: Path, source: str = "inner") -> tuple[int, str]:
-    """(samples read, what is said): a refusal of ours, or what was lost."""
-    try:
-        values, lost = read(path, source)
-    except TirelogError as problem:
-        return 0, str(problem)
-    return values.size, lost
-
-
-def refusal(path: Path, source: str = "inner") -> str:
-    with pytest.raises(ReadError) as caught:
-        read(path, source)
-    assert str(caught.value).startswith(f"{path}: ")
-    return str(caught.value)
-
-
-def written(data: bytes, folder: Path) -> Path:
-    path = folder / "log"
-    path.write_bytes(data)
-    return path
 
 
 HEADS = {
@@ -69,14 +39,12 @@ OTHER_HEADS = {
 
 
 @pytest.mark.parametrize("name", HEADS)
-def test_without_its_library_the_line_that_installs_it(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_its_library_the_line_that_installs_it(name, tmp_path, monkeypatch):
     monkeypatch.setattr(apart, "find_spec", lambda library: None)
     what = FORMATS[name]
     for head in (HEADS[name], *OTHER_HEADS.get(name, ())):
         assert name_of(head) == name
-        message = refusal(written(head + bytes(500), tmp_path))
+        message = refusal(head + bytes(500), tmp_path)
         assert f"is {what.name}, which {what.package} reads, and that is not installed" in message
         assert message.endswith(f"install it: pip install 'tirelog[{what.extra}]'")
 
@@ -101,12 +69,13 @@ def test_a_column_of_numbers_is_no_universal_file(text: str) -> None:
     assert name_of(text.encode()) == ""
 
 
-def feather(folder: Path) -> Path:
-    table = pa.table({"time_s": np.arange(N) / 100.0, **COLUMNS})
-    pa.feather.write_feather(table, folder / "log")
-    return folder / "log"
+def feather(table: dict[str, object], **options: object) -> bytes:
+    file = io.BytesIO()
+    pyarrow.feather.write_feather(pa.table(table), file, **options)
+    return file.getvalue()
 
 
+FEATHER = feather({"time_s": np.arange(N) / 100.0, **COLUMNS})
 LIMITS = {
     "MEMORY_BYTES": (32 << 20, "too much memory"),
     "DISK_BYTES": (1 << 12, "File too large|ended with status"),
@@ -115,38 +84,32 @@ LIMITS = {
 
 
 @pytest.mark.parametrize("limit", LIMITS)
-def test_what_takes_too_much_is_ended_and_said(
-    limit: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_takes_too_much_is_ended_and_said(limit, tmp_path, monkeypatch):
     most, says = LIMITS[limit]
-    path = tmp_path / "log"  # small, and of one batch of 48 MB
-    pa.feather.write_feather(pa.table({"inner": np.zeros(6_000_000)}), path, chunksize=6_000_000)
+    small = feather({"inner": np.zeros(6_000_000)}, chunksize=6_000_000)  # one batch of 48 MB
     monkeypatch.setattr(apart, limit, most)
     monkeypatch.setattr(apart, "_BYTES_PER_SECOND", 1 << 40)
-    message = refusal(path)
+    message = refusal(small, tmp_path, "inner")
     assert any(part in message for part in says.split("|"))
     assert [one.name for one in tmp_path.iterdir()] == ["log"]
 
 
-def test_a_converter_that_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_child_that_fails_or_says_nothing(tmp_path, monkeypatch):
     run = apart._run
     monkeypatch.setattr(apart, "_run", lambda _, *files: run("no_such_format", *files))
-    assert "no_such_format" in refusal(feather(tmp_path))
-
-
-def test_a_child_that_says_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "no_such_format" in refusal(FEATHER, tmp_path, "inner")
     monkeypatch.setattr(apart, "_run", lambda *_: -11)
-    assert "its library ended with status -11" in refusal(feather(tmp_path))
+    assert "its library ended with status -11" in refusal(FEATHER, tmp_path, "inner")
 
 
 @pytest.mark.parametrize("at", [60, 900, -300])
 def test_a_feather_file_cut_or_changed(at: int, tmp_path: Path) -> None:
-    data = bytearray(feather(tmp_path).read_bytes())
+    data = bytearray(FEATHER)
     if at < 0:
         del data[at:]
     else:
         data[at : at + 8] = b"\xff" * 8
-    size, said = outcome(written(bytes(data), tmp_path))
+    size, said = outcome(bytes(data), tmp_path, "inner")
     assert size == N or "is an Arrow or Feather file that cannot be read" in said
 
 
@@ -260,14 +223,14 @@ def test_flips_and_cuts_end_in_a_sentence_or_in_data(name: str, made, tmp_path: 
             spoilt[at] ^= 1 << int(rng.integers(8))
         if rng.random() < 0.4:
             del spoilt[int(rng.integers(1, len(spoilt))) :]
-        size, said = outcome(written(bytes(spoilt), tmp_path), source)
+        size, said = outcome(bytes(spoilt), tmp_path, source)
         assert size > 0 or str(tmp_path / "log") in said
 
 
 @pytest.mark.parametrize("name", FILES)
 def test_half_of_a_file_is_refused_or_said_to_be_half(name: str, made, tmp_path: Path) -> None:
     data, source = made(name)
-    size, said = outcome(written(data[: len(data) // 2], tmp_path), source)
+    size, said = outcome(data[: len(data) // 2], tmp_path, source)
     assert size <= N
     assert said
 
@@ -295,13 +258,13 @@ MANY = "<row>" + "<c><v>1</v></c>" * 16_000 + "</row>"
 def test_a_small_workbook_of_very_many_cells(rows: str, tmp_path: Path, monkeypatch) -> None:
     pytest.importorskip("python_calamine", reason="python_calamine comes with an extra")
     monkeypatch.setattr(apart, "MEMORY_BYTES", 1 << 28)
-    assert "cannot be read" in refusal(written(sheet(rows), tmp_path))
+    assert "cannot be read" in refusal(sheet(rows), tmp_path)
 
 
 def test_a_workbook_of_words_is_no_damage(tmp_path: Path) -> None:
     pytest.importorskip("python_calamine", reason="python_calamine comes with an extra")
     words = '<row r="1"><c r="A1" t="str"><v>tread</v></c></row>'
-    said = refusal(written(sheet(words), tmp_path))
+    said = refusal(sheet(words), tmp_path)
     assert "document without a log in it: no sheet has rows of numbers" in said
     assert "cannot be read" not in said
 
@@ -310,8 +273,7 @@ def test_a_count_of_values_that_no_tdms_can_hold(made, tmp_path: Path) -> None:
     data, source = made("TDMS")
     many = struct.pack("<Q", -(-N // 3))
     assert many in data
-    path = written(data.replace(many, struct.pack("<Q", 1 << 60)), tmp_path)
-    size, said = outcome(path, source)
+    size, said = outcome(data.replace(many, struct.pack("<Q", 1 << 60)), tmp_path, source)
     assert size <= N
     assert said
 
@@ -320,10 +282,8 @@ def test_a_bag_whose_type_is_code_runs_none_of_it(made, tmp_path: Path, monkeypa
     monkeypatch.chdir(tmp_path)
     data, source = made("ROS 1")
     kind, code = b"Vector3Stamped", b"V(open('hacked','w'))"
-    spoilt = data.replace(kind, code[: len(kind)].ljust(len(kind), b" "))
-    path = written(spoilt, tmp_path)
     with pytest.raises(TirelogError):
-        read(path, source)
+        read(data.replace(kind, code[: len(kind)].ljust(len(kind), b" ")), tmp_path, source)
     assert [one.name for one in tmp_path.iterdir()] == ["log"]
 
 
@@ -334,4 +294,5 @@ def test_a_database_that_is_no_bag(tmp_path: Path) -> None:
     with sqlite3.connect(tmp_path / "log") as base:
         base.execute("CREATE TABLE other(id INTEGER)")
     base.close()
-    assert "missing tables" in refusal(tmp_path / "log", "/tire:vector.x")
+    data = (tmp_path / "log").read_bytes()
+    assert "missing tables" in refusal(data, tmp_path, "/tire:vector.x")

@@ -21,26 +21,31 @@ with whole_file(sys.argv[1]):
 """
 
 
-def begun(output: Path) -> subprocess.Popen[str]:
+def begun(output):
     """A process that has begun an output."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", BEGUN, str(output)], stdout=subprocess.PIPE, text=True
-    )
-    assert process.stdout is not None
+    command = [sys.executable, "-c", BEGUN, str(output)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert process.stdout.readline() == "begun\n"
     assert list(output.parent.glob(".*.part"))
     return process
 
 
-def ended(process: subprocess.Popen[str]) -> None:
+def ended(process):
     process.kill()
     process.communicate()
 
 
 def test_a_later_command_of_one_process_sweeps_its_folder_anew(tmp_path):
-    assert run(["tables", str(LOG), "-o", str(tmp_path), "--table", "speed", "--quiet"]) == 0
-    ended(begun(tmp_path / "footprint.csv"))
-    assert run(["tables", str(LOG), "-o", str(tmp_path), "--table", "speed", "--quiet"]) == 0
+    """What a living process has begun stays until it ends."""
+    words = ["tables", str(LOG), "-o", str(tmp_path), "--table", "speed", "--quiet"]
+    assert run(words) == 0
+    other = begun(tmp_path / "footprint.csv")
+    try:
+        assert run(words) == 0
+        assert len(list(tmp_path.glob(".*.part"))) == 1
+    finally:
+        ended(other)
+    assert run(words) == 0
     assert list(tmp_path.glob(".*.part")) == []
 
 
@@ -61,12 +66,3 @@ def test_a_process_that_is_killed_during_the_command_leaves_nothing(tmp_path):
     timer.join()
     assert list(tmp_path.glob(".*.part")) == []
     assert output.exists()
-
-
-def test_what_a_living_process_has_begun_stays(tmp_path):
-    other = begun(tmp_path / "other.csv")
-    try:
-        assert run(["speed", str(LOG), "-o", str(tmp_path / "speed.csv"), "--quiet"]) == 0
-        assert len(list(tmp_path.glob(".*.part"))) == 1
-    finally:
-        ended(other)

@@ -23,6 +23,7 @@ from tirelog.runs.temporary import CHUNK
 FILTERS = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
 
 
+Maker = Callable[[h5py.File, Path], None]
 TIMES_S = np.linspace(0.0, 20.0, SIZE) ** 1.1
 
 
@@ -37,25 +38,17 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 def told(path: Path) -> dict[str, object]:
     """All that a recording says, and its samples' bytes."""
     with open_run(path, "r.h5") as read:
-        out: dict[str, object] = {
-            "setup": read.setup.text,
-            "about": str(read.provenance),
-            "remarks": read.remarks,
-        }
+        out: dict[str, object] = {"setup": read.setup.text, "about": str(read.provenance)}
         for name, channel in read.channels.items():
-            out[name] = (
-                channel.read().tobytes(),
-                channel.axis.time(0, channel.axis.size).tobytes(),
-                channel.flags,
-            )
-        return out | {"losses": list(read.losses)}
+            times = channel.axis.time(0, channel.axis.size)
+            out[name] = (channel.read().tobytes(), times.tobytes(), channel.flags)
+        return out | {"remarks": read.remarks, "losses": list(read.losses)}
 
 
 def test_nothing_lies_in_the_heap(tmp_path: Path) -> None:
     write(tmp_path / "r.h5", source(), times_s=TIMES_S)
-    assert (
-        b"GCOL" not in (tmp_path / "r.h5").read_bytes()
-    )  # where HDF5 keeps what is of variable length
+    # where HDF5 keeps what is of variable length
+    assert b"GCOL" not in (tmp_path / "r.h5").read_bytes()
     kinds = set()
     with h5py.File(tmp_path / "r.h5") as file:
         file.visititems(
@@ -74,10 +67,10 @@ def test_a_flipped_bit_is_noticed_or_changes_nothing(tmp_path: Path) -> None:
     write(path, source(), times_s=TIMES_S)
     truth, clean = told(path), path.read_bytes()
     rng = random.Random(5)
-    places = [rng.randrange(len(clean)) for _ in range(60)]
+    places = [rng.randrange(len(clean)) for _ in range(40)]
     for text in (b"strain_gain = 1.25", b"a loss", b"contents_sha256", b"rate_Hz", b"decimals"):
         start = clean.index(text)
-        places += [rng.randrange(start, start + len(text) + 8) for _ in range(8)]
+        places += [rng.randrange(start, start + len(text) + 8) for _ in range(6)]
     noticed = lost = 0
     for at in places:
         damaged = bytearray(clean)
@@ -100,13 +93,11 @@ def test_a_flipped_bit_is_noticed_or_changes_nothing(tmp_path: Path) -> None:
             near = np.abs(read - was) < (2e-5 if name == "s" else 1e-300)
             assert (np.isnan(read) | near).all()
     assert noticed > len(places) // 2
-    assert lost > 10
+    assert lost > 5
 
 
 @pytest.mark.parametrize("left", [0.1, 0.5, 0.99])
-def test_a_run_that_is_cut_off_is_not_asked_for_a_setup(
-    tmp_path: Path, written: bytes, left: float
-) -> None:
+def test_a_run_that_is_cut_off_is_not_asked_for_a_setup(tmp_path, written, left):
     path = tmp_path / "run.h5"
     path.write_bytes(written[: int(left * len(written))])
     with pytest.raises(ReadError, match="is cut off at"), open_recording(str(path)):
@@ -137,13 +128,8 @@ def _replaced(file: h5py.File, path: str, **dataset: object) -> None:
 
 def _raw_storage(file: h5py.File, folder: Path) -> None:
     (folder / "secret.bin").write_bytes(bytes(4 * SIZE))
-    _replaced(
-        file,
-        "channels/s",
-        shape=(SIZE,),
-        dtype="i4",
-        external=[(str(folder / "secret.bin"), 0, 4 * SIZE)],
-    )
+    elsewhere = [(str(folder / "secret.bin"), 0, 4 * SIZE)]
+    _replaced(file, "channels/s", shape=(SIZE,), dtype="i4", external=elsewhere)
 
 
 def _virtual(file: h5py.File, folder: Path) -> None:
@@ -184,72 +170,86 @@ def _text(file: h5py.File, name: str, text: bytes) -> None:
     file[name].attrs["size"] = len(text)
 
 
-def _attribute(path: str, name: str, value: object) -> Callable[[h5py.File, Path], None]:
-    return lambda file, folder: file[path].attrs.__setitem__(name, value)
+def _attribute(path: str, name: str, value: object = None) -> Maker:
+    """Another value of an attribute, or without one none at all."""
+
+    def make(file: h5py.File, folder: Path) -> None:
+        if value is None:
+            del file[path].attrs[name]
+        else:
+            file[path].attrs[name] = value
+
+    return make
 
 
-HOSTILE: dict[str, Callable[[h5py.File, Path], None]] = {
+def _dataset(path: str, **dataset: object) -> Maker:
+    return lambda file, folder: _replaced(file, path, **dataset)
+
+
+def _removed(*names: str) -> Maker:
+    def make(file: h5py.File, folder: Path) -> None:
+        for name in names or list(file):
+            del file[name]
+
+    return make
+
+
+def _provenance(text: bytes) -> Maker:
+    return lambda file, folder: _text(file, "provenance", text)
+
+
+S, ONE = "channels/s", {"chunks": (CHUNK,)}
+GROWING = {"shape": (SIZE,), "maxshape": (None,), "dtype": "i4"}
+NUMBER_OF_400 = b'{"counts": {"a": 1' + b"0" * 400 + b"}}"
+HOSTILE: dict[str, Maker] = {
     "external link": _external_link,
     "link for a group": _soft_groups,
     "raw storage of another file": _raw_storage,
     "virtual over another file": _virtual,
-    "a chunk of 2 GB": lambda f, d: _replaced(
-        f, "channels/s", shape=(SIZE,), maxshape=(None,), dtype="i4", chunks=(1 << 29,), **FILTERS
-    ),
+    "a chunk of 2 GB": _dataset(S, **GROWING, chunks=(1 << 29,), **FILTERS),
     "a chunk that grows": _inflating_chunk,
-    "a chunk of 2 GB of text": lambda f, d: _replaced(
-        f, "setup", shape=(1 << 31,), dtype="u1", chunks=(1 << 31,), **FILTERS
+    "a chunk of 2 GB of text": _dataset(
+        "setup", shape=(1 << 31,), dtype="u1", chunks=(1 << 31,), **FILTERS
     ),
     "a size of 1e15": _attribute("groups/g", "size", 1e15),
     "half of the size": _attribute("groups/g", "size", SIZE // 2),
+    "a size of text": _attribute("groups/g", "size", np.bytes_(b"many")),
+    "a negative size": _attribute("groups/g", "size", -5),
     "an infinite rate": _attribute("groups/g", "rate_Hz", np.inf),
-    "no rate": lambda f, d: f["groups/g"].attrs.__delitem__("rate_Hz"),
-    "samples of text": lambda f, d: _replaced(
-        f, "channels/s", data=np.array([b"a"] * SIZE), chunks=(CHUNK,)
-    ),
-    "complex samples": lambda f, d: _replaced(
-        f, "channels/s", data=np.zeros(SIZE, complex), chunks=(CHUNK,)
-    ),
-    "samples of two axes": lambda f, d: _replaced(
-        f, "channels/s", data=np.zeros((SIZE, 2)), chunks=(CHUNK, 2)
-    ),
-    "lists for samples": lambda f, d: _replaced(
-        f, "channels/s", shape=(SIZE,), dtype=h5py.vlen_dtype("i4"), chunks=(CHUNK,)
-    ),
-    "no samples": lambda f, d: _replaced(
-        f, "channels/s", shape=(0,), maxshape=(None,), dtype="i4", chunks=(CHUNK,)
-    ),
-    "a start beyond all time": lambda f, d: _replaced(
-        f, "groups/g/start_s", data=[1e300], chunks=True
-    ),
-    "a period of nothing": lambda f, d: _replaced(
-        f, "groups/g/period_s", data=[np.nan], chunks=True
-    ),
-    "no start": lambda f, d: _replaced(
-        f, "groups/g/start_s", data=np.zeros(0), chunks=(1,), maxshape=(None,)
-    ),
-    "flags from nowhere": lambda f, d: _replaced(
-        f, "flags/s/start", data=np.array([-5, 5000]), chunks=True
-    ),
-    "decimals without end": _attribute("channels/s", "decimals", 1e9),
-    "another group": _attribute("channels/s", "group", np.bytes_(b"nowhere")),
-    "a group in the heap": _attribute("channels/s", "group", "g"),
+    "a rate of text": _attribute("groups/g", "rate_Hz", np.bytes_(b"fast")),
+    "a rate of a list": _attribute("groups/g", "rate_Hz", np.arange(3.0)),
+    "no rate": _attribute("groups/g", "rate_Hz"),
+    "samples of text": _dataset(S, data=np.array([b"a"] * SIZE), **ONE),
+    "complex samples": _dataset(S, data=np.zeros(SIZE, complex), **ONE),
+    "samples of two axes": _dataset(S, data=np.zeros((SIZE, 2)), chunks=(CHUNK, 2)),
+    "lists for samples": _dataset(S, shape=(SIZE,), dtype=h5py.vlen_dtype("i4"), **ONE),
+    "no samples": _dataset(S, shape=(0,), maxshape=(None,), dtype="i4", **ONE),
+    "a start beyond all time": _dataset("groups/g/start_s", data=[1e300], chunks=True),
+    "a period of nothing": _dataset("groups/g/period_s", data=[np.nan], chunks=True),
+    "no start": _dataset("groups/g/start_s", data=np.zeros(0), chunks=(1,), maxshape=(None,)),
+    "flags from nowhere": _dataset("flags/s/start", data=np.array([-5, 5000]), chunks=True),
+    "decimals without end": _attribute(S, "decimals", 1e9),
+    "no group": _attribute(S, "group"),
+    "another group": _attribute(S, "group", np.bytes_(b"nowhere")),
+    "a group in the heap": _attribute(S, "group", "g"),
     "a version of text": _attribute("/", "tirelog_run", "2"),
     "the version before": _attribute("/", "tirelog_run", 1),
-    "a setup of other text": lambda f, d: _text(f, "setup", b"\xff\xfe"),
-    "deep provenance": lambda f, d: _text(f, "provenance", b"[" * 100_000),
-    "provenance that counts words": lambda f, d: _text(f, "provenance", b'{"counts": {"a": "b"}}'),
-    "a digest that is a number": lambda f, d: _text(f, "provenance", b'{"sha256": 7}'),
-    "provenance that is a list": lambda f, d: _text(f, "provenance", b"[1]"),
-    "nothing but the attribute": lambda f, d: [f.__delitem__(name) for name in list(f)] and None,
+    "no setup": _removed("setup"),
+    "a setup of other text": lambda file, folder: _text(file, "setup", b"\xff\xfe"),
+    "no provenance": _removed("provenance"),
+    "deep provenance": _provenance(b"[" * 100_000),
+    "provenance that counts words": _provenance(b'{"counts": {"a": "b"}}'),
+    "provenance of huge numbers": _provenance(NUMBER_OF_400),
+    "provenance without end": _provenance(b'{"sha256": "00"'),
+    "a digest that is a number": _provenance(b'{"sha256": 7}'),
+    "provenance that is a list": _provenance(b"[1]"),
+    "nothing but the attribute": _removed(),
 }
 
 
 @pytest.mark.parametrize("signed", [False, True])
 @pytest.mark.parametrize("name", HOSTILE)
-def test_a_run_of_somebody_else_is_checked_as_any_file(
-    tmp_path: Path, written: bytes, name: str, signed: bool
-) -> None:
+def test_a_run_of_somebody_else_is_checked_as_any_file(tmp_path, written, capsys, name, signed):
     """Also if its digest is one of its own contents: what is no good is refused for what it is."""
     path = tmp_path / "r.h5"
     path.write_bytes(written)
@@ -261,13 +261,13 @@ def test_a_run_of_somebody_else_is_checked_as_any_file(
             except (ReadError, OSError, MemoryError):
                 pytest.skip("cannot be signed")
     assert is_run(path)
-    with pytest.raises(ReadError, match=r"^log: the run is damaged"), open_run(path, "log"):
-        pass
+    assert run(["speed", str(path)]) == 4
+    said = capsys.readouterr().err
+    assert said.startswith(f"tirelog: error: {path}: the run is damaged")
+    assert said.count("\n") == 1
 
 
-def test_columns_that_were_exchanged_are_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_columns_that_were_exchanged_are_told(tmp_path, capsys):
     write(tmp_path / "r.h5", source())
     with h5py.File(tmp_path / "r.h5", "r+") as file:
         file["channels/s"][7] = 1
@@ -286,10 +286,8 @@ def test_a_closed_recording_says_so(tmp_path: Path) -> None:
     rows = [f"{k / 100 + 0.003 * (k % 3)},{k % 7}" for k in range(3000)]
     (tmp_path / "log.csv").write_text("time_s,c\n" + "\n".join(rows) + "\n")
     (tmp_path / "log.toml").write_text('[channels.v]\nkind = "vehicle_speed"\nsource = "c"\n')
-    with (
-        suppress(typer.Exit),
-        Session(None, quiet=True) as session,
-    ):  # the run says that it has lost rows
+    # the run says that it has lost rows
+    with suppress(typer.Exit), Session(None, quiet=True) as session:
         kept = list(session.recordings([str(tmp_path / "r.h5"), str(tmp_path / "log.csv")]))
     assert len(kept) == 2
     for recording in kept:

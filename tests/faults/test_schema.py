@@ -51,9 +51,7 @@ LINES = {
 
 
 @pytest.mark.parametrize(("path", "line"), LINES.items())
-def test_the_line_of_a_key_or_of_the_table_around_it(
-    path: tuple[str | int, ...], line: int | None
-) -> None:
+def test_the_line_of_a_key_or_of_the_table_around_it(path, line):
     assert Document(TEXT, SetupError, "a file").line(path) == line
 
 
@@ -101,22 +99,6 @@ def test_a_value_that_is_not_allowed(text: str, said: str) -> None:
     with pytest.raises(SetupError) as refused:
         Document(text, SetupError, "a file", "s").read(FILE)
     assert str(refused.value) == said
-
-
-def test_a_value_that_is_allowed() -> None:
-    text = (
-        'seed = 1\nradius = 2\nstops = [1]\nname = "n"\ndriven = true\n'
-        '[[logs]]\nglob = "a"\n[channels.a]\nkind = "load"\n'
-    )
-    assert Document(text, SetupError, "a file", "s").read(FILE) == {
-        "seed": 1,
-        "radius": 2.0,
-        "stops": (1.0,),
-        "name": "n",
-        "driven": True,
-        "logs": ({"glob": "a"},),
-        "channels": {"a": {"kind": "load"}},
-    }
 
 
 @pytest.mark.parametrize(

@@ -62,9 +62,7 @@ def test_an_address_of_this_machine_is_one_place_however_it_is_spelt(tmp_path: P
 
 
 @pytest.mark.parametrize("name", ["drive.csv", "drive.csv.gz", "encoder.h5", "drive_messages.mcap"])
-def test_a_store_that_goes_while_a_log_is_read_is_no_damage_of_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], name: str
-) -> None:
+def test_a_store_that_goes_is_no_damage_of_the_log(tmp_path, monkeypatch, capfd, name):
     """A store whose answer is an error from the second half of the object on, of a kind that says
     nothing of a connection.
     """

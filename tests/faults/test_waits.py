@@ -6,9 +6,7 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
 
 import pytest
 
@@ -34,29 +32,26 @@ def work(tmp_path, monkeypatch):
     return tmp_path
 
 
-def run_on(words: str, file: str, opened: Callable[[], BinaryIO], *, before: bool) -> int:
+def run_on(words, file, opened, *, before):
     """The status of a command; what `file` holds is written once a notice is given.
 
     What it is written to is `opened` then, or `before`.
     """
     heard, data = threading.Event(), Path(file).read_bytes()
 
-    def write() -> None:
-        if before:
-            with opened() as pipe:
-                heard.wait(30.0)
-                pipe.write(data)
-        else:
+    def write():
+        if not before:
             heard.wait(30.0)
-            with opened() as pipe:
-                pipe.write(data)
+        with opened() as pipe:
+            heard.wait(30.0)
+            pipe.write(data)
 
     threading.Thread(target=write, daemon=True).start()
     with hearing(lambda text: heard.set()):
         return run(words.split())
 
 
-def run_on_pipe(words: str, file: str, *, before: bool = False) -> int:
+def run_on_pipe(words, file, *, before=False):
     """As `run_on`, of `pipe.csv`."""
     os.mkfifo("pipe.csv")
     return run_on(words, file, lambda: open("pipe.csv", "wb"), before=before)
@@ -73,9 +68,7 @@ def run_on_pipe(words: str, file: str, *, before: bool = False) -> int:
         ("check pipe.csv --against speed.csv", "speed.csv", False),
     ],
 )
-def test_a_pipe_without_a_writer_or_a_word_is_noticed_and_waited_for(
-    work, capfd, words, file, silent
-):
+def test_a_pipe_without_a_writer_or_a_word_is_noticed(work, capfd, words, file, silent):
     assert run_on_pipe(words, file, before=silent) == 0
     said = capfd.readouterr().err
     assert said.count(NOTICE) == 1
@@ -113,12 +106,9 @@ def test_compiling_is_noticed_once(tmp_path):
     for built in (package / "kernels").glob("_built*"):
         built.unlink()
     (tmp_path / "log.csv").write_text("time_s,a\n0,1\n0.001,2\n0.002,1\n")
+    command = [sys.executable, "-c", "from tirelog.cli import main; main()", "info", "log.csv"]
+    seen = {**os.environ, "PYTHONPATH": str(tmp_path)}
     done = subprocess.run(
-        [sys.executable, "-c", "from tirelog.cli import main; main()", "info", "log.csv"],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        command, cwd=tmp_path, env=seen, capture_output=True, text=True, check=True
     )
     assert done.stderr.count("compiling kernels") == 1

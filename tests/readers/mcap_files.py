@@ -1,12 +1,12 @@
 """MCAP logs for the tests, written by the library's own writers."""
 
 import json
+from contextlib import contextmanager
 
-import numpy as np
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.writer import CompressionType, Writer
 
-from tirelog.data.setup import parse_setup
+from tests.readers.logs import setup_of, whole
 from tirelog.readers.mcap.reader import open_mcap
 
 START_NS = 1_700_000_000_000_000_000
@@ -48,49 +48,43 @@ uint32 nanosec
 NONE, LZ4, ZSTD = CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD
 
 
-def setup_of(sources, kind="temperature", log="", more=""):
-    return parse_setup(
-        "\n".join(
-            [
-                *(
-                    f'[channels.{k}]\nkind = "{kind}"\nsource = "{v}"\n{more}'
-                    for k, v in sources.items()
-                ),
-                f"[log]\n{log}",
-            ]
-        )
-    )
-
-
-def read(source, sources, **more):
+def read(source, sources, log="", **keys):
     """(values per channel, stamps per group, the reader) of a whole log."""
-    reader = open_mcap(source, setup_of(sources, **more), "log.mcap")
-    values, stamps = {}, {}
-    for block in reader.blocks():
-        stamps.setdefault(block.group, []).append(block.stamps_s)
-        for name, part in block.values.items():
-            assert part.shape == block.stamps_s.shape
-            values.setdefault(name, []).append(part)
-    return (
-        {k: np.concatenate(v) for k, v in values.items()},
-        {k: np.concatenate(v) for k, v in stamps.items()},
-        reader,
-    )
+    setup = setup_of(sources, log, **{"kind": "temperature", **keys})
+    reader = open_mcap(source, setup, "log.mcap")
+    values, stamps, _ = whole(reader)
+    return values, stamps, reader
 
 
-def write_json(path, messages, *, compression=ZSTD, chunk_size=20_000, **options):
-    """`messages`: (topic, log time in ns, object or bytes)."""
+@contextmanager
+def writing(path, *, compression=ZSTD, chunk_size=20_000, **options):
+    """The library's writer of a log."""
     with open(path, "wb") as stream:
         writer = Writer(stream, compression=compression, chunk_size=chunk_size, **options)
         writer.start()
-        schema = writer.register_schema("any", "jsonschema", b"{}")
-        channels = {}
-        for number, (topic, time_ns, message) in enumerate(messages):
-            if topic not in channels:
-                channels[topic] = writer.register_channel(topic, "json", schema)
-            data = message if isinstance(message, bytes) else json.dumps(message).encode()
-            writer.add_message(channels[topic], time_ns, data, time_ns, number)
+        yield writer
         writer.finish()
+
+
+def write_json(path, messages, **options):
+    """`messages`: (topic, log time in ns, object or bytes)."""
+    schema = ("any", "jsonschema", b"{}")
+    coded = (
+        (topic, at, m if isinstance(m, bytes) else json.dumps(m).encode())
+        for topic, at, m in messages
+    )
+    return write_messages(path, coded, "json", schema, **options)
+
+
+def write_messages(path, messages, encoding, schema, **options):
+    """`messages`: (topic, log time in ns, bytes), all of one schema."""
+    channels = {}
+    with writing(path, **options) as writer:
+        number_of = writer.register_schema(*schema)
+        for number, (topic, time_ns, data) in enumerate(messages):
+            if topic not in channels:
+                channels[topic] = writer.register_channel(topic, encoding, number_of)
+            writer.add_message(channels[topic], time_ns, data, time_ns, number)
     return path
 
 
@@ -143,19 +137,8 @@ def protobuf_class():
     ), descriptor_pb2.FileDescriptorSet(file=[file])
 
 
-def write_protobuf(path, messages, *, compression=ZSTD, chunk_size=20_000):
+def write_protobuf(path, messages, **options):
     """`messages`: (topic, log time in ns, message of `protobuf_class`)."""
-    definitions = protobuf_class()[1].SerializeToString()
-    with open(path, "wb") as stream:
-        writer = Writer(stream, compression=compression, chunk_size=chunk_size)
-        writer.start()
-        schema = writer.register_schema("tire.Sample", "protobuf", definitions)
-        channels = {}
-        for number, (topic, time_ns, message) in enumerate(messages):
-            if topic not in channels:
-                channels[topic] = writer.register_channel(topic, "protobuf", schema)
-            writer.add_message(
-                channels[topic], time_ns, message.SerializeToString(), time_ns, number
-            )
-        writer.finish()
-    return path
+    schema = ("tire.Sample", "protobuf", protobuf_class()[1].SerializeToString())
+    coded = ((topic, at, message.SerializeToString()) for topic, at, message in messages)
+    return write_messages(path, coded, "protobuf", schema, **options)

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tirelog.data.setup import Setup, parse_setup
-from tirelog.errors import ReadError
+from tests.readers.logs import setup_of
+from tirelog.errors import ReadError, TirelogError
 from tirelog.runs.ingest import open_recording
 
 N = 4000
@@ -14,18 +14,22 @@ N = 4000
 A = np.sin(np.arange(N) * 0.37) + 1e-3 * np.arange(N)
 
 
-def setup_of(source: str = "a") -> Setup:
-    return parse_setup(
-        f'[channels.a]\nkind = "signal"\nsource = "{source}"\n[log]\nsampling_rate_Hz = 100.0\n'
-    )
-
-
-def read(data: bytes, folder: Path, source: str = "a") -> tuple[np.ndarray, str]:
+def read(data: bytes, folder: Path, source: str = "a", **keys: object) -> tuple[np.ndarray, str]:
     """(samples, what was lost)."""
     path = folder / "log"
     path.write_bytes(data)
-    with open_recording(str(path), setup_of(source)) as recording:
+    setup = setup_of({"a": source}, "sampling_rate_Hz = 100.0", **{"kind": "signal", **keys})
+    with open_recording(str(path), setup) as recording:
         return recording.channels["a"].read(), "; ".join(recording.losses)
+
+
+def outcome(data: bytes, folder: Path, source: str = "a") -> tuple[int, str]:
+    """(samples read, what is said): a refusal of ours, or what was lost."""
+    try:
+        values, said = read(data, folder, source)
+    except TirelogError as problem:
+        return 0, str(problem)
+    return values.size, said
 
 
 def refusal(data: bytes, folder: Path, source: str = "a") -> str:

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
-from tirelog.data.setup import parse_setup
+from tests.readers.logs import setup_of, whole
 from tirelog.errors import ReadError
 from tirelog.readers.hdf5 import reader as hdf5
 from tirelog.vocabulary.kinds import KINDS
@@ -20,31 +20,15 @@ from tirelog.vocabulary.kinds import KINDS
 PANDAS = Path(__file__).parent / "data" / "pandas_layouts.h5"
 
 
-def setup_of(sources, kind="temperature", log="", unit="K"):
-    extra = "reference_wavelength_nm = 1550.0" if kind.startswith("fbg") else ""
-    tables = [
-        f'[channels.{k}]\nkind = "{kind}"\nsource = "{v}"\nunit = "{unit}"\n{extra}'
-        for k, v in sources.items()
-    ]
-    return parse_setup("\n".join([*tables, f"[log]\n{log}"]))
-
-
-def read(path, sources, **more):
+def read(path, sources, log="", **keys):
     """(values per channel, stamps per group, the reader) of a whole log."""
-    reader = hdf5.Hdf5Log(path, setup_of(sources, **more), str(path))
-    values: dict[str, list] = {}
-    stamps: dict[str, list] = {}
-    for block in reader.blocks():
-        assert {v.size for v in block.values.values()} == {next(iter(block.values.values())).size}
-        for name, part in block.values.items():
-            values.setdefault(name, []).append(part)
-        if block.stamps_s is not None:
-            stamps.setdefault(block.group, []).append(block.stamps_s)
-    return (
-        {k: np.concatenate(v) for k, v in values.items()},
-        {k: np.concatenate(v) for k, v in stamps.items()},
-        reader,
-    )
+    setup = setup_of(sources, log, **{"kind": "temperature", "unit": "K", **keys})
+    reader = hdf5.Hdf5Log(path, setup, str(path))
+    values, stamps, _ = whole(reader)
+    return values, stamps, reader
+
+
+GRATING = {"kind": "fbg_strain", "unit": "nm"}
 
 
 @pytest.fixture
@@ -83,11 +67,8 @@ def test_columns_of_arrays(path, shape, source, expected):
 
 def test_columns_of_a_compound(path):
     rows = np.zeros(30, [("time", "f8"), ("wl", "f4", (3,)), ("steps", "i2")])
-    rows["time"], rows["wl"], rows["steps"] = (
-        np.arange(30) / 100,
-        np.arange(90).reshape(30, 3),
-        np.arange(30),
-    )
+    rows["time"], rows["steps"] = np.arange(30) / 100, np.arange(30)
+    rows["wl"] = np.arange(90).reshape(30, 3)
     with h5py.File(path, "w") as file:
         file["t"] = rows
     values, stamps, reader = read(path, {"a": "/t:steps", "b": "/t:wl[2]"})
@@ -97,23 +78,18 @@ def test_columns_of_a_compound(path):
     np.testing.assert_allclose(stamps["clock_1"], np.arange(30) / 100, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "name", ["sampling_rate_Hz", "fs", "Fs", "FS", "sample_rate", "SampleRate"]
-)
-@pytest.mark.parametrize("where", ["dataset", "group", "file"])
-def test_the_rate_by_alias_and_place(path, name, where):
+RATES = dict.fromkeys(("sampling_rate_Hz", "fs", "Fs", "FS", "sample_rate", "SampleRate"), 2500)
+PERIODS = dict.fromkeys(("dt", "wf_increment"), np.array([0.0004]))
+
+
+@pytest.mark.parametrize(("name", "value"), [*RATES.items(), *PERIODS.items()])
+@pytest.mark.parametrize("where", ["/g/d", "/g", "/"])
+def test_the_rate_by_alias_and_place(path, name, value, where):
     with h5py.File(path, "w") as file:
         file["g/d"] = np.arange(10.0)
-        {"dataset": file["g/d"], "group": file["g"], "file": file}[where].attrs[name] = 2500
-    assert read(path, {"x": "/g/d"})[2].groups[0].rate_Hz == 2500.0
-
-
-@pytest.mark.parametrize("name", ["dt", "wf_increment"])
-def test_the_rate_by_its_period(path, name):
-    with h5py.File(path, "w") as file:
-        file["d"] = np.arange(10.0)
-        file["d"].attrs[name] = np.array([0.0004])
-    assert read(path, {"x": "/d"})[2].groups[0].rate_Hz == pytest.approx(2500.0, rel=1e-12)
+        file[where].attrs[name] = value
+    rate_Hz = read(path, {"x": "/g/d"})[2].groups[0].rate_Hz
+    assert rate_Hz == pytest.approx(2500.0, rel=1e-12)
 
 
 def test_the_rate_nearest_to_the_data_wins(path):
@@ -146,7 +122,7 @@ def test_decimal_counts_keep_their_decimals(path):
     with h5py.File(path, "w") as file:
         file["d"] = counts
         file["d"].attrs["scale_factor"] = 1e-5
-    values, _, reader = read(path, {"x": "/d"}, kind="fbg_strain", unit="nm")
+    values, _, reader = read(path, {"x": "/d"}, **GRATING)
     assert reader.groups[0].decimals == {"x": 5}
     np.testing.assert_array_equal(values["x"], [float(f"{c}e-5") for c in counts])
 
@@ -156,14 +132,10 @@ def test_lost_peaks_and_fill_values_are_lost(path):
         file["peaks"] = [1550.0, 0.0, -1.0, np.nan, 1551.0]
         file["words"] = np.array([1, 2, -999, 4], "i4")
         file["words"].attrs["_FillValue"] = np.array([-999], "i4")
-    assert np.isnan(read(path, {"x": "/peaks"}, kind="fbg_strain", unit="nm")[0]["x"]).tolist() == [
-        False,
-        True,
-        True,
-        True,
-        False,
-    ]
-    assert np.isnan(read(path, {"x": "/words"})[0]["x"]).tolist() == [False, False, True, False]
+    peaks = read(path, {"x": "/peaks"}, **GRATING)[0]["x"]
+    np.testing.assert_array_equal(peaks, [1550.0, np.nan, np.nan, np.nan, 1551.0])
+    words = read(path, {"x": "/words"})[0]["x"]
+    np.testing.assert_array_equal(words, [1, 2, np.nan, 4])
 
 
 def test_a_time_dataset_of_the_setup_its_unit_and_a_common_origin(path):
@@ -296,7 +268,7 @@ def test_a_unit_in_a_name_is_the_default(path, name, kind, factor):
     with h5py.File(path, "w") as file:
         file[name] = np.arange(50.0)
         file[name].attrs["sampling_rate_Hz"] = 100.0
-    setup = parse_setup(f'[channels.x]\nkind = "{kind}"\nsource = "/{name}"\n')
+    setup = setup_of({"x": f"/{name}"}, kind=kind)
     channel = hdf5.Hdf5Log(path, setup, "log").setup.channels["x"]
     assert KINDS[kind].to_si(channel.unit)[0] == pytest.approx(factor)
 

@@ -5,6 +5,7 @@ import io
 import numpy as np
 import pytest
 
+from tests.readers.logs import Pipe
 from tests.readers.mcap_files import (
     LZ4,
     MULTI_ARRAY,
@@ -17,7 +18,7 @@ from tests.readers.mcap_files import (
     write_json,
     write_protobuf,
     write_ros2,
-)  # fmt: skip
+)
 from tirelog.readers.mcap import decode as mcap_decode
 from tirelog.readers.mcap import records as mcap_order
 from tirelog.readers.mcap.fields import extract, parse_path, topic_and_field
@@ -31,49 +32,43 @@ def path(tmp_path):
     return tmp_path / "log.mcap"
 
 
-@pytest.fixture
-def slow(monkeypatch):
-    """The library alone decodes."""
-    monkeypatch.setattr(mcap_decode, "MOST_FAILURES", 0)
-
-
 def times(n=N, step=STEP_NS):
     return (START_NS + step * np.arange(n)).tolist()
+
+
+def timed(messages, topic="/t", step=STEP_NS):
+    """The messages of a topic with their times."""
+    return [(topic, START_NS + step * i, message) for i, message in enumerate(messages)]
+
+
+def counted(n=N):
+    """Messages that hold their number as x."""
+    return timed([{"x": i} for i in range(n)])
+
+
+def assert_stamps(stamps, step_s=STEP_NS * 1e-9, n=N):
+    np.testing.assert_allclose(stamps["clock_1"], np.arange(n) * step_s, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("compression", [NONE, LZ4, ZSTD])
 def test_json_one_sample_a_message(path, compression):
     wl = 1550 + np.random.default_rng(1).normal(size=(N, 3)).round(4)
-    write_json(
-        path,
-        [("/fbg", t, {"wl": row.tolist(), "ok": True}) for t, row in zip(times(), wl, strict=True)],
-        compression=compression,
-    )
+    messages = timed([{"wl": row.tolist(), "ok": True} for row in wl], "/fbg")
+    write_json(path, messages, compression=compression)
     values, stamps, reader = read(path, {"a": "/fbg:wl[0]", "b": "/fbg:wl[2]", "c": "/fbg:ok"})
     np.testing.assert_array_equal(values["a"], wl[:, 0])
     np.testing.assert_array_equal(values["b"], wl[:, 2])
     np.testing.assert_array_equal(values["c"], np.ones(N))
     assert [g.channels for g in reader.groups] == [("a", "b", "c")]
-    np.testing.assert_allclose(stamps["clock_1"], np.arange(N) * STEP_NS * 1e-9, rtol=0, atol=1e-12)
+    assert_stamps(stamps)
     assert reader.report.start == "2023-11-14T22:13:20+00:00"
     assert (reader.report.losses, reader.report.remarks) == ([], [])
 
 
 def test_a_stream_that_cannot_seek_gives_the_same(path):
-    class Pipe(io.RawIOBase):
-        def __init__(self, data):
-            self.data = io.BytesIO(data)
-
-        def readable(self):
-            return True
-
-        def readinto(self, buffer):
-            return self.data.readinto(memoryview(buffer)[:777])
-
-    write_json(path, [("/t", t, {"x": i}) for i, t in enumerate(times())])
-    np.testing.assert_array_equal(
-        read(io.BufferedReader(Pipe(path.read_bytes())), {"x": "/t:x"})[0]["x"], np.arange(N)
-    )
+    write_json(path, counted())
+    stream = io.BufferedReader(Pipe(path.read_bytes()))
+    np.testing.assert_array_equal(read(stream, {"x": "/t:x"})[0]["x"], np.arange(N))
 
 
 def stamped(i, rng):
@@ -96,33 +91,37 @@ def stamped(i, rng):
 ROS_SOURCES = {
     "position": "/joint:position[1]", "on": "/joint:on", "counts": "/joint:counts[1]",
     "value": "/joint:subs[0].value", "fixed": "/joint:fixed[3]", "last": "/joint:last",
+    "all": "/joint:position", "some": "/joint:fixed[1::2]",
 }  # fmt: skip
 
 
-def test_ros2_of_every_kind_with_its_own_stamp(path):
+def test_ros2_of_every_kind_with_its_own_stamp_by_layouts_and_by_the_library(path, monkeypatch):
     rng = np.random.default_rng(2)
     messages = [stamped(i, rng) for i in range(N)]
-    write_ros2(
-        path,
-        [
-            ("/joint", t, "my_msgs/msg/Joint", STAMPED, m)
-            for t, m in zip(times(), messages, strict=True)
-        ],
-    )
-    values, stamps, reader = read(path, ROS_SOURCES)
+    kind = ("my_msgs/msg/Joint", STAMPED)
+    write_ros2(path, [("/joint", t, *kind, m) for t, m in zip(times(), messages, strict=True)])
+    one_a_message = dict(list(ROS_SOURCES.items())[:-2])
+    values, stamps, reader = read(path, one_a_message)
     np.testing.assert_array_equal(values["position"], [m["position"][1] for m in messages])
     np.testing.assert_array_equal(values["on"], np.arange(N) % 2)
     np.testing.assert_array_equal(values["counts"], -np.arange(N) % 100)
     np.testing.assert_array_equal(values["value"], 0.5 * np.arange(N))
     np.testing.assert_array_equal(values["fixed"], np.arange(N) % 1000)
     np.testing.assert_array_equal(values["last"], np.arange(N))
-    np.testing.assert_allclose(stamps["clock_1"], np.arange(N) * STEP_NS * 1e-9, rtol=0, atol=1e-12)
+    assert_stamps(stamps)
     assert reader.report.start.startswith("2023-11-14T22:13:20.005")
     decoder = next(iter(reader.decoders.values()))
     assert decoder.failures == 0
-    assert (
-        4 <= len(decoder.layouts) <= 12
-    )  # two frames, one or two names, one or two subs: no message by the library
+    # two frames, one or two names, one or two subs: no message by the library
+    assert 4 <= len(decoder.layouts) <= 12
+    fast, fast_stamps, _ = read(path, ROS_SOURCES)
+    monkeypatch.setattr(mcap_decode, "MOST_FAILURES", 0)  # the library alone decodes
+    plain, plain_stamps, reader = read(path, ROS_SOURCES)
+    for ours, theirs in ((fast, plain), (fast_stamps, plain_stamps)):
+        assert ours.keys() == theirs.keys()
+        for name in ours:
+            np.testing.assert_array_equal(ours[name], theirs[name])
+    assert len(next(iter(reader.decoders.values())).layouts) == 0
 
 
 def test_ros2_messages_of_one_size_that_are_laid_out_otherwise(path):
@@ -140,77 +139,49 @@ def test_ros2_messages_of_one_size_that_are_laid_out_otherwise(path):
     assert layouts[0].size == layouts[1].size
 
 
-def sample(i, rng, kind):
+def sample(i, rng):
     stamp = START_NS + i * STEP_NS
     made = protobuf_class()[0]()
     made.stamp.seconds, made.stamp.nanos = stamp // 10**9, stamp % 10**9
-    made.strain, made.load, made.steps, made.note = (
-        (0.0 if i % 97 == 0 else rng.normal()),
-        float(i % 50),
-        i % 300 - 150,
-        "x" * (i // 400),
-    )
+    made.strain = 0.0 if i % 97 == 0 else rng.normal()
+    made.load, made.steps, made.note = float(i % 50), i % 300 - 150, "x" * (i // 400)
     made.count = -1 if i % 200 == 0 else i
-    made.batch.extend(rng.normal(size=kind))
+    made.batch.extend(rng.normal(size=5))
     return made
 
 
 def test_protobuf_of_every_kind_with_its_own_stamp(path):
     rng = np.random.default_rng(3)
-    messages = [sample(i, rng, 5) for i in range(N)]
+    messages = [sample(i, rng) for i in range(N)]
     write_protobuf(path, [("/tire", t + 99, m) for t, m in zip(times(), messages, strict=True)])
-    sources = {name: f"/tire:{name}" for name in ("strain", "load", "steps", "count")} | {
-        "third": "/tire:batch[2]"
-    }
+    plain = ("strain", "load", "steps", "count")
+    sources = {name: f"/tire:{name}" for name in plain} | {"third": "/tire:batch[2]"}
     values, stamps, _ = read(path, sources)
-    for name in ("strain", "load", "steps", "count"):
+    for name in plain:
         np.testing.assert_array_equal(values[name], [getattr(m, name) for m in messages])
     np.testing.assert_array_equal(values["third"], [m.batch[2] for m in messages])
-    np.testing.assert_allclose(stamps["clock_1"], np.arange(N) * STEP_NS * 1e-9, rtol=0, atol=1e-12)
-
-
-def test_layouts_and_the_library_give_the_same_rows(path, request):
-    rng = np.random.default_rng(4)
-    rows = [
-        ("/joint", t, "my_msgs/msg/Joint", STAMPED, stamped(i, rng)) for i, t in enumerate(times())
-    ]
-    write_ros2(path, rows)
-    sources = ROS_SOURCES | {"all": "/joint:position", "some": "/joint:fixed[1::2]"}
-    fast, fast_stamps, fast_reader = read(path, sources)
-    request.getfixturevalue("slow")
-    plain, plain_stamps, plain_reader = read(path, sources)
-    assert fast.keys() == plain.keys() == sources.keys()
-    for name in sources:
-        np.testing.assert_array_equal(fast[name], plain[name])
-    for name in fast_stamps:
-        np.testing.assert_array_equal(fast_stamps[name], plain_stamps[name])
-    decoders = [next(iter(r.decoders.values())) for r in (fast_reader, plain_reader)]
-    assert (len(decoders[0].layouts) > 0, len(decoders[1].layouts)) == (True, 0)
+    assert_stamps(stamps)
 
 
 @pytest.mark.parametrize("log", ["sampling_rate_Hz = 2500.0", ""])
 def test_batches_begin_at_their_stamp_and_go_on_at_the_rate(path, log):
     """250 samples a message at 2.5 kHz; without a rate the median step between batches gives it."""
     batches = np.random.default_rng(5).normal(size=(40, 250))
+    kind = ("std_msgs/msg/Float64MultiArray", MULTI_ARRAY)
+    layout = {"dim": [], "data_offset": 0}
     messages = [
-        (
-            "/fbg",
-            t,
-            "std_msgs/msg/Float64MultiArray",
-            MULTI_ARRAY,
-            {"layout": {"dim": [], "data_offset": 0}, "data": row.tolist()},
-        )
+        ("/fbg", t, *kind, {"layout": layout, "data": row.tolist()})
         for t, row in zip(times(40, 100_000_000), batches, strict=True)
     ]
     write_ros2(path, messages)
     values, stamps, reader = read(path, {"x": "/fbg:data"}, log=log)
     np.testing.assert_array_equal(values["x"], batches.ravel())
-    np.testing.assert_allclose(stamps["clock_1"], np.arange(10_000) / 2500, rtol=0, atol=1e-9)
+    assert_stamps(stamps, 1 / 2500, 10_000)
     assert reader.groups[0].rate_Hz is None
 
 
 def test_the_rate_is_read_from_a_field_of_the_message(path):
-    write_json(path, [("/t", t, {"fs": 100.0, "x": [1.0, 2.0]}) for t in times(30, 500_000_000)])
+    write_json(path, timed([{"fs": 100.0, "x": [1.0, 2.0]}] * 30, step=500_000_000))
     _, stamps, reader = read(path, {"x": "/t:x"})
     assert reader.groups[0].rate_Hz == 100.0
     np.testing.assert_allclose(stamps["clock_1"][:4], [0.0, 0.01, 0.5, 0.51], atol=1e-12)
@@ -218,18 +189,9 @@ def test_the_rate_is_read_from_a_field_of_the_message(path):
 
 def test_rows_of_gratings_laid_end_to_end_and_lists_of_lists(path):
     data = np.arange(40 * 10 * 4.0).reshape(40, 10, 4)
-    write_json(
-        path,
-        [
-            ("/t", t, {"flat": m.ravel().tolist(), "rows": m.tolist()})
-            for t, m in zip(times(40), data, strict=True)
-        ],
-    )
-    values, _, reader = read(
-        path,
-        {"a": "/t:flat[1::4]", "b": "/t:flat[3::4]", "c": "/t:rows[:][3]"},
-        log="sampling_rate_Hz = 25000.0",
-    )
+    write_json(path, timed([{"flat": m.ravel().tolist(), "rows": m.tolist()} for m in data]))
+    sources = {"a": "/t:flat[1::4]", "b": "/t:flat[3::4]", "c": "/t:rows[:][3]"}
+    values, _, reader = read(path, sources, log="sampling_rate_Hz = 25000.0")
     np.testing.assert_array_equal(values["a"], data[:, :, 1].ravel())
     np.testing.assert_array_equal(values["b"], data[:, :, 3].ravel())
     np.testing.assert_array_equal(values["c"], data[:, :, 3].ravel())
@@ -249,30 +211,24 @@ def test_lists_within_a_list_are_named():
 
 def test_batches_of_unlike_lengths(path):
     sizes = [3, 5, 0, 4, 1] * 60
-    write_json(
-        path, [("/t", t, {"x": list(range(k))}) for t, k in zip(times(300), sizes, strict=True)]
-    )
+    write_json(path, timed([{"x": list(range(k))} for k in sizes]))
     values, stamps, _ = read(path, {"x": "/t:x"}, log="sampling_rate_Hz = 100000.0")
     np.testing.assert_array_equal(values["x"], np.concatenate([np.arange(k) for k in sizes]))
     assert stamps["clock_1"][3] == pytest.approx(STEP_NS * 1e-9, abs=1e-12)
 
 
 def test_the_time_that_the_setup_names(path):
-    write_json(
-        path,
-        [("/t", t + i % 7, {"x": i, "clock_ms": 5.0 + 0.4 * i}) for i, t in enumerate(times())],
-    )
+    clock = [{"x": i, "clock_ms": 5.0 + 0.4 * i} for i in range(N)]
+    write_json(path, [(topic, at + at % 7, message) for topic, at, message in timed(clock)])
     _, stamps, reader = read(path, {"x": "/t:x"}, log='time = "clock_ms"\ntime_unit = "ms"')
-    np.testing.assert_allclose(stamps["clock_1"], 0.4e-3 * np.arange(N), rtol=0, atol=2e-9)
+    assert_stamps(stamps, 0.4e-3)
     assert ["another origin" in remark for remark in reader.report.remarks] == [True]
 
 
 def test_topics_are_groups_with_one_origin(path):
-    messages = [("/fast", t, {"x": i}) for i, t in enumerate(times())] + [
-        ("/slow", t + 1_000_000, {"y": i}) for i, t in enumerate(times(50))
-    ]
-    write_json(path, sorted(messages, key=lambda m: m[1]))
-    values, stamps, reader = read(path, {"x": "/fast:x", "y": "/slow:y"})
+    slow = [("/slow", t + 1_000_000, {"y": i}) for i, t in enumerate(times(50))]
+    write_json(path, sorted(counted() + slow, key=lambda m: m[1]))
+    values, stamps, reader = read(path, {"x": "/t:x", "y": "/slow:y"})
     assert sorted(g.channels for g in reader.groups) == [("x",), ("y",)]
     group = next(g.name for g in reader.groups if g.channels == ("y",))
     assert stamps[group][0] == pytest.approx(0.001, abs=1e-12)
@@ -281,9 +237,8 @@ def test_topics_are_groups_with_one_origin(path):
 
 def test_messages_out_of_order_across_chunks_are_put_in_order(path):
     order = np.random.default_rng(6).permutation(N)
-    write_json(
-        path, [("/t", START_NS + STEP_NS * int(i), {"x": int(i)}) for i in order], chunk_size=2000
-    )
+    messages = counted()
+    write_json(path, [messages[i] for i in order], chunk_size=2000)
     values, stamps, reader = read(path, {"x": "/t:x"})
     np.testing.assert_array_equal(values["x"], np.arange(N))
     assert (np.diff(stamps["clock_1"]) > 0).all()
@@ -292,7 +247,7 @@ def test_messages_out_of_order_across_chunks_are_put_in_order(path):
 
 def test_what_comes_too_late_for_bounded_memory_is_said(path, monkeypatch):
     monkeypatch.setattr(mcap_order, "HELD_VALUES", 200)
-    messages = [("/t", t, {"x": i}) for i, t in enumerate(times())]
+    messages = counted()
     write_json(path, [*messages[5:], *messages[:5]], chunk_size=2000)
     values, _, reader = read(path, {"x": "/t:x"})
     np.testing.assert_array_equal(values["x"], np.arange(5, N))
@@ -303,58 +258,37 @@ def test_what_comes_too_late_for_bounded_memory_is_said(path, monkeypatch):
 @pytest.mark.parametrize("chunk_size", [100, 5000, 1 << 20])
 def test_blocks_of_any_size_give_the_same_samples(path, monkeypatch, held, chunk_size):
     monkeypatch.setattr(mcap_order, "HELD_VALUES", held)
-    write_json(
-        path, [("/t", t, {"x": [i, -i]}) for i, t in enumerate(times(300))], chunk_size=chunk_size
-    )
+    pairs = np.stack([np.arange(300), -np.arange(300)], 1)
+    write_json(path, timed([{"x": pair} for pair in pairs.tolist()]), chunk_size=chunk_size)
     values, stamps, _ = read(path, {"x": "/t:x", "y": "/t:x[1]"}, log="sampling_rate_Hz = 5000.0")
-    np.testing.assert_array_equal(
-        values["x"], np.stack([np.arange(300), -np.arange(300)], 1).ravel()
-    )
+    np.testing.assert_array_equal(values["x"], pairs.ravel())
     np.testing.assert_array_equal(values["y"], -np.arange(300))
-    np.testing.assert_allclose(stamps["clock_1"], np.arange(600) / 5000, atol=1e-12)
+    assert_stamps(stamps, 1 / 5000, 600)
 
 
 def test_a_topic_that_begins_late_is_not_lost(path, monkeypatch):
     monkeypatch.setattr("tirelog.readers.mcap.reader.READ_AHEAD_BYTES", 5000)
-    messages = [("/t", t, {"x": i}) for i, t in enumerate(times())] + [
-        ("/late", times()[-1], {"y": [i, i + 1]}) for i in range(10)
-    ]
-    write_json(path, messages, chunk_size=2000)
+    late = [("/late", times()[-1], {"y": [i, i + 1]}) for i in range(10)]
+    write_json(path, counted() + late, chunk_size=2000)
     values, _, reader = read(path, {"x": "/t:x", "y": "/late:y", "z": "/late:y[0]"})
     assert len(reader.groups) == 3
     np.testing.assert_array_equal(values["x"], np.arange(N))
-    np.testing.assert_array_equal(
-        values["y"], np.stack([np.arange(10), np.arange(1, 11)], 1).ravel()
-    )
+    np.testing.assert_array_equal(values["y"], np.ravel([(i, i + 1) for i in range(10)]))
     np.testing.assert_array_equal(values["z"], np.arange(10))
 
 
 @pytest.mark.parametrize("checked", [False, True])
 def test_messages_outside_of_chunks(path, checked):
-    write_json(
-        path,
-        [("/t", t, {"x": i}) for i, t in enumerate(times())],
-        use_chunking=False,
-        enable_data_crcs=checked,
-    )
+    write_json(path, counted(), use_chunking=False, enable_data_crcs=checked)
     values, _, reader = read(path, {"x": "/t:x"})
     np.testing.assert_array_equal(values["x"], np.arange(N))
-    assert ["no checksum" in remark for remark in reader.report.remarks] == (
-        [] if checked else [True]
-    )
+    said = ["no checksum" in remark for remark in reader.report.remarks]
+    assert said == ([] if checked else [True])
 
 
 def test_lost_peaks_are_lost(path):
-    write_json(
-        path,
-        [
-            ("/t", t, {"wl": w})
-            for t, w in zip(times(5), [1550.0, 0, -1, None, 1551.0], strict=True)
-        ],
-    )
-    values, _, _ = read(
-        path, {"a": "/t:wl"}, kind="fbg_strain", more="reference_wavelength_nm = 1550.0"
-    )
+    write_json(path, timed([{"wl": w} for w in (1550.0, 0, -1, None, 1551.0)]))
+    values, _, _ = read(path, {"a": "/t:wl"}, kind="fbg_strain")
     np.testing.assert_array_equal(values["a"], [1550.0, np.nan, np.nan, np.nan, 1551.0])
 
 
@@ -376,7 +310,7 @@ def test_sources(source, topic, tokens):
 def test_json_messages_of_changing_shapes(path):
     texts = ['{"a": 1, "b": [2.5, null]}', '{"b": [10, -1], "z": {"a": 7}, "a": true}']
     texts += ['{"a": null, "a": 3, "b": []}', f'{{"b": [{10**400}, 4]}}', '{"a": 5, "b": ["7"]}']
-    write_json(path, [("/t", t, x.encode()) for t, x in zip(times(5), texts, strict=True)])
+    write_json(path, timed([text.encode() for text in texts]))
     values, _, reader = read(path, {"a": "/t:a", "b": "/t:b"})
     np.testing.assert_array_equal(values["a"], [1.0, 1.0, 3.0, np.nan, 5.0])
     np.testing.assert_array_equal(values["b"], [2.5, np.nan, 10.0, -1.0, np.nan, 4.0])
@@ -386,11 +320,7 @@ def test_json_messages_of_changing_shapes(path):
 
 
 def test_the_decimals_of_numbers_in_text_are_told(path):
-    rows = [
-        ("/t", t, {"nm": 1550 + i / 10_000, "steps": i % 48, "noise": 1 / (i + 3)})
-        for i, t in enumerate(times(50))
-    ]
-    reader = read(
-        write_json(path, rows), {"nm": "/t:nm", "steps": "/t:steps", "noise": "/t:noise"}
-    )[2]
+    rows = [{"nm": 1550 + i / 10_000, "steps": i % 48, "noise": 1 / (i + 3)} for i in range(50)]
+    sources = {name: f"/t:{name}" for name in rows[0]}
+    reader = read(write_json(path, timed(rows)), sources)[2]
     assert reader.groups[0].decimals == {"nm": 4, "steps": 0, "noise": None}

@@ -10,10 +10,7 @@ import numpy as np
 import pytest
 from scipy.io import wavfile
 
-from tirelog.data.setup import parse_setup
-from tirelog.runs.ingest import open_recording
-
-from .other_files import A, N, read, refusal
+from tests.readers.other_files import A, N, read, refusal
 
 
 def test_samples_of_24_bits(tmp_path: Path) -> None:
@@ -28,12 +25,9 @@ def test_negative_shares_of_a_wavelength_are_no_lost_peaks(tmp_path: Path) -> No
     shares = np.array([0.5, 0.25, 0.0, -0.25, -1.0])
     file = io.BytesIO()
     wavfile.write(file, 100, shares.astype(np.float32))
-    (tmp_path / "log").write_bytes(file.getvalue())
-    scale = 'scale = 4.0\noffset = 1550.0\nunit = "nm"\nreference_wavelength_nm = 1550.0\n'
-    text = f'[channels.a]\nkind = "fbg_temperature"\nsource = "left"\n{scale}'
-    with open_recording(str(tmp_path / "log"), parse_setup(text)) as recording:
-        read = recording.channels["a"].read()
-        np.testing.assert_array_equal(np.isfinite(read), shares != 0.0)  # as in other formats
+    grating = {"kind": "fbg_temperature", "scale": 4.0, "offset": 1550.0}
+    values, _ = read(file.getvalue(), tmp_path, "left", **grating)
+    np.testing.assert_array_equal(np.isfinite(values), shares != 0.0)  # as in other formats
 
 
 ARRAYS = {
@@ -44,9 +38,7 @@ ARRAYS = {
 
 
 @pytest.mark.parametrize("name", ARRAYS)
-def test_the_line_that_converts_a_numpy_array_does(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_line_that_converts_a_numpy_array_does(name, tmp_path, monkeypatch):
     np.save(tmp_path / "log", ARRAYS[name])
     (tmp_path / "log.npy").rename(tmp_path / "log")
     message = refusal((tmp_path / "log").read_bytes(), tmp_path)

@@ -1,50 +1,47 @@
-"""Closed form: layouts that instruments write, each read back to the numbers that stand in it."""
+"""Closed form: layouts that instruments write, each read back to the numbers that stand in it.
 
-from collections.abc import Callable
+Beside those of `test_text_any_layout` and `benchmarks/layouts`.
+"""
+
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.readers.text_logs import read, setup_of
 from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, SetupError
 from tirelog.runs.ingest import open_recording
 from tirelog.vocabulary.quality import Quality
 
-from .text_logs import read, setup_of
-
-TWO = setup_of({"a": {"source": "A"}, "b": {"source": "B"}})
+TWO = {"a": "A", "b": "B"}
+#: a channel that loses no value to a grating's rules
+W = {"w": {"kind": "temperature", "source": "W"}}
 A = np.array([1550.1234, 1550.25, np.nan, 1549.5])
 B = np.array([1542.0, np.nan, 1542.5, 1542.25])
 T = np.array([0.0, 0.5, 1.0, 1.5])
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
 
-def check(text: str | bytes, setup=TWO, start: str | None = None, losses: int = 0):
-    reader, block = read(text, setup)
+def check(text, channels=TWO, log="", start=None):
+    reader, block = read(text, channels, log)
     np.testing.assert_array_equal(block.values["a"], A)
     np.testing.assert_array_equal(block.values["b"], B)
-    if block.stamps_s is not None:
-        np.testing.assert_allclose(block.stamps_s, T, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(block.stamps_s, T, rtol=0, atol=1e-9)
     assert reader.report.start == start
-    assert len(reader.report.losses) == losses
+    assert reader.report.losses == []
     return reader, block
 
 
-#: beside those of `test_text_any_layout`
 PLAIN = {
     "comma": "time_s,A,B\n0,1550.1234,1542\n0.5,1550.25,\n1,NaN,1542.5\n1.5,1549.5,1542.25\n",
-    "old line ends": "time_s,A,B\r0,1550.1234,1542\r0.5,1550.25,\r"
-    "1,NaN,1542.5\r1.5,1549.5,1542.25\r",
     "no last line end": "time_s,A,B\n0,1550.1234,1542\n0.5,1550.25,0\n"
     "1,-1,1542.5\n1.5,1549.5,1542.25",
     "units in brackets below": "t;A;B;\n[s];[nm];[nm];\n0;1550.1234;1542;\n"
     "0.5;1550.25;;\n1;;1542.5;\n"
     "1.5;1549.5;1542.25;\n",
-    "milliseconds": "time [ms],A,B\n0,1550.1234,1542\n500,1550.25,\n"
-    "1000,,1542.5\n1500,1549.5,1542.25\n",
-    "other order, more columns": "B,x,time_s,A\n1542,7,0,1550.1234\n,7,0.5,1550.25\n"
-    "1542.5,7,1,\n1542.25,7,1.5,1549.5\n",
+    "other order, more columns": "B,x,time [ms],A\n1542,7,0,1550.1234\n,7,500,1550.25\n"
+    "1542.5,7,1000,\n1542.25,7,1500,1549.5\n",
     "quotes where a comma stands": 't,A,B\n0,"1550,1234",1542\n"0,5","1550,25",\n'
     '1,,"1542,5"\n"1,5" ,"1549,5","1542,25"\n',
     "quoted words with commas": 't,note,A,B\n0,"on, off",1550.1234,1542\n'
@@ -55,12 +52,31 @@ PLAIN = {
     "quotes around whole lines": '"t;A;B"\n"0;1550.1234;1542"\n"0.5;1550.25;0"\n"1;;1542.5"\n'
     '"1.5;1549.5;1542.25"\n',
 }
+#: what no program can know from the bytes, each with the [log] that says it
+TOLD = {
+    "bars": (
+        "time_s|A|B\n0|1550.1234|1542\n0.5|1550.25|\n1||1542.5\n1.5|1549.5|1542.25\n",
+        'separator = "|"',
+    ),
+    "a row of numbers that is no sample": (
+        "17;1;2\ntime_s;A;B\n0;1550,1234;1542\n0,5;1550,25;\n1;;1542,5\n1,5;1549,5;1542,25\n",
+        'header_rows = 2\ndecimal = ","',
+    ),
+    "numbers above rows without names": (
+        "3;4711;4712\n0;1550.1234;1542\n0.5;1550.25;\n1;;1542.5\n1.5;1549.5;1542.25\n",
+        'header_rows = 1\ncolumns = ["time_s", "A", "B"]',
+    ),
+    "other names": (
+        "t;x;A\n0;1550.1234;1542\n0.5;1550.25;\n1;;1542.5\n1.5;1549.5;1542.25\n",
+        'columns = ["time_s", "A", "B"]',
+    ),
+}
+LAYOUTS = {name: (text, "") for name, text in PLAIN.items()} | TOLD
 
 
-@pytest.mark.parametrize("name", PLAIN)
-def test_plain_layouts(name: str) -> None:
-    reader, block = check(PLAIN[name])
-    assert block.stamps_s is not None
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_layouts_that_are_recognised_or_said(name):
+    reader, _ = check(LAYOUTS[name][0], log=LAYOUTS[name][1])
     assert reader.groups[0].channels == ("a", "b")
 
 
@@ -104,63 +120,60 @@ STAMPS = {
         1e-3,
         "2015-07-16T10:00:00.000",
     ),
+    "no date, half a day": (
+        ["11:59:59.0 PM", "11:59:59.5 PM", "12:00:00.0 AM", "12:00:00.5 AM"],
+        0.1,
+        None,
+    ),
+    "minutes, past the hour": (["59:59.0", "59:59.5", "00:00.0", "00:00.5"], 0.1, None),
+    "minutes of a timer": (["59:59.0", "59:59.5", "60:00.0", "60:00.5"], 0.1, None),
+    "minutes with commas": (["00:58,5", "00:59,0", "00:59,5", "01:00,0"], 0.1, None),
 }
 #: columns A and B, whose lost peaks are blank
 CELLS = (["1550.1234", "1550.25", "", "1549.5"], ["1542", "", "1542.5", "1542.25"])
 
 
 @pytest.mark.parametrize("name", STAMPS)
-def test_stamps_with_a_date(name: str) -> None:
+def test_stamps_of_dates_and_times(name):
     stamps, resolution, start = STAMPS[name]
     rows = "".join(";".join(row) + "\n" for row in zip(stamps, *CELLS))
-    reader, block = check("Timestamp;A;B\n" + rows, start=start)
-    assert block.stamps_s is not None
+    reader, _ = check("when;A;B\n" + rows, start=start)
     assert reader.groups[0].stamp_resolution_s == pytest.approx(resolution)
 
 
-def test_day_first_unless_a_field_proves_the_month_first() -> None:
+def test_day_first_unless_a_field_proves_the_month_first():
     rows = "12/31/2021 23:59:59.5,1550\n01/01/2022 00:00:00.5,1551\n"
-    _, block = read("time,A\n" + rows, setup_of({"a": {"source": "A"}}))
+    _, block = read("time,A\n" + rows, {"a": "A"})
     np.testing.assert_allclose(block.stamps_s, [0.0, 1.0], atol=1e-9)
 
 
-def test_date_and_time_in_two_columns() -> None:
+def test_date_and_time_in_two_columns():
     text = "Samples per Second\t2\nLocal Date\tLocal Time\tSample\tA\tB\n"
     times = ["23:59:59.0", "23:59:59.5", "00:00:00.0", "00:00:00.5"]
     dates = ["16-07-2015", "16-07-2015", "17-07-2015", "17-07-2015"]
-    cells = zip(
-        dates,
-        times,
-        "1234",
-        ["1550,1234", "1550,25", "", "1549,5"],
-        ["1542,0", "", "1542,5", "1542,25"],
-    )
-    reader, block = check(
-        text + "".join("\t".join(row) + "\n" for row in cells), start="2015-07-16T23:59:59.0"
-    )
+    peaks = (["1550,1234", "1550,25", "", "1549,5"], ["1542,0", "", "1542,5", "1542,25"])
+    text += "".join("\t".join(row) + "\n" for row in zip(dates, times, "1234", *peaks))
+    reader, block = check(text, start="2015-07-16T23:59:59.0")
     assert reader.groups[0].rate_Hz == 2.0
     np.testing.assert_array_equal(block.number, [1, 2, 3, 4])
 
 
-def test_research_logger_without_header_runs_past_midnight() -> None:
+def test_research_logger_without_header_runs_past_midnight():
     times = ["23-59-59.000000", "23-59-59.500000", "00-00-00.000000", "00-00-00.500000"]
     cells = zip(times, ["1550.1234", "1550.25", "0", "1549.5"], ["1542", "0", "1542.5", "1542.25"])
-    setup = setup_of({"a": {"source": "#2"}, "b": {"source": "#3"}})
-    reader, block = check("".join(f"{t}: {a}, {b}\n" for t, a, b in cells), setup)
-    np.testing.assert_allclose(block.stamps_s, T, atol=1e-9)
+    text = "".join(f"{t}: {a}, {b}\n" for t, a, b in cells)
+    reader, _ = check(text, {"a": "#2", "b": "#3"})
     assert reader.report.counts["midnight_rollovers"] == 1
 
 
-def test_one_second_stamps_with_line_numbers_count_by_line() -> None:
+def test_one_second_stamps_with_line_numbers_count_by_line():
     rows = [
         f"2022-04-14T13:00:{i // 20:02d}+02:00\t\t{i + 1}\t"
         f"0;0;{int(i == 5)};{3 * (i in (5, 6))}\t{100 + i / 10}"
         for i in range(60)
     ]
     text = "Date\tTime\tLinenumber\tError status\tW-N-01\n" + "\n".join(rows) + "\n"
-    reader, block = read(
-        text, setup_of({"w": {"kind": "strain", "unit": "microstrain", "source": "W-N-01"}})
-    )
+    reader, block = read(text, {"w": "W-N-01"}, kind="strain", unit="microstrain")
     group = reader.groups[0]
     assert (group.counted, group.stamp_resolution_s, group.decimals) == (True, 1.0, {"w": 1})
     np.testing.assert_array_equal(block.number, np.arange(1, 61))
@@ -170,74 +183,45 @@ def test_one_second_stamps_with_line_numbers_count_by_line() -> None:
     assert block.flags == (("w", 5, 7, Quality.ERROR_CODE),)
 
 
-TIMES = {
-    "hours of half a day": [f"{h}:59:{s} PM" for h in (11,) for s in ("59.0", "59.5")]
-    + ["12:00:00.0 AM", "12:00:00.5 AM"],
-    "minutes, past the hour": ["59:59.0", "59:59.5", "00:00.0", "00:00.5"],
-    "minutes of a timer": ["59:59.0", "59:59.5", "60:00.0", "60:00.5"],
-    "minutes with commas": ["00:58,5", "00:59,0", "00:59,5", "01:00,0"],
-}
-
-
-@pytest.mark.parametrize("name", TIMES)
-def test_times_without_a_date(name: str) -> None:
-    rows = "".join(";".join(row) + "\n" for row in zip(TIMES[name], *CELLS))
-    assert check("when;A;B\n" + rows)[1].stamps_s is not None
-
-
 @pytest.mark.parametrize("log", ["", 'time = "#1"'])
-@pytest.mark.parametrize(
-    "stamp", [lambda i: f"{i / 10}", lambda i: f"2024-03-12 13:00:{i / 10:04.1f}"]
-)
-def test_the_newest_row_first_is_told(
-    log: str, stamp: Callable[[int], str], tmp_path: Path
-) -> None:
-    rows = [f"{stamp(i)},{10 + i % 7}\n" for i in range(300, 0, -1)]
+@pytest.mark.parametrize("stamp", ["{:.1f}", "2024-03-12 13:00:{:04.1f}"])
+def test_the_newest_row_first_is_told(log, stamp, tmp_path):
+    rows = [f"{stamp.format(i / 10)},{10 + i % 7}\n" for i in range(300, 0, -1)]
     (tmp_path / "l.csv").write_text("Time,W\n" + "".join(rows))
-    setup = {"w": {"kind": "temperature", "source": "W", "unit": "K"}}
-    with (
-        pytest.raises(ReadError, match=r"the rows run backwards in time; .*; sort them"),
-        open_recording(str(tmp_path / "l.csv"), setup_of(setup, log)),
-    ):
+    opened = open_recording(str(tmp_path / "l.csv"), setup_of(W, log))
+    with pytest.raises(ReadError, match=r"the rows run backwards in time; .*; sort them"), opened:
         pass
     (tmp_path / "l.csv").write_text("Time,W\n" + "".join(sorted(rows)))
-    with open_recording(str(tmp_path / "l.csv"), setup_of(setup, log)) as recording:
+    with open_recording(str(tmp_path / "l.csv"), setup_of(W, log)) as recording:
         assert recording.channels["w"].axis.rate_Hz == pytest.approx(10.0)
 
 
-def test_a_lap_time_beside_the_time_is_not_the_time() -> None:
+def test_a_lap_time_beside_the_time_is_not_the_time():
     rows = "".join(f"0:{i % 20:02d}.0,{i},{100 + i}\n" for i in range(60))
-    _, block = read(
-        f"lap,time_s,W\n{rows}", setup_of({"w": {"kind": "temperature", "source": "W"}})
-    )
-    np.testing.assert_array_equal(block.stamps_s, np.arange(60.0))
+    np.testing.assert_array_equal(read(f"lap,time_s,W\n{rows}", W)[1].stamps_s, np.arange(60.0))
 
 
 @pytest.mark.parametrize("name", ["Time", "time", "Date/Time", "Zeit"])
 @pytest.mark.parametrize("rate_Hz", [25.0, 1000.0, 2500.0])
-def test_days_of_a_spreadsheet_are_days(name: str, rate_Hz: float) -> None:
+def test_days_of_a_spreadsheet_are_days(name, rate_Hz):
     """45363 is 2024-03-12; ten decimals of a day are 8.6 us."""
     i = np.arange(500)
-    rows = "".join(f"{45363.25 + k / rate_Hz / 86400:.10f},{100 + k}\n" for k in i)
-    setup = {"w": {"kind": "temperature", "source": "W"}}
-    reader, block = read(f"{name},W\n{rows}", setup_of(setup))
-    np.testing.assert_allclose(block.stamps_s, i / rate_Hz, rtol=0, atol=8.7e-6)
-    assert "days since 1900" in reader.report.remarks[0]
-    reader, block = read(f"{name},W\n{rows}", setup_of(setup, 'time_unit = "s"'))
-    assert block.stamps_s is not None
+    text = f"{name},W\n"
+    text += "".join(f"{45363.25 + k / rate_Hz / 86400:.10f},{100 + k}\n" for k in i)
+    for log in ("", 'time_unit = "d"'):
+        reader, block = read(text, W, log)
+        np.testing.assert_allclose(block.stamps_s, i / rate_Hz, rtol=0, atol=8.7e-6)
+        assert ["days since 1900" in one for one in reader.report.remarks] == [True] * (log == "")
+    reader, block = read(text, W, 'time_unit = "s"')
     assert block.stamps_s[-1] < 1e-3
     assert reader.report.remarks == []
-    _, block = read(f"{name},W\n{rows}", setup_of(setup, 'time_unit = "d"'))
-    np.testing.assert_allclose(block.stamps_s, i / rate_Hz, rtol=0, atol=8.7e-6)
 
 
 @pytest.mark.parametrize("header", ["Time", "Time [s]"])
-def test_seconds_of_a_day_stay_seconds(header: str) -> None:
+def test_seconds_of_a_day_stay_seconds(header):
     """12:36 is 45363 s after midnight: no log of seconds rises by less than a microsecond."""
     rows = "".join(f"{45363 + k / 1e5:.5f},{100 + k}\n" for k in range(500))
-    reader, block = read(
-        f"{header},W\n{rows}", setup_of({"w": {"kind": "temperature", "source": "W"}})
-    )
+    reader, block = read(f"{header},W\n{rows}", W)
     np.testing.assert_allclose(block.stamps_s, np.arange(500) / 1e5, rtol=0, atol=1e-9)
     assert reader.report.remarks == []
 
@@ -246,187 +230,127 @@ CODES = dict.fromkeys(("Error status", "CH1_error", "FaultBits", "errorCode"), 2
 
 
 @pytest.mark.parametrize(("name", "codes"), [*CODES.items(), ("default range", 0), ("terrors", 0)])
-def test_error_codes_are_named_by_a_whole_word(name: str, codes: int) -> None:
+def test_error_codes_are_named_by_a_whole_word(name, codes):
     rows = "".join(f"{i / 10:.4f},{int(i in (5, 9))},{100 + i}\n" for i in range(60))
-    setup = setup_of({"w": {"kind": "temperature", "source": "W"}})
-    reader, block = read(f"time,{name},W\n{rows}", setup)
+    reader, block = read(f"time,{name},W\n{rows}", W)
     assert reader.report.counts.get("rows_with_error_codes", 0) == codes
     assert len(block.flags) == codes
 
 
 @pytest.mark.parametrize("time", ["Time  1 - default sample rate", "Time error (s)"])
-def test_the_time_and_a_channel_are_no_error_codes(time: str) -> None:
+def test_the_time_and_a_channel_are_no_error_codes(time):
     """The first is what HBM catman calls its time."""
     rows = "".join(f"{i / 10:.4f}\t{100 + i}\n" for i in range(60))
-    setup = setup_of({"w": {"kind": "temperature", "source": "servo error"}})
-    _, block = read(f"{time}\tservo error\n{rows}", setup)
-    assert block.stamps_s is not None
+    _, block = read(f"{time}\tservo error\n{rows}", {"w": "servo error"}, kind="temperature")
     np.testing.assert_allclose(block.stamps_s, np.arange(60) / 10, atol=1e-12)
     assert block.flags == ()
 
 
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "µs", "ns"])
 @pytest.mark.parametrize("form", ["t_{}", "t {}", "t [{}]", "time_{}", "t({})"])
-def test_short_names_of_times_tell_their_unit(form: str, unit: str) -> None:
+def test_short_names_of_times_tell_their_unit(form, unit):
     factor = {"s": 1, "ms": 10**3, "us": 10**6, "µs": 10**6, "ns": 10**9}[unit]
     rows = "".join(f"{i * factor},{100 + i}\n" for i in range(60))
-    setup = setup_of({"w": {"kind": "temperature", "source": "W"}})
-    _, block = read(f"{form.format(unit)},W\n{rows}", setup)
-    assert block.stamps_s is not None
+    _, block = read(f"{form.format(unit)},W\n{rows}", W)
     np.testing.assert_allclose(block.stamps_s, np.arange(60.0), rtol=1e-12)
 
 
 @pytest.mark.parametrize("said", ["", "\tbrakes on"])
-def test_labview_leaves_out_remarks_that_are_not_made(said: str) -> None:
+def test_labview_leaves_out_remarks_that_are_not_made(said):
     """Its header ends with a column `Comment`, which rows have only if there is one."""
     head = "LabVIEW Measurement\t\nWriter_Version\t2\n***End_of_Header***\t\n\t\n"
     head += "Channels\t2\t\t\nDelta_X\t0.1\t0.1\t\n***End_of_Header***\t\t\t\n"
     rows = [f"{i / 10:.6f}\t{100 + i}\t{200 + i}" for i in range(60)]
     rows[7] += said
-    setup = setup_of({n: {"kind": "temperature", "source": n} for n in ("WL1", "WL2")})
     text = head + "X_Value\tWL1\tWL2\tComment\n" + "\n".join(rows) + "\n"
-    reader, block = read(text, setup)
+    reader, block = read(text, {"WL1": "WL1", "WL2": "WL2"}, kind="temperature")
     np.testing.assert_array_equal(block.values["WL1"], 100 + np.arange(60))
     np.testing.assert_array_equal(block.values["WL2"], 200 + np.arange(60))
-    assert block.stamps_s is not None
     np.testing.assert_allclose(block.stamps_s, np.arange(60) / 10, atol=1e-12)
     assert reader.report.remarks == reader.report.losses == []
 
 
-def test_a_header_that_does_not_fit_is_not_needed_for_gratings() -> None:
+def test_a_header_that_does_not_fit_is_not_needed_for_gratings():
     rows = "".join(f"{i / 10},{1550 + i / 1e4},{1542 + i / 1e4}\n" for i in range(60))
-    setup = setup_of({"a": {"source": "A"}, "b": {"source": "B", "reference_wavelength_nm": 1542}})
-    reader, block = read("time,x,A,B\n" + rows, setup)
+    two = {"a": "A", "b": {"source": "B", "reference_wavelength_nm": 1542}}
+    reader, block = read("time,x,A,B\n" + rows, two)
     np.testing.assert_allclose(block.values["b"], 1542 + np.arange(60) / 1e4, atol=1e-9)
     assert "gratings are found by wavelength" in reader.report.remarks[0]
 
 
-def test_zero_is_a_reading_where_no_peak_is_read() -> None:
-    channels = {
-        "e": {"kind": "wheel_encoder", "source": "E", "steps": 48},
-        "s": {"kind": "strain", "source": "S", "unit": "microstrain"},
-    }
-    _, block = read("t,E,S\n0.0,0,-1\n0.1,1,0\n0.2,-1,5\n", setup_of(channels))
+def test_zero_is_a_reading_where_no_peak_is_read():
+    text = "t,E,S\n0.0,0,-1\n0.1,1,0\n0.2,-1,5\n"
+    encoder = {"kind": "wheel_encoder", "source": "E", "steps": 48}
+    _, block = read(text, {"e": encoder, "s": {"source": "S", "kind": "strain"}})
     np.testing.assert_array_equal(block.values["e"], [0, 1, -1])
     np.testing.assert_array_equal(block.values["s"], [-1, 0, 5])
 
 
-def test_decimals_are_those_of_the_source() -> None:
-    reader, _ = read(
-        "t,A,B,C\n0.0,1550.12,1e-3,7\n0.1,1550.1,2e-3,8\n",
-        setup_of({"a": {"source": "A"}, "b": {"source": "B"}, "c": {"source": "C"}}),
-    )
+def test_decimals_are_those_of_the_source():
+    reader, _ = read("t,A,B,C\n0,1550.12,1e-3,7\n0.1,1550.1,2e-3,8\n", {**TWO, "c": "C"})
     assert reader.groups[0].decimals == {"a": 2, "b": None, "c": 0}
 
 
-def test_names_are_forgiven_but_not_guessed() -> None:
+def test_names_are_forgiven_but_not_guessed():
     text = "time_s,WL 1[nm],WL 2[nm],Strain_X\n0.0,1550,1551,1\n0.1,1550,1551,2\n"
-    reader, _ = read(
-        text,
-        setup_of({"a": {"source": "WL 1"}, "b": {"source": "wl_2"}, "c": {"source": "strain x"}}),
-    )
+    reader, _ = read(text, {"a": "WL 1", "b": "wl_2", "c": "strain x"})
     assert reader.columns.values == {"a": 1, "b": 2, "c": 3}
-    reader, block = read(text, setup_of({"a": {"source": "WL 1"}, "b": {"source": "WL 9"}}))
+    reader, block = read(text, {"a": "WL 1", "b": "WL 9"})
     assert list(block.values) == ["a"]
     assert "no column 'WL 9' (nearest: WL" in reader.report.losses[0]
     with pytest.raises(ReadError, match=r"no column 'foo'.*the log's columns are time_s, WL 1"):
-        read(text, setup_of({"a": {"source": "foo"}}))
+        read(text, {"a": "foo"})
 
 
-def test_the_time_column_is_the_setups_where_it_names_one() -> None:
+def test_the_time_column_is_the_setups_where_it_names_one():
     text = "time_s,clock,A\n0.0,10.0,1550\n0.1,10.5,1551\n"
-    _, block = read(text, setup_of({"a": {"source": "A"}}, log='time = "clock"\ntime_unit = "ms"'))
+    _, block = read(text, {"a": "A"}, 'time = "clock"\ntime_unit = "ms"')
     np.testing.assert_allclose(block.stamps_s, [0, 0.0005], atol=1e-12)
     with pytest.raises(SetupError, match=r"\[log\] time: no column 'tme_s' \(nearest: time_s\)"):
-        read(text, setup_of({"a": {"source": "A"}}, log='time = "tme_s"'))
+        read(text, {"a": "A"}, 'time = "tme_s"')
 
 
-def test_of_two_stamps_the_finer_one_is_taken() -> None:
-    text = (
-        "Timestamp\tTime [s]\tA\n2020-01-01 10:00:00\t0.0\t1550\n2020-01-01 10:00:00\t0.5\t1550\n"
-        "2020-01-01 10:00:01\t1.0\t1550\n"
-    )
-    _, block = read(text, setup_of({"a": {"source": "A"}}))
+def test_of_two_stamps_the_finer_one_is_taken():
+    rows = [f"2020-01-01 10:00:0{i // 2}\t{i / 2}\t1550\n" for i in range(3)]
+    _, block = read("Timestamp\tTime [s]\tA\n" + "".join(rows), {"a": "A"})
     np.testing.assert_allclose(block.stamps_s, [0, 0.5, 1], atol=1e-12)
 
 
-def test_without_any_stamps_there_are_none() -> None:
-    _, block = read("A,B\n1550,1542\n1551,1541\n", TWO)
-    assert block.stamps_s is None
-
-
-def test_blank_cells_left_out_at_the_end_of_rows_keep_the_columns() -> None:
+def test_blank_cells_left_out_at_the_end_of_rows_keep_the_columns():
     rows = [("1550.1234", "1542.0"), ("1550.25", ""), ("", "1542.5"), ("1549.5", "1542.25")] * 10
-    text = "time_s,A,B\n" + "".join(
-        ",".join([f"{i / 2:.1f}", a, b]).rstrip(",") + "\n" for i, (a, b) in enumerate(rows)
-    )
-    reader, block = read(
-        text,
-        setup_of({"a": {"source": "A"}, "b": {"source": "B", "reference_wavelength_nm": 1549.0}}),
-    )
+    lines = (",".join([f"{i / 2:.1f}", *row]).rstrip(",") + "\n" for i, row in enumerate(rows))
+    two = {"a": "A", "b": {"source": "B", "reference_wavelength_nm": 1549.0}}
+    reader, block = read("time_s,A,B\n" + "".join(lines), two)
     np.testing.assert_array_equal(block.values["a"], np.tile(A, 10))
     np.testing.assert_array_equal(block.values["b"], np.tile(B, 10))
     assert reader.report.losses == []
 
 
 @pytest.mark.parametrize("names", [1, 8])
-def test_a_header_that_names_too_few_or_too_many_columns(names: int) -> None:
+def test_a_header_that_names_too_few_or_too_many_columns(names):
+    i = np.arange(40)
     header = "\t".join(["Timestamp", "Time [s]", *(f"WL {k + 1}[nm]" for k in range(names))])
     rows = [
-        f"2020-01-01 10:00:{i // 4:02d}\t{i // 4}\t{1560 + i / 1000:.3f}\t1550.500\t1540.{i:03d}\t"
-        for i in range(40)
+        f"2020-01-01 10:00:{k // 4:02d}\t{k // 4}\t{1560 + k / 1000:.3f}\t1550.500\t1540.{k:03d}\t"
+        for k in i
     ]
-    two = setup_of(
-        {
-            "a": {"source": "WL 3", "reference_wavelength_nm": 1540.0},
-            "b": {"source": "WL 1", "reference_wavelength_nm": 1560.0},
-        }
-    )
+    two = {
+        "a": {"source": "WL 3", "reference_wavelength_nm": 1540.0},
+        "b": {"source": "WL 1", "reference_wavelength_nm": 1560.0},
+    }
     _, block = read("\n".join([header, *rows]) + "\n", two)
-    np.testing.assert_allclose(block.values["a"], 1540 + np.arange(40) / 1000)
-    np.testing.assert_allclose(block.values["b"], 1560 + np.arange(40) / 1000)
-    np.testing.assert_array_equal(block.stamps_s, np.arange(40) // 4)
+    np.testing.assert_allclose(block.values["a"], 1540 + i / 1000)
+    np.testing.assert_allclose(block.values["b"], 1560 + i / 1000)
+    np.testing.assert_array_equal(block.stamps_s, i // 4)
 
 
-#: what no program can know from the bytes, each with the [log] that says it
-TOLD = {
-    "bars": (
-        "time_s|A|B\n0|1550.1234|1542\n0.5|1550.25|\n1||1542.5\n1.5|1549.5|1542.25\n",
-        'separator = "|"',
-    ),
-    "a row of numbers that is no sample": (
-        "17;1;2\ntime_s;A;B\n0;1550,1234;1542\n0,5;1550,25;\n1;;1542,5\n1,5;1549,5;1542,25\n",
-        'header_rows = 2\ndecimal = ","',
-    ),
-    "numbers above rows without names": (
-        "3;4711;4712\n0;1550.1234;1542\n0.5;1550.25;\n1;;1542.5\n1.5;1549.5;1542.25\n",
-        'header_rows = 1\ncolumns = ["time_s", "A", "B"]',
-    ),
-    "other names": (
-        "t;x;A\n0;1550.1234;1542\n0.5;1550.25;\n1;;1542.5\n1.5;1549.5;1542.25\n",
-        'columns = ["time_s", "A", "B"]',
-    ),
-}
-
-
-@pytest.mark.parametrize("what", TOLD)
-def test_what_the_setup_says_of_the_layout_is_not_guessed(what: str) -> None:
-    text, log = TOLD[what]
-    check(text, setup_of({"a": {"source": "A"}, "b": {"source": "B"}}, log))
-
-
-def test_an_encoding_that_is_given_spells_the_columns() -> None:
+def test_an_encoding_that_is_given_spells_the_columns():
     text = "time_s;\u00c3\u00a9\n0;1.5\n1;2.5\n".encode("cp1252")  # as UTF-8 it would spell \u00e9
     channels = {"a": {"kind": "strain", "unit": "ue", "source": "\u00c3\u00a9"}}
-    _, block = read(text, setup_of(channels, 'encoding = "cp1252"'))
+    _, block = read(text, channels, 'encoding = "cp1252"')
     np.testing.assert_array_equal(block.values["a"], [1.5, 2.5])
     with pytest.raises(ReadError):
-        read(text, setup_of(channels))
-
-
-def test_more_names_than_cells_are_refused() -> None:
-    with pytest.raises(SetupError, match="names 4, the rows have 3 cells"):
-        read(PLAIN["comma"], setup_of({"a": {"source": "A"}}, 'columns = ["t", "A", "B", "C"]'))
+        read(text, channels)
 
 
 WRONG = {
@@ -436,16 +360,17 @@ WRONG = {
     "header_rows = -1": "a whole number from 0 to 10000",
     'columns = ["a", "a"]': "the name 'a' twice",
     "columns = []": "a list of names",
+    'columns = ["t", "A", "B", "C"]': "names 4, the rows have 3 cells",
 }
 
 
 @pytest.mark.parametrize("log", WRONG)
-def test_words_of_the_layout_that_cannot_be_are_refused(log: str) -> None:
+def test_words_of_the_layout_that_cannot_be_are_refused(log):
     with pytest.raises(SetupError, match=WRONG[log]):
-        setup_of({"a": {"source": "A"}}, log)
+        read(PLAIN["comma"], {"a": "A"}, log)
 
 
-def test_a_log_that_is_no_text_refuses_what_only_text_has() -> None:
+def test_a_log_that_is_no_text_refuses_what_only_text_has():
     setup = (SAMPLES / "encoder.toml").read_text("utf-8") + '\n[log]\nseparator = ";"\n'
     opened = open_recording(str(SAMPLES / "encoder.h5"), parse_setup(setup))
     with pytest.raises(SetupError, match=r"\[log\] separator: the log is HDF5"), opened:

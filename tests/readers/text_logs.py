@@ -1,4 +1,4 @@
-"""Small text logs and their setups for the tests of the text reader."""
+"""Small text logs for the tests of the text reader."""
 
 import io
 from collections.abc import Mapping
@@ -6,68 +6,28 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.data.setup import Setup, parse_setup
+from tests.readers.logs import Pipe, setup_of
+from tirelog.data.setup import Setup
 from tirelog.readers.base import RawBlock, counted_floats
-from tirelog.readers.text.parse import Parsed, RowPlan, concatenated_rows, plain_rows
 from tirelog.readers.text.reader import TextReader, open_text
 
-
-def setup_of(channels: Mapping[str, Mapping[str, Any]], log: str = "") -> Setup:
-    """A setup of these channels; gratings get a wavelength where they have none."""
-    text = "[tire]\nunloaded_radius_m = 0.3\n"
-    for name, keys in channels.items():
-        keys = {"kind": "fbg_strain", **keys}
-        if keys["kind"].startswith("fbg_"):
-            keys = {"unit": "nm", "reference_wavelength_nm": 1550.0, **keys}
-        text += f"[channels.{name}]\n" + "".join(f"{k} = {_toml(v)}\n" for k, v in keys.items())
-    return parse_setup(text + (f"[log]\n{log}\n" if log else ""))
+__all__ = ["Pipe", "joined", "piped", "read", "setup_of"]
 
 
-def _toml(value: Any) -> str:
-    return (
-        f'"{value}"'
-        if isinstance(value, str)
-        else str(list(value) if isinstance(value, tuple) else value)
-    )
-
-
-class Pipe(io.RawIOBase):
-    """A stream that, like a pipe, neither seeks nor gives as much as it is asked for."""
-
-    def __init__(self, data: bytes, most: int = 777) -> None:
-        self._data, self._at, self._most = data, 0, most
-
-    def readable(self) -> bool:
-        return True
-
-    def seekable(self) -> bool:
-        return False
-
-    def readinto(self, buffer: Any) -> int:
-        part = self._data[self._at : self._at + min(len(buffer), self._most)]
-        buffer[: len(part)] = part
-        self._at += len(part)
-        return len(part)
-
-
-def read(text: str | bytes, setup: Setup) -> tuple[TextReader, RawBlock]:
-    """(reader, all its blocks as one)."""
+def read(
+    text: str | bytes, setup: Setup | Mapping[str, Any], log: str = "", **common: Any
+) -> tuple[TextReader, RawBlock]:
+    """(reader, all its blocks as one); the setup, or what `setup_of` makes it of."""
     data = text.encode() if isinstance(text, str) else text
+    setup = setup if isinstance(setup, Setup) else setup_of(setup, log, **common)
     reader = open_text(io.BytesIO(data), setup, "log.csv")
     return reader, joined(list(reader.blocks()), reader)
 
 
-def all_plain(plan: RowPlan, block: bytes) -> tuple[Parsed, int]:
-    """(rows that the compiled way reads one pass after the other, byte behind them)."""
-    parts, at, careful = [], 0, False
-    while at < len(block) and not careful:
-        begin = at
-        parsed, at, careful = plain_rows(plan, block, at)
-        parsed.bad_cells = [
-            (block.count(b"\n", 0, begin) + row, what) for row, what in parsed.bad_cells
-        ]
-        parts.append(parsed)
-    return concatenated_rows(parts), at
+def piped(data: bytes, setup: Setup) -> tuple[TextReader, RawBlock]:
+    """As `read`, of what comes through a pipe."""
+    reader = open_text(Pipe(data), setup, "-")
+    return reader, joined(list(reader.blocks()), reader)
 
 
 def joined(blocks: list[RawBlock], reader: TextReader) -> RawBlock:

@@ -12,6 +12,8 @@ from typing import Any
 import pytest
 
 from tests.cli.conftest import SETUP, pulse_rows
+from tests.cli.conftest import folder as folder
+from tests.cli.conftest import tirelog as tirelog
 from tirelog.cli import run
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"

@@ -340,7 +340,7 @@ def proposal(status: str = "formula") -> Proposal:
     )
 
 
-def test_a_proposal_is_shown_with_formula_locked_errors_and_command() -> None:
+def test_a_proposal_is_shown_with_its_formula_and_none_by_its_reason() -> None:
     section = proposed(proposal(), "tirelog propose a.csv --model M -o M+proposed.toml")
     text = "".join(render(Report("t", [section])))
     assert HOSTILE not in text
@@ -355,13 +355,9 @@ def test_a_proposal_is_shown_with_formula_locked_errors_and_command() -> None:
     np.testing.assert_allclose(numbers(shape.traces[2]["y"]), 10 * np.hanning(9), atol=1e-5)
     assert numbers(rest.traces[0]["y"]).max() == pytest.approx(10.0)
     assert numbers(rest.traces[1]["y"]).max() == pytest.approx(0.1)
-
-
-def test_no_proposal_is_its_reason() -> None:
-    section = proposed(proposal("nothing"), "tirelog propose")
-    assert section.text == ["Nothing to propose: the catalogue explains it"]
-    assert not section.figures
-    assert not section.tables
+    none = proposed(proposal("nothing"), "tirelog propose")
+    assert none.text == ["Nothing to propose: the catalogue explains it"]
+    assert not none.figures + none.tables
 
 
 def test_obstacles_are_told_hit_by_hit() -> None:
@@ -405,9 +401,7 @@ def test_a_model_that_does_not_move_says_so() -> None:
 
 
 @pytest.mark.parametrize("asked_for", [True, False])
-def test_what_is_unknown_is_written_down_if_asked_and_obstacles_have_their_section(
-    monkeypatch: pytest.MonkeyPatch, asked_for: bool
-) -> None:
+def test_what_is_unknown_is_written_down_if_asked(monkeypatch, asked_for):
     log = SimpleNamespace(log="made", hits_s=np.ones(2), road=SimpleNamespace(kind="cleat"))
     measured = MeasuredLogs([stack(ringing, manoeuvres=9, revolutions=4, m=64)], (log,))
     monkeypatch.setattr("tirelog.report.build.measured_for", lambda *_, **__: measured)
@@ -444,9 +438,7 @@ def test_what_cannot_be_proposed_costs_no_other_section(monkeypatch: pytest.Monk
     assert told in [what for what, _ in missing]
 
 
-def test_the_demo_s_page_has_the_ladder_that_it_climbed(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_demo_s_page_has_the_ladder_that_it_climbed(monkeypatch, tmp_path):
     spec = importlib.util.spec_from_file_location("demo", ROOT / "sample_data" / "demo.py")
     assert spec is not None
     assert spec.loader is not None

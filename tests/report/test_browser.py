@@ -147,9 +147,7 @@ def test_the_keyboard_reaches_the_results(shown: Any) -> None:
     assert page.evaluate("document.activeElement.className") == "skip"
 
 
-def test_a_dark_screen_has_dark_paper_and_print_is_white_and_no_wider_than_a4(
-    browser: Any, page_file: Path
-) -> None:
+def test_a_dark_screen_has_dark_paper_and_print_is_white_and_no_wider_than_a4(browser, page_file):
     context = browser.new_context(color_scheme="dark", viewport={"width": 1440, "height": 900})
     page = context.new_page()
     page.goto(page_file.as_uri())

@@ -8,11 +8,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from tests.cli.conftest import Command, folder, tirelog
+from tests.cli.conftest import Command
 from tests.report.test_page import data, numbers
 from tirelog.report.page import ReportRequest
-
-__all__ = ["folder", "tirelog"]
 
 
 @pytest.mark.parametrize(
@@ -29,9 +27,7 @@ __all__ = ["folder", "tirelog"]
         (["log.csv", "--ladder", "steps.json", "-o", "page.html"], "is no ladder"),
     ],
 )
-def test_unusable_input_ends_with_status_2(
-    folder: Path, tirelog: Command, arguments: list[str], said: str
-) -> None:
+def test_unusable_input_ends_with_status_2(folder, tirelog, arguments, said):
     ladder = {"observable": "strain", "unit": "1", "steps": [{"step": 0}]}
     (folder / "steps.json").write_text(json.dumps({"ladders": [ladder]}))
     outcome = tirelog("report", *arguments)
@@ -51,9 +47,7 @@ def test_a_model_that_does_not_suit_the_log_is_named(folder: Path, tirelog: Comm
     assert '<section id="diagnosis">' not in page
 
 
-def test_a_hostile_channel_of_a_table_is_no_link_in_a_figure(
-    folder: Path, tirelog: Command
-) -> None:
+def test_a_hostile_channel_of_a_table_is_no_link_in_a_figure(folder, tirelog):
     assert tirelog("speed", "log.csv", "-o", "speed.csv").status == 0
     rows = pd.read_csv(folder / "speed.csv")
     rows["channel"] = '<a href="https://evil.example">x</a>'

@@ -10,9 +10,7 @@ from tests.report.test_browser import loaded, unfold
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
 
 
-def test_on_a_phone_in_the_dark_every_figure_has_a_name_and_its_width(
-    browser: Any, model_page: Path
-) -> None:
+def test_on_a_phone_in_the_dark_every_figure_has_a_name_and_its_width(browser, model_page):
     context = browser.new_context(viewport={"width": 390, "height": 900}, color_scheme="dark")
     page = context.new_page()
     page.goto(f"{model_page.as_uri()}#ladder")

@@ -37,9 +37,7 @@ def numbers(packed: dict) -> np.ndarray:
         ("dissipation_factor_1_m-time", 0, "dissipation", "dissipation_factor_1_m", 1.0),
     ],
 )
-def test_the_page_s_numbers_are_the_table_s(
-    page_file: Path, figure: str, trace: int, table: str, column: str, factor: float
-) -> None:
+def test_the_page_s_numbers_are_the_table_s(page_file, figure, trace, table, column, factor):
     rows = pd.read_csv(page_file.parent / f"{table}.csv")
     if table != "speed":
         rows = rows[rows["quality"] == "ok"]

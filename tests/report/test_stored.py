@@ -73,9 +73,7 @@ def test_several_models_are_told_apart(tmp_path: Path) -> None:
         json.dumps(stored([section()], [])).replace("2.0, ", '"x", '),
     ],
 )
-def test_a_file_that_is_none_is_refused(
-    tmp_path: Path, content: str, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_file_that_is_none_is_refused(tmp_path, content, capfd):
     page = write(tmp_path, "beam")
     page.write_text(content)
     with pytest.raises(UsageError, match="no page of a campaign's model"):

@@ -4,15 +4,14 @@ What is read has to be those values at their own times, whatever the file's form
 a signal is no repetition.
 """
 
-import json
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from mcap.writer import Writer
 
 import tirelog
+from tests.readers.mcap_files import write_json
 from tirelog.data.recording import Scaled, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.runs.in_memory import sample_and_hold
@@ -28,20 +27,17 @@ def signal(values: int, seed: int = 0) -> np.ndarray:
     return np.round(3.0 * noise - 1000.0 * np.exp(-((phase / 0.03) ** 2)), 2)
 
 
-def stored(values: np.ndarray) -> Scaled:
-    return Scaled(lambda start, stop: values[start:stop], 1.0, 0.0)
-
-
-def axis(size: int) -> TimeAxis:
-    return TimeAxis.uniform(size, RATE)
+def held_in(values: np.ndarray, axis: TimeAxis | None = None, **more: bool) -> tuple | None:
+    """(places of the values, their axis, rows of each), None if all rows are values."""
+    stored = Scaled(lambda start, stop: values[start:stop], 1.0, 0.0)
+    return sample_and_hold(stored, axis or TimeAxis.uniform(values.size, RATE), **more)
 
 
 @pytest.mark.parametrize("every", [2, 3, 7])
 @pytest.mark.parametrize("phase", [0, 1])
 def test_each_value_is_taken_once(every: int, phase: int) -> None:
     values = np.repeat(signal(6000), every)[phase:]
-    found = sample_and_hold(stored(values), axis(values.size))
-    assert found is not None
+    found = held_in(values)
     at, held, *most = found
     assert most == [every, every]
     assert at.tolist() == list(range((every - phase) % every, values.size, every))
@@ -54,9 +50,8 @@ def test_values_between_blanks_are_the_channel(every: int, phase: int) -> None:
     values = np.full(6000 * every, np.nan)
     values[phase::every] = signal(6000)
     values[phase + 40 * every :: 97 * every] = np.nan  # lost by the instrument
-    assert sample_and_hold(stored(values), axis(values.size)) is None
-    found = sample_and_hold(stored(values), axis(values.size), held=False)
-    assert found is not None
+    assert held_in(values) is None
+    found = held_in(values, held=False)
     at, own, *most = found
     assert most == [every, every]
     assert at.tolist() == list(range(phase, values.size, every))
@@ -67,7 +62,7 @@ def test_values_between_blanks_are_the_channel(every: int, phase: int) -> None:
 def test_values_lost_by_chance_leave_no_other_rate(share: float) -> None:
     values = signal(9000)
     values[np.random.default_rng(3).random(9000) < share] = np.nan
-    assert sample_and_hold(stored(values), axis(9000), held=False) is None
+    assert held_in(values, held=False) is None
 
 
 def test_a_log_of_two_instruments_has_the_rate_of_each(tmp_path: Path) -> None:
@@ -89,8 +84,7 @@ def test_a_log_of_two_instruments_has_the_rate_of_each(tmp_path: Path) -> None:
 def test_clocks_that_are_no_multiples_give_the_instrument_s_even_times(ratio: float) -> None:
     values = signal(9000)
     written = values[10 * np.arange(int(8000 * ratio)) // int(10 * ratio)]
-    found = sample_and_hold(stored(written), axis(written.size))
-    assert found is not None
+    found = held_in(written)
     at, held = found[:2]
     assert held.rate_Hz == pytest.approx(RATE / ratio, rel=1e-5)
     # a value is new up to a sample of the logger before it is written first
@@ -106,25 +100,16 @@ def test_values_that_are_alike_by_chance_and_lost_ones_do_not_matter() -> None:
     values = np.round(signal(6000))
     assert np.mean(np.diff(values) == 0.0) > 0.05
     values[::97] = np.nan
-    found = sample_and_hold(stored(np.repeat(values, 2)), axis(12_000))
-    assert found is not None
-    at = found[0]
+    at = held_in(np.repeat(values, 2))[0]
     assert at.tolist() == list(range(0, 12_000, 2))
 
 
 def test_each_segment_begins_a_value_of_its_own() -> None:
     values = np.repeat(signal(6000), 3)
     values = np.delete(values, np.arange(9001, 9400))
-    parts = TimeAxis(
-        values.size,
-        RATE,
-        np.array([0, 9001]),
-        np.array([0.0, 9400 / RATE]),
-        np.full(2, 1.0 / RATE),
-    )
-    found = sample_and_hold(stored(values), parts)
-    assert found is not None
-    held = found[1]
+    starts_s, periods_s = np.array([0.0, 9400 / RATE]), np.full(2, 1.0 / RATE)
+    parts = TimeAxis(values.size, RATE, np.array([0, 9001]), starts_s, periods_s)
+    held = held_in(values, parts)[1]
     places = np.concatenate([np.arange(0, 9001, 3), np.arange(9402, 18_000, 3)])
     np.testing.assert_allclose(held.time(), places / RATE, rtol=0, atol=1e-12)
 
@@ -132,9 +117,7 @@ def test_each_segment_begins_a_value_of_its_own() -> None:
 @pytest.mark.parametrize("slip", [200, 5000])
 def test_rows_that_a_log_lost_without_a_gap_cost_no_more_than_themselves(slip: int) -> None:
     values = np.delete(np.repeat(signal(6000), 2), np.arange(101, 12_000, slip))
-    found = sample_and_hold(stored(values), axis(values.size))
-    assert found is not None
-    at = found[0]
+    at = held_in(values)[0]
     np.testing.assert_array_equal(values[at], signal(6000)[: at.size])
 
 
@@ -145,7 +128,7 @@ def test_a_rounded_signal_is_not_held(step: float, speed: float) -> None:
     noise = np.random.default_rng(1).standard_normal(phase.size)
     smooth = 0.5 * noise - 1000.0 * np.exp(-((phase / 0.03) ** 2))
     values = np.round(smooth / step) * step
-    assert sample_and_hold(stored(values), axis(values.size)) is None
+    assert held_in(values) is None
 
 
 SETUP = """[tire]
@@ -176,15 +159,8 @@ def hdf5_log(path: Path, slow: np.ndarray, fast: np.ndarray) -> str:
 
 
 def mcap_log(path: Path, slow: np.ndarray, fast: np.ndarray) -> str:
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        schema = writer.register_schema("s", "jsonschema", b'{"type": "object"}')
-        channel = writer.register_channel("/s", "json", schema)
-        for i, (a, b) in enumerate(zip(slow.tolist(), fast.tolist(), strict=True)):
-            stamp = int(1e9 * i / RATE)
-            writer.add_message(channel, stamp, json.dumps({"a": a, "b": b}).encode(), stamp)
-        writer.finish()
+    pairs = enumerate(zip(slow.tolist(), fast.tolist(), strict=True))
+    write_json(path, [("/s", round(1e9 * i / RATE), {"a": a, "b": b}) for i, (a, b) in pairs])
     return SETUP.format(slow="/s:a", fast="/s:b", log="")
 
 

@@ -81,12 +81,8 @@ def test_a_resolution_is_one_count_in_si(tmp_path: Path) -> None:
 def test_a_grating_is_found_by_the_wavelength_that_the_scale_gives(tmp_path: Path) -> None:
     """Raw peaks are 1552 - wavelength; the window is the wavelength's own."""
     log = tmp_path / "peaks.csv"
-    log.write_text(
-        "".join(
-            f"{i / 100:.2f}\t{2.0 + x / 1000:.4f}" + ("\t9.5000" if i % 3 else "") + "\n"
-            for i, x in enumerate(RAW)
-        )
-    )
+    rows = (f"{i / 100:.2f}\t{2.0 + x / 1000:.4f}" for i, x in enumerate(RAW))
+    log.write_text("".join(row + "\t9.5000" * (i % 3 > 0) + "\n" for i, row in enumerate(rows)))
     keys = (
         'kind = "fbg_strain"\nunit = "nm"\nreference_wavelength_nm = 1550.0\nstrain_gain = 1.0\n'
         "scale = -1.0\noffset = 1552.0\nwindow_nm = [1549.0, 1551.0]"

@@ -23,14 +23,15 @@ def wavy(share: float, samples: int = 12_000) -> np.ndarray:
     return (1.0 + share * np.sin(2.0 * np.pi * k / 7000.0)) / 9.4
 
 
-@pytest.mark.parametrize("share", [0.01, 0.08])
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.08])
 def test_times_follow_a_wandering_rate(share: float) -> None:
     times, clock = clocked(wavy(share))
     got = clock.axis.time()
     assert np.abs(got - times).max() < 0.15  # a constant rate is off by seconds
     assert (np.diff(got) > 0.0).all()
     assert clock.repairs == {}
-    assert "wanders" in clock.remarks[0]
+    assert ["wanders" in remark for remark in clock.remarks] == [True] * (share > 0.0)
+    assert (clock.axis.explicit is None) == (share == 0.0)
     slow, fast = 9.4 / (1.0 + share), 9.4 / (1.0 - share)
     assert slow * 0.99 < clock.axis.rate_Hz < fast * 1.01
 
@@ -61,14 +62,6 @@ def test_gaps_of_a_steady_clock_are_found_by_what_ticks_lack(seed: int) -> None:
     assert clock.axis.explicit is None
     assert clock.remarks == []
     assert clock.axis.rate_Hz == pytest.approx(rate, rel=5e-4)
-
-
-def test_a_steady_clock_keeps_its_one_rate() -> None:
-    times, clock = clocked(np.full(12_000, 1.0 / 9.4))
-    assert clock.axis.rate_Hz == pytest.approx(9.4, rel=1e-5)
-    assert clock.axis.explicit is None
-    assert np.abs(clock.axis.time() - times).max() < 0.12
-    assert clock.remarks == []
 
 
 def test_a_declared_rate_is_kept_and_the_stamps_word_said() -> None:

@@ -309,8 +309,8 @@ def odd_rows(plan: RowPlan, line: int, block: Block) -> Parsed:
     lines = [
         (number, [cell.strip(b" \r") for cell in text.split(separator)])
         for number, text in enumerate(bytes(block).split(b"\n")[:-1], line)
+        if text.strip(b" \r")  # blank lines by the million cost no lists of cells
     ]
-    lines = [(number, cells) for number, cells in lines if cells != [b""]]
     stamps = _stamps_of(plan, [cells for _, cells in lines])
     missing = np.zeros(len(lines), bool) if stamps is None else unreadable(stamps)
     out = Parsed({})
