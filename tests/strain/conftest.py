@@ -72,11 +72,10 @@ class Drive:
     def with_values(
         self, values: np.ndarray, axis: TimeAxis | None = None, **more: object
     ) -> Channel:
-        """The channel with other samples."""
-        axis = axis or self.channel.axis
-        return Channel.of_array(
-            self.channel.name, self.channel.kind, values, axis, surface=self.channel.surface, **more
-        )
+        """The channel with other samples, and what else is different."""
+        own = {"name": self.channel.name, "kind": self.channel.kind, "values": values}
+        own |= {"axis": axis or self.channel.axis, "surface": self.channel.surface}
+        return Channel.of_array(**own | more)
 
     def nearest(self, time_s: np.ndarray) -> np.ndarray:
         """Index of the true passage nearest to each time."""

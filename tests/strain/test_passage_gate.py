@@ -91,29 +91,6 @@ def test_what_is_no_tire_pass_gives_no_speed(name, kind):
     assert rows > 0 or name in ("white", "ramp")
 
 
-@pytest.mark.parametrize("noise_pm", [0.8, 8.0])
-@pytest.mark.parametrize(
-    ("knots", "speeds"),
-    [
-        ([0, 5, 10, 15, 18, 25], [0, 0, 20, 20, 0, 0]),
-        ([0, 30], [20, 2]),
-        ([0, 3, 6, 9, 12, 15, 18, 21], [0, 5, 0, 4, 0, 6, 1, 5]),
-        ([0, 3, 6, 9, 12, 15], [0, 1, 0, -1, 0, 1.5]),
-        ([0, 0.5], [12, 12]),
-        ([0, 4], [0, 12]),
-        ([0, 8], [60, 60]),
-    ],
-    ids=["starts and stops", "coasting", "town", "parking", "three passages", "start", "216 km/h"],
-)
-def test_a_rolling_tire_is_never_doubted(drive, radius_m, knots, speeds, noise_pm):
-    found = find_passages(
-        drive(knots, speeds, seed=1002, noise_pm=noise_pm, rate_Hz=5000.0).channel, radius_m
-    )
-    assert len(found) > 1
-    assert found.doubt == ""
-    assert not having(found.quality, Quality.NOT_A_PASSAGE).any()
-
-
 def test_lost_samples_between_many_passages_are_no_doubt(drive, radius_m):
     """The instrument reads four passages of every eight: a quarter of the pairs is not one turn
     apart.
