@@ -113,8 +113,6 @@ def test_p2_fig_13_s_maxima():
     step = x[1] - x[0]
     assert 1e3 * deepest == pytest.approx([-0.8, -3.0, -6.8, -11.4], abs=1e3 * step)
     assert 1e3 * least == pytest.approx([0.4, 0.1, -4.2, -13.3], abs=1e3 * step)
-    # Fig. 11: "roughly 0.8 cm" with the printed mass; 7.1 mm with the corrected one
-    assert told["displacement_m"][8192:16384].max() == pytest.approx(7.1e-3, abs=5e-5)
 
 
 def test_p2_fig_14_s_second_derivative_marks_edges_or_the_onset():
