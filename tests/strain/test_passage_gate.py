@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.strain.conftest import make_drive
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_columns
@@ -91,11 +92,11 @@ def test_what_is_no_tire_pass_gives_no_speed(name, kind):
     assert rows > 0 or name in ("white", "ramp")
 
 
-def test_lost_samples_between_many_passages_are_no_doubt(drive, radius_m):
+def test_lost_samples_between_many_passages_are_no_doubt(radius_m):
     """The instrument reads four passages of every eight: a quarter of the pairs is not one turn
     apart.
     """
-    d = drive([0, 20], [15, 15], seed=1003)
+    d = make_drive([0, 20], [15, 15], seed=1003)
     values = d.values.copy()
     values[(d.channel.axis.time() * 15 / (2 * np.pi * radius_m)) % 8 > 4.2] = np.nan
     found = find_passages(d.with_values(values), radius_m)
@@ -103,21 +104,15 @@ def test_lost_samples_between_many_passages_are_no_doubt(drive, radius_m):
     assert found.doubt == ""
 
 
-def test_a_long_standstill_before_the_start_does_not_turn_the_patch_over(drive, radius_m):
+def test_a_long_standstill_before_the_start_does_not_turn_the_patch_over(radius_m):
     """The level outside follows the square of the speed; most of the log is at rest."""
-    made = drive([0, 60, 63, 70], [0, 0, 20, 20], seed=1004, noise_pm=0.0)
-    distance = (
-        np.cumsum(np.interp(made.channel.axis.time(), [0, 60, 63, 70], [0, 0, 20, 20])) / 2500.0
-    )
+    made = make_drive([0, 60, 63, 70], [0, 0, 20, 20], seed=1004, noise_pm=0.0, drift=0.0)
     speed = np.interp(made.channel.axis.time(), [0, 60, 63, 70], [0, 0, 20, 20])
-    xi = (distance + np.pi * radius_m) % (2 * np.pi * radius_m) - np.pi * radius_m
-    outside = 1.0 - 0.5 * (np.tanh((xi + 0.055) / 0.01) - np.tanh((xi - 0.055) / 0.01))
-    values = -(speed**2) / radius_m * outside + np.random.default_rng(1004).normal(
-        0.0, 3.0, xi.size
-    )
-    found = find_passages(
-        Channel.of_array("z", "radial_acceleration", values, made.channel.axis), radius_m
-    )
+    outside = 1.0 + made.values / 8e-4
+    noise = np.random.default_rng(1004).normal(0.0, 3.0, speed.size)
+    values = -(speed**2) / radius_m * outside + noise
+    kind = {"name": "z", "kind": "radial_acceleration"}
+    found = find_passages(made.with_values(values, **kind), radius_m)
     assert found.sign == 1.0
     assert found.doubt == ""
     assert np.isfinite(found.speed_m_s).sum() > 60

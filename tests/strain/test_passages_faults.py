@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from tests.strain.conftest import make_drive, without_rows
-from tirelog.data.recording import Channel, TimeAxis
 from tirelog.runs.in_memory import without_spikes
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_quality
@@ -154,8 +153,7 @@ def test_speeds_beside_a_clock_set_back_are_those_of_their_own_side(steady, radi
     cut, shift = samples([before + 0.4 * turn, share * turn])
     values = np.concatenate([steady.values[:cut], steady.values[cut - shift :]])
     doubt = (cut - 1, cut + 1, Quality.CLOCK_SET_BACK)
-    axis = TimeAxis.uniform(values.size, RATE_HZ)
-    found = find_passages(steady.with_values(values, axis, flags=(doubt,)), radius_m)
+    found = find_passages(steady.with_values(values, flags=(doubt,)), radius_m)
     cruise = (found.time_s > 9.0) & (found.time_s < 15.0)
     assert np.abs(found.speed_m_s[cruise] / 25.0 - 1.0).max() < 0.002
     beside = np.flatnonzero(cruise & (found.sides < 2))
@@ -268,8 +266,7 @@ def test_a_tire_s_own_samples_are_no_codes_and_no_burst(recorded, kind):
         "clipped": np.maximum(values, third),
         "pushed once": pushed_once(),
     }[kind]
-    axis = TimeAxis.uniform(values.size, RATE_HZ)
-    own = without_spikes(Channel.of_array("s", "strain", values, axis))
+    own = without_spikes(recorded.with_values(values))
     assert np.array_equal(own.read(), values)
     assert own.flags == () or kind == "clipped"
 
@@ -323,7 +320,5 @@ def test_a_jump_takes_no_row_of_the_rest(recorded, radius_m, kind):
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 5, 7, 100])
 @pytest.mark.parametrize("fill", [0.0, np.nan])
-def test_next_to_nothing_gives_no_rows(radius_m, count, fill):
-    axis = TimeAxis.uniform(count, RATE_HZ)
-    channel = Channel.of_array("grating", "strain", np.full(count, fill), axis)
-    assert len(find_passages(channel, radius_m)) == 0
+def test_next_to_nothing_gives_no_rows(steady, radius_m, count, fill):
+    assert len(find_passages(steady.with_values(np.full(count, fill)), radius_m)) == 0
