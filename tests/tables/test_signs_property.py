@@ -139,15 +139,6 @@ def test_every_signed_column_is_tried():
     assert {"shear_traction_N_m", "hub_longitudinal_N", "phase_shift_corrected_deg"} <= signed
 
 
-def test_the_shorter_edge_is_the_sharper(tables):
-    """`edge_asymmetry` is above 0 if the exit is sharper; the onset lies beside the exit edge."""
-    table = tables["footprint"]
-    driven = table[table["drives"] != ""]
-    assert (driven["slip_onset_m"].dropna() > 0.0).all()
-    assert driven["edge_asymmetry"].median() > 0.0
-    assert abs(table.loc[table["drives"] == "", "edge_asymmetry"].median()) < 0.02
-
-
 def test_a_column_says_what_it_is_in_its_own_table():
     column = COLUMNS["longitudinal_force_N"]
     assert "phase shift" in column.meaning_in("phase-shift")
