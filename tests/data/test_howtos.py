@@ -8,8 +8,6 @@ import re
 import shutil
 from pathlib import Path
 
-import pytest
-
 from tests.processes import python
 from tirelog.physics.model.user_effects import effects_of_file
 
@@ -146,12 +144,3 @@ def test_the_page_s_own_effect_is_read(tmp_path: Path) -> None:
     [effect] = effects_of_file(tmp_path / "mine.py").values()
     assert effect.follows_said == "speed"
     assert effect.valid_range == {"speed_m_s": (0.0, 40.0)}
-
-
-@pytest.mark.parametrize("page", ["effect.md", "condition.md", "observable.md", "table.md"])
-def test_every_file_that_a_howto_names_is_there(page: str) -> None:
-    text = (ROOT / "docs" / "howto" / page).read_text(encoding="utf-8")
-    named = set(re.findall(r"`((?:tirelog|tests|docs)/[\w/]+\.py)", text))
-    new = {"tirelog/strain/strain_range.py"}
-    assert len(named) >= 3
-    assert [name for name in named - new if not (ROOT / name).exists()] == []

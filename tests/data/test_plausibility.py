@@ -330,29 +330,6 @@ def test_a_speed_below_zero_is_no_speed_of_a_model(
     assert "--speed -5; allowed is a speed of 0 m/s or more" in capfd.readouterr().err
 
 
-#: key, its value, another one, the line, what is said of it
-NUMBERS = [
-    ("inflation_pressure_Pa", "2.2e5", "2.2", 7, "2.2 bar would be 220000"),
-    ("inflation_pressure_Pa", "2.2e5", "32", 7, "32 psi would be 220632"),
-    ("load_N", "3434.0", "-3434.0", 6, "a number above 0"),
-    ("unloaded_radius_m", "0.3126", "3.126", 2, "allowed for a tire is 0.04 to 2.5"),
-    ("rolling_radius_m", "0.305", "0.2", 3, "36 % smaller than the unloaded 0.3126 m; allowed is"),
-    ("rolling_radius_m", "0.305", "0.35", 3, "12 % larger than the unloaded"),
-    ("width_m", "0.2\n", "0.002\n", 4, "allowed for a tire is 0.01 to 2"),
-    ("reference_wavelength_nm", "1550.0", "155.0", 12, "allowed for a tire is 400 to 2500"),
-]
-
-
-@pytest.mark.parametrize(("key", "value", "other", "line", "said"), NUMBERS)
-def test_a_number_that_is_no_tires(key: str, value: str, other: str, line: int, said: str) -> None:
-    old = f"{key} = {value}"
-    assert old in SETUP
-    with pytest.raises(SetupError) as caught:
-        parse_setup(SETUP.replace(old, f"{key} = {other}", 1), "a.toml")
-    assert str(caught.value).startswith(f"a.toml:{line}: ")
-    assert said in str(caught.value)
-
-
 @pytest.mark.parametrize(
     ("load", "pressure", "unloaded", "rolling", "width"),
     [

@@ -63,7 +63,7 @@ def test_speed_maps_are_found_within_their_errors(ramp):
     assert learnt.shift.high_m_s == pytest.approx(25, abs=0.1)
 
 
-@pytest.mark.parametrize("delay_s", [0.0, 0.4e-3, 1e-3])
+@pytest.mark.parametrize("delay_s", [0.0, 0.4e-3])
 def test_a_delay_is_found_and_taken_off_and_its_rows_say_so(delay_s):
     drag = {"shift": lambda v, a: 0.0015 * (v**2 - 100)}
     found = passages(Drive(*RAMP), Tread(delay_s=delay_s, seed=22_000, **drag))
