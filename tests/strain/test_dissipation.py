@@ -14,30 +14,17 @@ from tests.strain.conftest import make_drive, without_rows
 from tests.strain.strain_truth import Beam, Ring
 from tirelog.data.recording import Recording
 from tirelog.data.setup import LogConditions, Setup, Tire
-from tirelog.dsp.filters import bridged, differentiator
 from tirelog.plots.tables import said
 from tirelog.products import tables_of
 from tirelog.strain.dissipation import (
     dissipation,
-    moving_average,
     regression,
-    steady_stretches,
 )
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_quality
 from tirelog.vocabulary.quality import Quality, good, having
 
 CALM = {"height": 1.0, "drift": 0.0}
-
-
-def response(coefficients, rate_Hz, frequency_Hz):
-    """Gain of the filter over that of an ideal derivative at `frequency_Hz`."""
-    half = coefficients.size // 2
-    omega = 2.0 * np.pi * np.asarray(frequency_Hz, float) / rate_Hz
-    place = np.arange(1, half + 1)
-    gain = 2.0 * np.sin(np.multiply.outer(omega, place)) @ coefficients[:half][::-1]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(omega == 0, 1.0, gain / (omega * rate_Hz))
 
 
 def tables(channels, radius_m, load_N=None, **more):
@@ -149,24 +136,6 @@ def test_the_remark_on_bending_is_of_the_grating_s_own_surface(radius_m):
     assert not again
 
 
-def test_constant_speed_is_told_by_the_size_of_the_step():
-    """P1 prints the step without its absolute value: braking would always pass."""
-    speed = np.array([10.0, 10.05, 10.0, 9.5, 9.0, 8.5, 8.45, 8.44, 8.44])
-    stretch = steady_stretches(speed, np.ones(speed.size, bool))
-    assert stretch.tolist() == [0, 0, 0, -1, -1, 1, 1, 1, 1]
-    assert steady_stretches(speed, np.ones(speed.size, bool), 0.6).tolist() == [0] * 9
-    broken = np.ones(speed.size, bool)
-    broken[6] = False
-    assert steady_stretches(speed, broken).tolist() == [0, 0, 0, -1, -1, 1, 1, 2, 2]
-
-
-def test_moving_averages_stay_within_their_stretch():
-    values = np.array([1.0, 2.0, 3.0, 100.0, 5.0, 7.0, np.nan, 9.0])
-    stretch = np.array([0, 0, 0, -1, 1, 1, 1, 1])
-    mean = moving_average(values, stretch, 3)
-    np.testing.assert_allclose(mean, [1.0, 2.0, 3.0, np.nan, 5.0, 6.0, 8.0, 9.0])
-
-
 @pytest.mark.parametrize(
     ("stretches", "between"), [(3, 0.0), (3, 1e-5), (5, 0.0), (5, 1e-6), (5, 1e-5), (12, 1e-5)]
 )
@@ -227,24 +196,6 @@ def test_a_slow_coast_down_is_more_than_one_point():
     assert (line["stretches"], line["points"]) == (1, 10)
     assert line["slope"] == pytest.approx(2.0, rel=1e-6)
     assert line["slope_se"] < 1e-6
-
-
-@pytest.mark.parametrize(
-    ("rate", "edge", "averaged"), [(2500.0, 1000.0, 1), (2500.0, 200.0, 1), (6250.0, 1000.0, 4)]
-)
-def test_the_differentiator_is_ideal_in_its_pass_band(rate, edge, averaged):
-    filter_ = differentiator(rate, edge, averaged)
-    frequency = np.linspace(5, 0.98 * edge, 60)
-    fine = np.pi * frequency / (rate * averaged)
-    droop = np.sin(averaged * fine) / (averaged * np.sin(fine))
-    np.testing.assert_allclose(response(filter_, rate, frequency) * droop, 1.0, atol=3e-4)
-    np.testing.assert_allclose(filter_, -filter_[::-1], atol=1e-12 * np.abs(filter_).max())
-
-
-def test_lost_values_at_the_ends_are_the_nearest_known():
-    values = np.array([np.nan, np.nan, 1.0, 2.0, np.nan, np.nan, 5.0, 5.0, np.nan])
-    assert bridged(values, 10.0).tolist() == [1.0, 1.0, 1.0, 2.0, 3.0, 4.0, 5.0, 5.0, 5.0]
-    assert bridged(np.full(6, np.nan), 1.0).tolist() == [0.0] * 6
 
 
 @pytest.mark.parametrize("seconds", [0.15, 0.3, 0.5, 0.8, 3.0])
