@@ -136,9 +136,7 @@ def test_the_remark_on_bending_is_of_the_grating_s_own_surface(radius_m):
     assert not again
 
 
-@pytest.mark.parametrize(
-    ("stretches", "between"), [(3, 0.0), (3, 1e-5), (5, 0.0), (5, 1e-6), (5, 1e-5), (12, 1e-5)]
-)
+@pytest.mark.parametrize(("stretches", "between"), [(3, 0.0), (3, 1e-5), (5, 1e-6), (12, 1e-5)])
 def test_the_interval_of_a_slope_covers_it(stretches, between):
     """Revolutions of one stretch share what it has of its own: 95 % intervals must hold with and
     without that.

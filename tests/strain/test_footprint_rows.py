@@ -114,33 +114,28 @@ def test_a_fault_inside_the_patch_is_said_in_its_row(made, radius_m, word, hit, 
     assert abs(found.length_m[row] / 0.11 - 1) < off
 
 
-def test_clipped_strain(made, radius_m):
-    clipped = np.maximum(made.values, np.quantile(made.values, 0.02))
-    passages, found = of(made.with_values(clipped), radius_m)
-    assert len(passages) == made.time_s.size
-    assert np.mean(having(found.quality, Quality.CLIPPED)) > 0.9
-
-
-def test_a_cutoff_above_nyquist(made, radius_m):
-    passages, found = of(made.channel, radius_m, cutoff="2kHz")
-    assert having(found.quality, Quality.CUTOFF).all()
-    assert np.isfinite(found.length_m).sum() == len(passages)
-
-
-def test_a_patch_shorter_than_four_samples(radius_m):
-    fast = make_drive([0, 20], [18, 18], seed=1501, pulse=TRUTH, **CALM, rate_Hz=450.0)
-    passages, found = of(fast.channel, radius_m)
-    assert len(passages) == fast.time_s.size
-    assert having(found.quality, Quality.PATCH_SHORT).all()
+@pytest.mark.parametrize(
+    ("word", "share", "clip", "cutoff", "more"),
+    [
+        (Quality.CLIPPED, 0.9, 0.02, "auto", {}),
+        (Quality.CUTOFF, 1.0, 0.0, "2kHz", {}),  # above what is sampled
+        (Quality.PATCH_SHORT, 1.0, 0.0, "auto", {"rate_Hz": 600.0}),  # of less than four samples
+    ],
+)
+def test_what_all_passages_share_is_said_in_their_rows(radius_m, word, share, clip, cutoff, more):
+    d = make_drive([0, 20], [24, 24], seed=1501, pulse=TRUTH, **CALM, **more)
+    clipped = d.with_values(np.maximum(d.values, np.quantile(d.values, clip)))
+    passages, found = of(clipped, radius_m, cutoff)
+    assert len(passages) == d.time_s.size
+    assert np.mean(having(found.quality, word)) >= share
+    assert np.isfinite(found.length_m).mean() > 0.9 or word == Quality.PATCH_SHORT
 
 
 @pytest.mark.parametrize("rate_Hz", [100.0, 300.0])
 @pytest.mark.parametrize("noise_pm", [0.8, 80.0])
 def test_a_log_of_few_samples_a_passage_has_its_rows(radius_m, rate_Hz, noise_pm):
-    made = make_drive(
-        [0, 12], [14, 14], seed=7, pulse=TRUTH, **CALM, rate_Hz=rate_Hz,
-        noise_pm=noise_pm,
-    )  # fmt: skip
+    few = {"rate_Hz": rate_Hz, "noise_pm": noise_pm, **CALM}
+    made = make_drive([0, 12], [14, 14], seed=7, pulse=TRUTH, **few)
     passages, found = of(made.channel, radius_m)
     assert len(found.length_m) == len(passages)
     assert not (good(found.quality) & ~having(found.quality, Quality.PATCH_SHORT)).any()
@@ -173,8 +168,7 @@ def test_a_cutoff_that_is_none_is_refused(text):
 
 def test_cutoffs_as_the_papers_give_them(radius_m):
     speed = np.array([5.0, 20.0])
-    np.testing.assert_allclose(Cutoff.parse("400 Hz").frequency(speed, radius_m, 1.0), 400.0)
-    np.testing.assert_allclose(Cutoff.parse("0.4kHz").frequency(speed, radius_m, 1.0), 400.0)
-    np.testing.assert_allclose(
-        Cutoff.parse("40x").frequency(speed, radius_m, 1.0), 40 * speed / (2 * np.pi * radius_m)
-    )
+    turns = 40 * speed / (2 * np.pi * radius_m)
+    for text, frequency in (("400 Hz", 400.0), ("0.4kHz", 400.0), ("40x", turns)):
+        found = Cutoff.parse(text).frequency(speed, radius_m, 1.0)
+        np.testing.assert_allclose(found, frequency)

@@ -18,52 +18,46 @@ RATE_HZ = 1000.0
 TIME_S = np.arange(int(20 * RATE_HZ)) / RATE_HZ
 
 
+def white(rng, size=1.0):
+    return size * rng.normal(size=TIME_S.size)
+
+
 def coloured(rng, power):
     """Noise whose spectrum falls with frequency to this power, standard deviation 1."""
     frequency = np.maximum(np.fft.rfftfreq(TIME_S.size), 1.0 / TIME_S.size)
-    values = np.fft.irfft(
-        np.fft.rfft(rng.normal(size=TIME_S.size)) * frequency ** (-power / 2), TIME_S.size
-    )
+    values = np.fft.irfft(np.fft.rfft(white(rng)) * frequency ** (-power / 2), TIME_S.size)
     return values / values.std()
 
 
 def rim(rng):
     """Gravity on a rim that turns 1 to 3 times a second, and the road's noise."""
     rate = np.interp(TIME_S, np.linspace(0, 20, 6), rng.uniform(1, 3, 6))
-    return (
-        np.cos(2 * np.pi * np.cumsum(rate) / RATE_HZ)
-        + 0.1 * coloured(rng, 1.0)
-        + 0.05 * rng.normal(size=TIME_S.size)
-    )
+    turned = 2 * np.pi * np.cumsum(rate) / RATE_HZ
+    return np.cos(turned) + 0.1 * coloured(rng, 1.0) + white(rng, 0.05)
 
 
 def bursts(rng):
     """Ringing at 200 Hz at random times, as of a piezo element."""
-    values = 0.02 * rng.normal(size=TIME_S.size)
+    values = white(rng, 0.02)
     for at in rng.uniform(0, 20, 60):
-        values += np.exp(-(((TIME_S - at) / 0.02) ** 2)) * np.sin(
-            2 * np.pi * 200 * (TIME_S - at) + rng.uniform(0, 6)
-        )
+        ringing = np.sin(2 * np.pi * 200 * (TIME_S - at) + rng.uniform(0, 6))
+        values += np.exp(-(((TIME_S - at) / 0.02) ** 2)) * ringing
     return values
 
 
 def bent(rng):
     """A bench that is loaded and let go, each time as long."""
-    return (np.sin(2 * np.pi * 0.4 * TIME_S) > 0) + 0.01 * rng.normal(size=TIME_S.size)
+    return (np.sin(2 * np.pi * 0.4 * TIME_S) > 0) + white(rng, 0.01)
 
 
 SIGNALS = {
-    "white": lambda rng: rng.normal(size=TIME_S.size),
-    "slow white": lambda rng: np.convolve(rng.normal(size=TIME_S.size), np.hanning(40), "same"),
+    "white": white,
+    "slow white": lambda rng: np.convolve(white(rng), np.hanning(40), "same"),
     "road": lambda rng: coloured(rng, 1.0),
     "rough road": lambda rng: coloured(rng, 2.0),
-    "sine": lambda rng: (
-        np.sin(2 * np.pi * rng.uniform(0.5, 90) * TIME_S) + 0.02 * rng.normal(size=TIME_S.size)
-    ),
-    "telegraph": lambda rng: (
-        np.cumsum(rng.random(TIME_S.size) < 8 / RATE_HZ) % 2 + 0.01 * rng.normal(size=TIME_S.size)
-    ),
-    "ramp": lambda rng: 0.1 * TIME_S + 0.01 * rng.normal(size=TIME_S.size),
+    "sine": lambda rng: np.sin(2 * np.pi * rng.uniform(0.5, 90) * TIME_S) + white(rng, 0.02),
+    "telegraph": lambda rng: np.cumsum(rng.random(TIME_S.size) < 0.008) % 2 + white(rng, 0.01),
+    "ramp": lambda rng: 0.1 * TIME_S + white(rng, 0.01),
     "rim": rim,
     "bursts": bursts,
     "bent": bent,
@@ -76,9 +70,8 @@ def test_what_is_no_tire_pass_gives_no_speed(name, kind):
     rows = 0
     for seed in (1000, 1001):
         values = SIGNALS[name](np.random.default_rng(seed)) * (1e-4 if kind == "strain" else 100.0)
-        found = find_passages(
-            Channel.of_array("c", kind, values, TimeAxis.uniform(values.size, RATE_HZ)), 0.3
-        )
+        axis = TimeAxis.uniform(values.size, RATE_HZ)
+        found = find_passages(Channel.of_array("c", kind, values, axis), 0.3)
         rows += len(found)
         columns = speed_columns("a.csv", found)
         assert "ok" not in columns["quality"]
