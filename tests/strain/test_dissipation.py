@@ -19,6 +19,7 @@ from tirelog.products import tables_of
 from tirelog.strain.dissipation import (
     dissipation,
     regression,
+    steady_stretches,
 )
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_quality
@@ -134,6 +135,16 @@ def test_the_remark_on_bending_is_of_the_grating_s_own_surface(radius_m):
     assert all(words in in_the_groove[0] for words in ("groove", "too little", "5.2 mm"))
     assert "too much" not in in_the_groove[0]
     assert not again
+
+
+def test_constant_speed_is_told_by_the_size_of_the_step():
+    """P1 prints the step without its absolute value: braking would always pass."""
+    speed = np.array([10.0, 10.05, 10.0, 9.5, 9.0, 8.5, 8.45, 8.44, 8.44])
+    known = np.ones(speed.size, bool)
+    assert steady_stretches(speed, known).tolist() == [0, 0, 0, -1, -1, 1, 1, 1, 1]
+    assert steady_stretches(speed, known, 0.6).tolist() == [0] * 9
+    known[6] = False  # the next passage is not known to be one turn away
+    assert steady_stretches(speed, known).tolist() == [0, 0, 0, -1, -1, 1, 1, 2, 2]
 
 
 @pytest.mark.parametrize(("stretches", "between"), [(3, 0.0), (3, 1e-5), (5, 1e-6), (12, 1e-5)])
