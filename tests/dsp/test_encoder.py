@@ -52,6 +52,14 @@ def half_teeth(found, turns):
     return 2 * STEPS * np.interp(found["index"], np.arange(turns.size), turns)
 
 
+def test_pure_sine_is_placed_to_a_thousandth_of_a_tooth():
+    _, turns = wheel()
+    seen = passages(3.0 + 0.7 * sine(turns))
+    phase = half_teeth(seen, turns)
+    assert seen.size == pytest.approx(2 * STEPS * turns[-1], abs=2)
+    assert np.abs(phase - np.rint(phase)).max() < 1e-3
+
+
 def test_no_tooth_is_lost_at_a_tenth_of_noise():
     _, turns = wheel(60.0, 2.0, 0.15)
     found = teeth(sine(turns, 0.1, 1002))
