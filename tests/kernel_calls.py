@@ -16,12 +16,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import h5py
 import numpy as np
 import pytest
 
 from tests.simulation.rolls import belt, orders, rolling, strain_rider
-from tests.wheel.phase_truth import Drive, Encoder, Tread
+from tests.wheel.phase_truth import Drive, Encoder, Tread, write_hdf5
 from tirelog import cli
 from tirelog.inference.stacks.hum import along_rises
 from tirelog.kernels.dispatch import Kernel, kind_of, spelled
@@ -131,14 +130,9 @@ def run_on_layouts(folder: Path) -> None:
 
 
 def run_on_a_wheel(folder: Path) -> None:
-    drive, log = Drive((0, 4, 6, 9), (10, 10, 14, 14)), folder / "wheel.h5"
-    with h5py.File(log, "w") as file:
-        for name, values, unit in (
-            ("encoder", Encoder().signal(drive), "V"),
-            ("acceleration", Tread().signal(drive) / 9.80665, "g"),
-        ):
-            data = file.create_dataset(name, data=values.astype("f4"))
-            data.attrs["unit"], data.attrs["sampling_rate_Hz"] = unit, 10_000.0
+    drive, log = Drive((0, 3, 4, 6), (10, 10, 14, 14)), folder / "wheel.h5"
+    signals = {"encoder": (Encoder(), "V", 1.0), "acceleration": (Tread(), "g", 9.80665)}
+    write_hdf5(log, {n: (s.signal(drive) / by, unit, 1e4) for n, (s, unit, by) in signals.items()})
     log.with_suffix(".toml").write_text(WHEEL)
     run("tables", log, "-o", folder / "wheel.csv")
 

@@ -9,16 +9,15 @@ them. A budget is lowered as soon as its folder shrinks.
 from __future__ import annotations
 
 import ast
-import subprocess
-import sys
-from collections import Counter
-from functools import cache
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
-pytestmark = pytest.mark.xdist_group("budgets")  # one worker parses the package, once
+from tests.processes import python
+from tests.sources import ROOT, nodes, sources
+from tirelog.cli import run
+
+pytestmark = pytest.mark.xdist_group("sources")  # one worker parses the package, once
 
 SAMPLES = ROOT / "sample_data"
 #: most files and statements of a folder
@@ -62,16 +61,6 @@ WIDER = {
 }
 
 
-@cache
-def trees() -> dict[str, ast.Module]:
-    """The syntax tree of each file of the package, by its path in it."""
-    package = ROOT / "tirelog"
-    return {
-        path.relative_to(package).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
-        for path in sorted(package.rglob("*.py"))
-    }
-
-
 def folder(path: str) -> str:
     return path.split("/")[0] if "/" in path else "(top)"
 
@@ -110,29 +99,25 @@ def constants(tree: ast.Module) -> int:
 
 @pytest.mark.parametrize("name", FOLDERS)
 def test_a_folder_keeps_to_its_budget(name: str) -> None:
-    inside = [tree for path, tree in trees().items() if folder(path) == name]
+    inside = [tree for file, (_, tree) in sources().items() if folder(file) == name]
     files, most = FOLDERS[name]
     assert len(inside) <= files
     assert sum(map(statements, inside)) <= most
 
 
 def test_every_folder_has_a_budget() -> None:
-    assert {folder(path) for path in trees()} == set(FOLDERS)
+    assert set(map(folder, sources())) == set(FOLDERS)
 
 
 def test_the_whole_keeps_to_its_budget() -> None:
-    assert sum(map(constants, trees().values())) <= CONSTANTS
-    classes = Counter(
-        isinstance(node, ast.ClassDef) for tree in trees().values() for node in ast.walk(tree)
-    )
-    assert classes[True] <= CLASSES
+    assert sum(constants(tree) for _, tree in sources().values()) <= CONSTANTS
+    assert sum(isinstance(node, ast.ClassDef) for _, node in nodes()) <= CLASSES
 
 
 def functions() -> dict[str, ast.FunctionDef | ast.AsyncFunctionDef]:
     return {
-        f"{path}:{node.name}": node
-        for path, tree in trees().items()
-        for node in ast.walk(tree)
+        f"{file}:{node.name}": node
+        for file, node in nodes()
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     }
 
@@ -187,14 +172,7 @@ print(sum(Path(name).is_relative_to(package) for name in seen), file=sys.stderr)
 def test_a_command_runs_through_few_files(words: str, tmp_path: Path) -> None:
     model = str(tmp_path / "model.toml")
     setup = SAMPLES / "hidden_1.toml"
-    new = [sys.executable, "-m", "tirelog", "model", "new", "--setup", str(setup), "-o", model]
-    subprocess.run(new, check=True, capture_output=True)
+    assert run(["model", "new", "--setup", str(setup), "-o", model, "--quiet"]) == 0
     command = [model if word == "MODEL" else word for word in words.split()]
-    result = subprocess.run(
-        [sys.executable, "-c", PROGRAM, *command, "--quiet"],
-        cwd=SAMPLES,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert int(result.stderr.split()[-1]) <= WALKS[words]
+    walked = python(PROGRAM, *command, "--quiet", folder=SAMPLES)
+    assert int(walked.stderr.split()[-1]) <= WALKS[words]

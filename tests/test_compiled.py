@@ -5,13 +5,13 @@ can or cannot be kept.
 import json
 import os
 import shutil
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
 import pytest
 
+from tests.processes import python
 from tirelog import cli
 from tirelog.kernels import dispatch
 from tirelog.kernels.build import CALLS
@@ -28,21 +28,18 @@ print(count, points[:count].tolist(), hasattr(turning_points, "py_func"))
 """
 
 
-def told(**more: str) -> str:
-    """What the program prints in a process of its own."""
-    environment = {**os.environ, **more}
-    return subprocess.run(
-        [sys.executable, "-c", PROGRAM], capture_output=True, text=True, env=environment, check=True
-    ).stdout
-
-
 @pytest.mark.parametrize("switch", [{"NUMBA_CACHE_DIR": "/proc/nowhere"}, {}])
 def test_compiled_is_as_plain_python(tmp_path, switch):
-    compiled = told(**{"NUMBA_CACHE_DIR": str(tmp_path), **switch})
-    plain = told(NUMBA_DISABLE_JIT="1")
-    assert compiled.split()[-1] == "True"
-    assert plain.split()[-1] == "False"
-    assert compiled.split()[:-1] == plain.split()[:-1]
+    compiled = python(PROGRAM, **{"NUMBA_CACHE_DIR": str(tmp_path), **switch}).stdout.split()
+    plain = python(PROGRAM, NUMBA_DISABLE_JIT="1").stdout.split()
+    assert (compiled.pop(), plain.pop()) == ("True", "False")
+    assert compiled == plain
+
+
+def hits(folder: Path, program: str) -> str:
+    """What a program prints of modules in a folder, beside which numba keeps its cache."""
+    path = os.pathsep.join([str(folder), *sys.path])
+    return python(program, without="NUMBA_CACHE_DIR", PYTHONPATH=path).stdout.strip()
 
 
 def test_a_kernel_whose_called_kernel_was_edited_is_compiled_anew(tmp_path):
@@ -57,25 +54,11 @@ def test_a_kernel_whose_called_kernel_was_edited_is_compiled_anew(tmp_path):
         "import outer_kernel; print(outer_kernel.whole(2.0), "
         "sum(outer_kernel.whole.jitted.stats.cache_hits.values()))"
     )
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
-    environment.pop("NUMBA_CACHE_DIR", None)
-
-    def run(factor: float) -> str:
+    for factor, said in ((3.0, "6.0 0"), (3.0, "6.0 1"), (5.0, "10.0 0"), (5.0, "10.0 1")):
         text = head + f"@compiled\ndef scale(x):\n    return {factor} * x\n"
         if not inner.exists() or inner.read_text() != text:
             inner.write_text(text)
-        return subprocess.run(
-            [sys.executable, "-c", program],
-            capture_output=True,
-            text=True,
-            env=environment,
-            check=True,
-        ).stdout.strip()
-
-    assert run(3.0) == "6.0 0"
-    assert run(3.0) == "6.0 1"
-    assert run(5.0) == "10.0 0"
-    assert run(5.0) == "10.0 1"
+        assert hits(tmp_path, program) == said
 
 
 def test_a_named_tuple_that_has_another_name_since_is_no_fault_of_the_cache(tmp_path):
@@ -86,15 +69,11 @@ def test_a_named_tuple_that_has_another_name_since_is_no_fault_of_the_cache(tmp_
         "@compiled\ndef whole(room):\n    return 2.0 * room.x\n"
         "print(whole({0}(3.0)), sum(whole.jitted.stats.cache_hits.values()))"
     )
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
-    environment.pop("NUMBA_CACHE_DIR", None)
-    for name, hits in (("Room", 0), ("Room", 1), ("Space", 0), ("Space", 1)):
-        source = tmp_path / "roomy_kernel.py"
+    source = tmp_path / "roomy_kernel.py"
+    for name, count in (("Room", 0), ("Room", 1), ("Space", 0), ("Space", 1)):
         if not source.exists() or source.read_text() != text.format(name):
             source.write_text(text.format(name))
-        command = [sys.executable, "-c", "import roomy_kernel"]
-        done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
-        assert done.stdout.split() == ["6.0", str(hits)], done.stderr[-500:]
+        assert hits(tmp_path, "import roomy_kernel") == f"6.0 {count}"
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler here")
@@ -107,31 +86,25 @@ def test_tables_need_no_numba_once_kernels_are_built(tmp_path, words):
     drive = str(SAMPLES / "drive.csv.gz")
     assert cli.run(["ingest", drive, "--setup", str(setup), "-o", str(run), "--quiet"]) == 0
     asked = [*words.format(drive=drive, run=run).split(), "-o", str(tmp_path / "out.csv")]
-    program = (
-        f"import sys; from tirelog.cli import run\nprint(run({asked!r}), 'numba' in sys.modules)"
-    )
-    environment = {**os.environ, dispatch.RECORD: str(record)}
-    said = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, env=environment, check=True
-    ).stdout
+    program = "import sys; from tirelog.cli import run\n"
+    program += "print(run(sys.argv[1:]), 'numba' in sys.modules)"
+    said = python(program, *asked, **{dispatch.RECORD: str(record)}).stdout
     assert said.split()[-2:] == ["0", "False"]
     assert not record.exists()
 
 
 def test_an_installation_can_import_the_modules_of_kernels():
     """It has only the packages that the build requires."""
-    required = tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]["requires"]
-    others = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    required, others = (
+        {text.partition(">=")[0] for text in some}
+        for some in (project["build-system"]["requires"], project["project"]["dependencies"])
+    )
     modules = sorted({name.partition(":")[0] for name in json.loads(CALLS.read_text())})
     program = "import sys; from importlib import import_module as get\n"
     program += f"for name in {modules}: get(name)\nprint(*sys.modules)"
-    words = [sys.executable, "-c", program]
-    loaded = subprocess.run(words, check=True, capture_output=True, text=True, cwd=ROOT).stdout
-    packages = {name.partition(".")[0] for name in loaded.split()}
-    distributions = {text.partition(">=")[0] for text in others}
-    assert {one for one in distributions if one in packages} <= {
-        text.partition(">=")[0] for text in required
-    }
+    loaded = python(program, folder=ROOT).stdout.split()
+    assert others & {name.partition(".")[0] for name in loaded} <= required
 
 
 def copied(tmp_path: Path) -> Path:
@@ -144,28 +117,21 @@ def copied(tmp_path: Path) -> Path:
 def of_copy(package: Path, program: str) -> list[str]:
     """The words that a program prints which takes the package from there."""
     folder = package.parent
-    return subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(folder)},
-    ).stdout.split()
+    return python(program, folder=folder, PYTHONPATH=str(folder)).stdout.split()
 
 
 def test_an_edited_source_is_not_run_as_it_was(tmp_path):
     """The extension of a folder whose sources differ from those it was made of is not used."""
-    package = copied(tmp_path)
+    package, whole = copied(tmp_path), str(bool(dispatch._loaded()[1]))
     program = "from tirelog.kernels import dispatch as d; print(d.PACKAGE, bool(d._loaded()[1]))"
-    assert of_copy(package, program) == [str(package), str(bool(dispatch._loaded()[1]))]
+    assert of_copy(package, program) == [str(package), whole]
     # one has kernels, the other a number that is in one of them
     for name in ("dsp/filters.py", "vocabulary/arrays.py"):
         source, text = package / name, (package / name).read_text()
         source.write_text(text + "\n")
         assert of_copy(package, program) == [str(package), "False"]
         source.write_text(text)
-    assert of_copy(package, program) == [str(package), str(bool(dispatch._loaded()[1]))]
+    assert of_copy(package, program) == [str(package), whole]
 
 
 def test_a_damaged_extension_is_left_aside(tmp_path):

@@ -2,14 +2,14 @@
 
 import ast
 import pickle
-from pathlib import Path
 
 import pytest
 
+from tests.sources import nodes
 from tirelog.errors import ModelError, SetupError, UsageError
 from tirelog.physics.model.file import parse_model
 
-PACKAGE = Path(__file__).parents[1] / "tirelog"
+pytestmark = pytest.mark.xdist_group("sources")  # one worker parses the package, once
 
 
 def test_the_sentence_is_made_of_the_parts() -> None:
@@ -62,9 +62,8 @@ def test_an_error_in_a_model_file_has_fields_place_and_sentence() -> None:
 def test_no_code_reads_an_error_s_sentence() -> None:
     """`.message` is made and printed; what is looked for in it has a field."""
     readers = [
-        f"{path.relative_to(PACKAGE)}:{node.lineno}"
-        for path in PACKAGE.rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        f"{file}:{node.lineno}"
+        for file, node in nodes()
         if isinstance(node, ast.Attribute)
         and isinstance(node.value, ast.Attribute)
         and node.value.attr == "message"
@@ -77,14 +76,13 @@ def test_a_raise_site_hands_over_parts() -> None:
     """What is wrong, what is allowed and what to do are fields, not one sentence to be cut."""
     kinds = {"UsageError", "SetupError", "ModelError", "OutputError", "ReadError", "DataLoss"}
     whole = []
-    for path in PACKAGE.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.args):
-                continue
-            parts = {keyword.arg for keyword in node.keywords} & {"allowed", "do"}
-            sentence = node.args[0]
-            texts = sentence.values if isinstance(sentence, ast.JoinedStr) else [sentence]
-            clauses = [t.value for t in texts if isinstance(t, ast.Constant)]
-            if node.func.id in kinds and not parts and any("; " in str(text) for text in clauses):
-                whole.append(f"{path.relative_to(PACKAGE)}:{node.lineno}")
+    for file, node in nodes():
+        if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.args):
+            continue
+        parts = {keyword.arg for keyword in node.keywords} & {"allowed", "do"}
+        sentence = node.args[0]
+        texts = sentence.values if isinstance(sentence, ast.JoinedStr) else [sentence]
+        clauses = [t.value for t in texts if isinstance(t, ast.Constant)]
+        if node.func.id in kinds and not parts and any("; " in str(text) for text in clauses):
+            whole.append(f"{file}:{node.lineno}")
     assert whole == []

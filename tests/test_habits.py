@@ -1,18 +1,16 @@
 """Property: the type checker is strict, and what it does not see is said."""
 
 import ast
-import io
 import re
-import tokenize
 import tomllib
 from pathlib import Path
 
-import numpy as np
+import pytest
 
 from tests.conftest import group_of
-from tirelog.strain.footprint.learn import _classes
+from tests.sources import ROOT, nodes, sources
 
-ROOT = Path(__file__).parents[1]
+pytestmark = pytest.mark.xdist_group("sources")  # one worker parses the package, once
 #: where an `ignore` hides a mistake in the physics
 PIPELINE = ("physics/model/", "physics/moving/")
 MOST_IGNORED = 3
@@ -22,12 +20,8 @@ KINDS = ("Closed form", "Property", "Literature", "Golden", "Faults")
 
 def ignored() -> list[tuple[str, str]]:
     """(file, line) of everything that the type checker is told not to see."""
-    return [
-        (path.relative_to(ROOT / "tirelog").as_posix(), line)
-        for path in sorted((ROOT / "tirelog").rglob("*.py"))
-        for line in path.read_text(encoding="utf-8").splitlines()
-        if "type: ignore" in line
-    ]
+    lines = ((file, line) for file, (text, _) in sources().items() for line in text.splitlines())
+    return [(file, line) for file, line in lines if "type: ignore" in line]
 
 
 def test_the_model_s_pipeline_hides_nothing() -> None:
@@ -74,23 +68,25 @@ def test_every_file_of_tests_says_of_which_kind_it_is() -> None:
     assert [file for file, text in said.items() if not (text or "").startswith(begins)] == []
 
 
+#: what may have a docstring
+TOLD = ast.Module | ast.FunctionDef | ast.ClassDef
 #: words in backticks that are of formats and systems, or stand for several names
 NOT_OURS = {"Fs", "nohup", "channel_1", "convert_MODULE", "name_se", "benchmarks.calibration"}
 
 
 def test_a_name_in_a_text_is_one_of_the_code() -> None:
     """A name in backticks, in a docstring or comment, outlives no renaming of what it names."""
-    names, texts = set(), {}
-    for path in sorted((ROOT / "tirelog").rglob("*.py")):
-        source = path.read_text(encoding="utf-8")
-        names.update(path.relative_to(ROOT).with_suffix("").parts)
-        tokens = list(tokenize.generate_tokens(io.StringIO(source).readline))
-        names.update(token.string for token in tokens if token.type == tokenize.NAME)
-        plain = [ast.get_docstring(node) or "" for node in documented(source)]
-        plain += [token.string for token in tokens if token.type == tokenize.COMMENT]
-        texts[path.relative_to(ROOT).as_posix()] = "\n".join(plain)
-        words = (token.string for token in tokens if token.type == tokenize.STRING)
-        names.update(re.findall(r"\w+", " ".join(word for word in words if len(word) < 80)))
+    names, texts = {"tirelog"}, {}
+    for file, (source, _) in sources().items():
+        names.update(Path(file).with_suffix("").parts)
+        texts[file] = "\n".join(re.findall(r"#.*", source))
+    for file, node in nodes():
+        if isinstance(node, TOLD):
+            texts[file] += ast.get_docstring(node) or ""
+        if isinstance(node, ast.Constant) and len(str(node.value)) < 80:
+            names.update(re.findall(r"\w+", str(node.value)))
+        for field in ("id", "attr", "arg", "name", "module"):
+            names.update(str(getattr(node, field, "")).split("."))
     names |= {name.lower() for name in names if name.isupper()}
     wrong = {
         (file, name)
@@ -101,26 +97,19 @@ def test_a_name_in_a_text_is_one_of_the_code() -> None:
     assert wrong == set()
 
 
-def documented(source: str) -> list[ast.Module | ast.FunctionDef | ast.ClassDef]:
-    """What may have a docstring."""
-    kinds = ast.Module | ast.FunctionDef | ast.ClassDef
-    return [node for node in ast.walk(ast.parse(source)) if isinstance(node, kinds)]
-
-
 def test_every_number_of_a_module_says_what_it_is() -> None:
     """A constant with a number in it, or the line of constants that it stands in, has a comment."""
     bare = []
-    for path in sorted((ROOT / "tirelog").rglob("*.py")):
-        text = path.read_text(encoding="utf-8")
+    for file, (text, tree) in sources().items():
         lines = text.splitlines()
-        for node in ast.parse(text).body:
+        for node in tree.body:
             if isinstance(node, ast.Assign | ast.AnnAssign) and _is_a_number(node):
                 above = node.lineno - 2
                 while lines[above] and not lines[above].startswith(("#", "def ", "class ")):
                     above -= 1
                 own = lines[node.lineno - 1 : node.end_lineno]
                 if not lines[above].startswith("#") and not any("# " in line for line in own):
-                    bare.append(f"{path.relative_to(ROOT)}:{node.lineno}: {own[0]}")
+                    bare.append(f"{file}:{node.lineno}: {own[0]}")
     assert bare == []
 
 
@@ -139,49 +128,26 @@ def _is_a_number(node: ast.Assign | ast.AnnAssign) -> bool:
 
 def clipped_at_one_end(node: ast.AST) -> bool:
     """Whether numbers made whole are bounded above by `np.minimum` and not below."""
+    if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute):
+        return False
+    if node.func.attr not in ("minimum", "astype"):
+        return False
     text = ast.unparse(node)
-    return (
-        isinstance(node, ast.Call)
-        and ast.unparse(node.func) == "np.minimum"
-        and ".astype(" in text
-        and "uint" not in text
-    ) or (
-        isinstance(node, ast.Call)
-        and isinstance(node.func, ast.Attribute)
-        and node.func.attr == "astype"
-        and text.startswith("np.minimum(")
-        and "uint" not in text
-    )
+    return text.startswith("np.minimum(") and ".astype(" in text and "uint" not in text
 
 
 def test_a_class_made_of_a_number_is_bounded_at_both_ends() -> None:
     """Two ways to one float differ in the last bit: the least lies a hair below the first class."""
-    one_ended = [
-        f"{path.relative_to(ROOT)}:{node.lineno}"
-        for path in sorted((ROOT / "tirelog").rglob("*.py"))
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if clipped_at_one_end(node)
-    ]
-    assert one_ended == []
-
-
-def test_classes_of_speed_are_those_that_there_are() -> None:
-    """1e5 speeds in sets of 60; numpy squares by x * x, Python by pow."""
-    for seed in range(4000, 5700):
-        speed = np.random.default_rng(seed).uniform(3.0, 30.0, 60)
-        classes = _classes(speed)
-        assert classes.min() == 0
-        assert classes[np.argmax(speed)] == classes.max()
+    assert [f"{file}:{node.lineno}" for file, node in nodes() if clipped_at_one_end(node)] == []
 
 
 def test_what_a_search_tries_is_never_an_exception() -> None:
     """`or_refusal` makes a value of it, which the type checker asks each caller for."""
     caught = [
-        f"{path.relative_to(ROOT)}:{node.lineno}"
-        for folder in ("diagnosis", "inference")
-        for path in sorted((ROOT / "tirelog" / folder).rglob("*.py"))
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        f"{file}:{node.lineno}"
+        for file, node in nodes()
         if isinstance(node, ast.ExceptHandler)
+        and file.startswith(("diagnosis/", "inference/"))
         and any(isinstance(n, ast.Name) and n.id == "ModelError" for n in ast.walk(node))
     ]
     assert caught == []

@@ -1,21 +1,18 @@
 """Property: imports point one way, and start-up imports no science."""
 
 import ast
-import subprocess
-import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
-from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.processes import python
+from tests.sources import nodes, sources
 from tirelog.cli.app import command
 
-pytestmark = pytest.mark.xdist_group("layers")  # one worker makes what these tests share
-
-PACKAGE = Path(__file__).parents[1] / "tirelog"
+pytestmark = pytest.mark.xdist_group("sources")  # one worker parses the package, once
 #: a folder or file imports only itself and what stands before it
 ORDER = (
     "version",
@@ -47,73 +44,70 @@ ORDER = (
 )
 
 
-def modules() -> dict[str, Path]:
+@cache
+def modules() -> dict[str, str]:
     """Every module of the package with its file, by dotted name without the package's own."""
-    names = {
-        ".".join(p.relative_to(PACKAGE).with_suffix("").parts): p for p in PACKAGE.rglob("*.py")
-    }
-    return {
-        name.removesuffix(".__init__"): path for name, path in names.items() if name != "__init__"
-    }
+    names = {file.removesuffix(".py").replace("/", "."): file for file in sources()}
+    del names["__init__"]
+    return {name.removesuffix(".__init__"): file for name, file in names.items()}
 
 
 @cache
-def imports(path: Path) -> tuple[ast.Import | ast.ImportFrom, ...]:
-    """A module's statements of import, anywhere in it; parsed once for all tests."""
-    nodes = ast.walk(ast.parse(path.read_text()))
-    return tuple(node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom))
+def imports() -> dict[str, list[ast.Import | ast.ImportFrom]]:
+    """The statements of import of each module, anywhere in it."""
+    found: dict[str, list[ast.Import | ast.ImportFrom]] = {file: [] for file in sources()}
+    for file, node in nodes():
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            found[file].append(node)
+    return {name: found[file] for name, file in modules().items()}
 
 
-def imported(path: Path, known: Iterable[str]) -> set[str]:
+def imported(name: str) -> set[str]:
     """The modules of tirelog that a module imports, anywhere in it."""
-    found = set()
-    for node in imports(path):
+    known, found = modules(), set()
+    for node in imports()[name]:
         if isinstance(node, ast.ImportFrom) and f"{node.module}.".startswith("tirelog."):
             module = str(node.module).removeprefix("tirelog").removeprefix(".")
             within = {a.name: f"{module}.{a.name}".removeprefix(".") for a in node.names}
             found |= {name if name in known else module for name in within.values()} - {""}
         elif isinstance(node, ast.Import):
-            found |= {
-                a.name.removeprefix("tirelog.") for a in node.names if a.name.startswith("tirelog.")
-            }
+            own = (a.name for a in node.names if a.name.startswith("tirelog."))
+            found |= {name.removeprefix("tirelog.") for name in own}
     return found
 
 
+def rooms(name: str) -> set[str]:
+    """The top folders or files that a module imports of."""
+    return {module.split(".")[0] for module in imported(name)}
+
+
 def test_no_import_is_relative() -> None:
-    assert [p for p in modules().values() for n in imports(p) if getattr(n, "level", 0)] == []
+    relative = [n for n, found in imports().items() if any(getattr(i, "level", 0) for i in found)]
+    assert relative == []
 
 
 def test_imports_point_down() -> None:
-    known = modules()
-    wrong = []
-    for name, path in known.items():
-        own = ORDER.index(name.split(".")[0])
-        wrong += [
-            f"{name} imports {m}"
-            for m in imported(path, known)
-            if ORDER.index(m.split(".")[0]) > own
-        ]
+    wrong = [
+        f"{name} imports {room}"
+        for name in modules()
+        for room in rooms(name)
+        if ORDER.index(room) > ORDER.index(name.split(".")[0])
+    ]
     assert wrong == []
 
 
 def test_the_models_and_the_truth_do_not_know_each_other() -> None:
-    known = modules()
     apart = {"physics", "wheel", "strain", "products", "inference", "diagnosis"}
-    for name, path in known.items():
-        rooms = {m.split(".")[0] for m in imported(path, known)}
-        assert not (name.startswith("simulation") and rooms & apart), name
-        assert not (name.split(".")[0] in apart and "simulation" in rooms), name
+    for name in modules():
+        assert not (name.startswith("simulation") and rooms(name) & apart), name
+        assert not (name.split(".")[0] in apart and "simulation" in rooms(name)), name
 
 
 def test_no_two_modules_need_each_other() -> None:
     """A topological order of all modules exists; else the circle is named."""
-    known = modules()
+    needs = {name: imported(name) - {name} for name in modules()}
     try:
-        list(
-            TopologicalSorter(
-                {name: imported(path, known) - {name} for name, path in known.items()}
-            ).static_order()
-        )
+        list(TopologicalSorter(needs).static_order())
     except CycleError as circle:
         pytest.fail(" -> ".join(circle.args[1]))
 
@@ -128,12 +122,10 @@ SEEN_BY_COMMANDS = {
 
 def test_the_command_line_sees_the_api_and_nothing_behind_it() -> None:
     """So a notebook has whatever a command has: not even a type comes from behind the door."""
-    known = modules()
-    for name, path in known.items():
+    for name in modules():
         if name.split(".")[0] == "cli":
-            rooms = {m.split(".")[0] for m in imported(path, known)}
-            assert rooms <= SEEN_BY_COMMANDS, name
-            roots = {ast.unparse(node).split()[1].split(".")[0] for node in imports(path)}
+            assert rooms(name) <= SEEN_BY_COMMANDS, name
+            roots = {ast.unparse(node).split()[1].split(".")[0] for node in imports()[name]}
             assert not roots & {"numpy", "scipy", "pandas", "numba"}, name
 
 
@@ -152,35 +144,26 @@ def test_commands_do_not_reckon() -> None:
     wrong = [
         f"{name}:{node.lineno}"
         for name in sorted(homes)
-        for node in ast.walk(ast.parse(modules()[name].read_text()))
+        for node in ast.walk(sources()[modules()[name]][1])
         if isinstance(node, ast.BinOp) and isinstance(node.op, reckoned)
     ]
     assert wrong == []
 
 
 def test_help_imports_no_science() -> None:
-    code = (
-        "import sys; from tirelog.cli import run; run(['speed', '--help']); "
-        "print(sorted(set(sys.modules) & {%r}))"
-    )
-    heavy = "', '".join(
-        ["numpy", "numba", "scipy", "pandas", "pyarrow", "h5py", "matplotlib", "mcap", "tomlkit"]
-    )
-    out = subprocess.run(
-        [sys.executable, "-c", code.replace("%r", f"'{heavy}'")],
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout
-    assert out.splitlines()[-1] == "[]"
+    code = "import sys; from tirelog.cli import run; run(['speed', '--help']); print(*sys.modules)"
+    heavy = {"numpy", "numba", "scipy", "pandas", "pyarrow", "h5py", "matplotlib", "mcap"}
+    loaded = python(code).stdout.splitlines()[-1].split()
+    assert "tirelog.cli" in loaded
+    assert (heavy | {"tomlkit"}).isdisjoint(loaded)
 
 
 def test_no_module_imports_scipy_stats() -> None:
     """It takes half of a second; the tails of distributions are in `scipy.special`."""
     wrong = [
         name
-        for name, path in modules().items()
-        for node in imports(path)
+        for name, found in imports().items()
+        for node in found
         if "scipy.stats" in ast.unparse(node) or "from scipy import stats" in ast.unparse(node)
     ]
     assert wrong == []
@@ -188,9 +171,9 @@ def test_no_module_imports_scipy_stats() -> None:
 
 def test_a_long_file_says_why() -> None:
     silent = [
-        name
-        for name, path in modules().items()
-        if len((text := path.read_text()).splitlines()) > 800
-        and "longer than others" not in " ".join((ast.get_docstring(ast.parse(text)) or "").split())
+        file
+        for file, (text, tree) in sources().items()
+        if len(text.splitlines()) > 800
+        and "longer than others" not in " ".join((ast.get_docstring(tree) or "").split())
     ]
     assert silent == []

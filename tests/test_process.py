@@ -1,10 +1,10 @@
 """Property: what a process is told about itself holds."""
 
 import os
-import subprocess
-import sys
 
 import pytest
+
+from tests.processes import python
 
 PROGRAM = """
 import ctypes, sys, threading
@@ -36,13 +36,7 @@ main()
 @pytest.mark.skipif(not os.path.isdir("/proc/self/task"), reason="no list of threads")
 def test_a_command_has_one_thread() -> None:
     """A second one would be that of the linear algebra: busy, and of no use."""
-    environment = {
-        name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")
-    }
-    said = subprocess.run(
-        [sys.executable, "-c", COMMAND], capture_output=True, text=True, check=True, env=environment
-    ).stdout
-    assert said.split() == ["True", "1"]
+    assert python(COMMAND, without="_NUM_THREADS").stdout.split() == ["True", "1"]
 
 
 @pytest.mark.skipif(
@@ -51,14 +45,5 @@ def test_a_command_has_one_thread() -> None:
 )
 @pytest.mark.parametrize(("told", "one"), [("told", True), ("untold", False)])
 def test_threads_share_one_heap(told: str, one: bool) -> None:
-    environment = {
-        name: value for name, value in os.environ.items() if not name.startswith("MALLOC_")
-    }
-    said = subprocess.run(
-        [sys.executable, "-c", PROGRAM, told],
-        capture_output=True,
-        text=True,
-        check=True,
-        env=environment,
-    ).stderr
+    said = python(PROGRAM, told, without="MALLOC_").stderr
     assert (said.count("Arena ") == 1) == one

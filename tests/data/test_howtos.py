@@ -4,15 +4,11 @@ The pages' own blocks are put into a copy of the package, in the files that they
 a fresh process then uses the new condition, effect, observable and table.
 """
 
-import os
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
-import pytest
-
+from tests.processes import python
 from tirelog.physics.model.user_effects import effects_of_file
 
 ROOT = Path(__file__).parents[2]
@@ -131,24 +127,14 @@ def follow(page: str, copy: Path) -> set[str]:
 def test_a_condition_with_its_effect_is_two_files_an_observable_and_a_table_are_three(
     tmp_path: Path,
 ) -> None:
-    shutil.copytree(
-        ROOT / "tirelog", tmp_path / "tirelog", ignore=shutil.ignore_patterns("__pycache__")
-    )
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "tirelog", tmp_path / "tirelog", ignore=ignored)
     assert len(follow("condition.md", tmp_path)) == 2
     assert len(follow("observable.md", tmp_path)) == 3
     assert len(follow("table.md", tmp_path)) == 3
-    script = USED.replace("FOLDER", repr(str(tmp_path))).replace(
-        "DOCS", repr(str(ROOT / "docs" / "generate.py"))
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
+    script = USED.replace("FOLDER", repr(str(tmp_path)))
+    script = script.replace("DOCS", repr(str(ROOT / "docs" / "generate.py")))
+    python(script, folder=tmp_path, PYTHONPATH=str(tmp_path))
 
 
 def test_the_page_s_own_effect_is_read(tmp_path: Path) -> None:
@@ -158,12 +144,3 @@ def test_the_page_s_own_effect_is_read(tmp_path: Path) -> None:
     [effect] = effects_of_file(tmp_path / "mine.py").values()
     assert effect.follows_said == "speed"
     assert effect.valid_range == {"speed_m_s": (0.0, 40.0)}
-
-
-@pytest.mark.parametrize("page", ["effect.md", "condition.md", "observable.md", "table.md"])
-def test_every_file_that_a_howto_names_is_there(page: str) -> None:
-    text = (ROOT / "docs" / "howto" / page).read_text(encoding="utf-8")
-    named = set(re.findall(r"`((?:tirelog|tests|docs)/[\w/]+\.py)", text))
-    new = {"tirelog/strain/strain_range.py"}
-    assert len(named) >= 3
-    assert [name for name in named - new if not (ROOT / name).exists()] == []

@@ -75,11 +75,14 @@ def command(
 ) -> Command:
     """(status, standard output, standard error) of a command on the log under a changed setup."""
 
-    def call(name: str, *arguments: str, old: str = "", new: str = "") -> tuple[int, str, str]:
+    def call(
+        *words: str, log: str = "log.csv", old: str = "", new: str = ""
+    ) -> tuple[int, str, str]:
         monkeypatch.chdir(folder)
         assert old in SETUP
         (folder / "log.toml").write_text(SETUP.replace(old, new, 1) if old else SETUP)
-        status = run([name, "log.csv", *arguments])
+        capfd.readouterr()
+        status = run([*words, log, "--setup", "log.toml"])
         out, err = capfd.readouterr()
         return status, out, err
 
@@ -91,67 +94,6 @@ def test_a_plausible_log_is_only_read(command: Command) -> None:
     assert status == 0
     assert out.count(",ok\n") > 30
     assert "median" not in err
-
-
-WRONG = [
-    (
-        'unit = "nm"',
-        'unit = "pm"',
-        "wavelengths of 1.55 nm (median) against reference_wavelength_nm = 1550",
-        'write unit = "nm"',
-    ),
-    (
-        'unit = "nm"',
-        'unit = "um"',
-        "wavelengths of 1.55e+06 nm",
-        'is the unit nm? write unit = "nm"',
-    ),
-    (
-        "= 1550.0",
-        "= 1510.0",
-        "against reference_wavelength_nm = 1510",
-        "name the grating's own column, or mend reference_wavelength_nm",
-    ),
-    (
-        "= 1550.0",
-        "= 1530.0",
-        "channel strain_1: a median of 0.0166 strain",
-        "name the grating's own column, or mend reference_wavelength_nm",
-    ),
-    ('unit = "N"', 'unit = "kN"', "a median of 3.434e+06 N", 'write unit = "N"'),
-    ('"load"\nunit = "N"', '"load"\nunit = "N"\nscale = -1.0', "a median of -3434 N", "scale = -1"),
-    (
-        'unit = "Pa"',
-        'unit = "bar"',
-        "channel pressure: a median of 2.2e+10 Pa",
-        'allowed is 20000 to 2e+06 Pa; is the unit Pa? write unit = "Pa"',
-    ),
-    ('unit = "Pa"', 'unit = "mbar"', "a median of 2.2e+07 Pa", 'write unit = "Pa"'),
-    (
-        'source = "car"',
-        'source = "load"',
-        "channel car: a median of 3434 m/s",
-        "mend unit or source in the setup",
-    ),
-    (
-        "[log]",
-        '[log]\ntime_unit = "us"',
-        "a sampling rate of 1e+09 Hz; allowed is 100 to 1e+06 Hz",
-        "are the stamps in s or ",
-    ),
-]
-
-
-@pytest.mark.parametrize(("old", "new", "what", "do"), WRONG)
-@pytest.mark.parametrize("name", ["speed", "info"])
-def test_a_channel_that_cannot_be_what_its_setup_says(
-    command: Command, name: str, old: str, new: str, what: str, do: str
-) -> None:
-    status, out, err = command(name, old=old, new=new)
-    assert status == 2
-    assert ",ok" not in out
-    assert what in err
-    assert do in err
 
 
 TWIN = """
@@ -175,14 +117,10 @@ def test_a_wrong_twin_is_told_before_the_strain_that_it_corrects(
     """
     unit = 'unit = "nm"\nreference_wavelength_nm = 1550.0\nsurface = "outer"'
     wrong = TWIN.replace('"nm"', '"pm"')
-    status, _, err = command(
-        "info", old=unit, new=(unit.replace('"nm"', '"pm"') if both else unit) + wrong
-    )
+    own = unit.replace('"nm"', '"pm"') if both else unit
+    status, _, err = command("info", old=unit, new=own + wrong)
     assert status == 2
-    assert (
-        "channel twin: wavelengths of 1.55 nm (median) against reference_wavelength_nm = 1550"
-        in err
-    )
+    assert "channel twin: wavelengths of 1.55 nm (median) against reference_wave" in err
     assert 'write unit = "nm"' in err
     assert "strain_1: wavelengths" not in err
 
@@ -194,97 +132,140 @@ def test_a_run_of_it_is_not_written(command: Command, folder: Path) -> None:
     assert not (folder / "run.h5").exists()
 
 
-#: what is wrong: (setup's text, in place of it; factor of the log's stamps, 0 for none; is it
-#: seen before the wheel's passages are; unit or line that the message names)
-NONSENSE = {
-    "stamps in ms": ("", "", 1e3, False, 'time_unit = "ms"'),
-    "stamps in us": ("", "", 1e6, False, 'time_unit = "us"'),
-    "rate a hundredth": (
-        '[log]\ntime = "time_s"', "[log]\nsampling_rate_Hz = 10.0", 0, False,
-        "sampling_rate_Hz = 10: mend it",
+#: what is wrong: (setup's text, in place of it, what every message names). It is seen before the
+#: wheel's passages are.
+WRONG = {
+    "pm, not nm": (
+        'unit = "nm"', 'unit = "pm"', "wavelengths of 1.55 nm (median)",
+        "against reference_wavelength_nm = 1550", 'write unit = "nm"',
     ),
-    "rate a half, against the vehicle": (
-        '[log]\ntime = "time_s"', "[log]\nsampling_rate_Hz = 500.0", 0, False,
-        "its speed over the wheel's gives a rolling radius of 0.61 m, 2 times the rolling radius",
+    "um, not nm": (
+        'unit = "nm"', 'unit = "um"', "wavelengths of 1.55e+06 nm",
+        'is the unit nm? write unit = "nm"',
     ),
-    "load in kg": ("load_N = 3434.0", "load_N = 350.0", 1, True, "350 kg would be 3432"),
-    "load in lbf": ("load_N = 3434.0", "load_N = 450.0", 1, True, "450 lbf would be 2001"),
-    "load in kN": ("load_N = 3434.0", "load_N = 3.434", 1, True, "3.434 kN would be 3434"),
+    "another column's reference": (
+        "= 1550.0", "= 1510.0", "against reference_wavelength_nm = 1510",
+        "name the grating's own column, or mend reference_wavelength_nm",
+    ),
+    "neighbour's reference": (
+        "= 1550.0", "= 1530.0", "channel strain_1: a median of 0.0166 strain",
+        "name the grating's own column, or mend reference_wavelength_nm",
+    ),
+    "load channel in kN": (
+        'unit = "N"', 'unit = "kN"', "a median of 3.434e+06 N", 'write unit = "N"',
+    ),
+    "load channel of the wrong sign": (
+        'unit = "N"', 'unit = "N"\nscale = -1.0', "a median of -3434 N", "scale = -1",
+    ),
+    "pressure in bar": (
+        'unit = "Pa"', 'unit = "bar"', "channel pressure: a median of 2.2e+10 Pa",
+        'allowed is 20000 to 2e+06 Pa; is the unit Pa? write unit = "Pa"',
+    ),
+    "pressure in mbar": (
+        'unit = "Pa"', 'unit = "mbar"', "a median of 2.2e+07 Pa", 'write unit = "Pa"',
+    ),
+    "another column": (
+        'source = "car"', 'source = "load"', "channel car: a median of 3434 m/s",
+        "mend unit or source in the setup",
+    ),
+    "stamps in s as us": (
+        "[log]", '[log]\ntime_unit = "us"',
+        "a sampling rate of 1e+09 Hz; allowed is 100 to 1e+06 Hz", "are the stamps in s or ",
+    ),
+    "load in kg": ("load_N = 3434.0", "load_N = 350.0", "350 kg would be 3432"),
+    "load in lbf": ("load_N = 3434.0", "load_N = 450.0", "450 lbf would be 2001"),
+    "load in kN": ("load_N = 3434.0", "load_N = 3.434", "3.434 kN would be 3434"),
     "water in m": (
-        "[conditions]", "[conditions]\nwater_depth_mm = 0.0008", 1, True,
+        "[conditions]", "[conditions]\nwater_depth_mm = 0.0008",
         "0.0008 m would be 0.8; write water_depth_mm = 0.8",
     ),
     "distance in m": (
-        "[conditions]", "[conditions]\ndistance_km = 1.2e6", 1, True,
+        "[conditions]", "[conditions]\ndistance_km = 1.2e6",
         "1.2e+06 m would be 1200; write distance_km = 1200",
     ),
+}  # fmt: skip
+#: the same, and a factor of the log's stamps, 0 for none: what the wheel's passages show
+DOUBTED = {
+    "stamps in ms": ("", "", 1e3, 'time_unit = "ms"'),
+    "stamps in us": ("", "", 1e6, 'time_unit = "us"'),
+    "rate a hundredth": (
+        '[log]\ntime = "time_s"', "[log]\nsampling_rate_Hz = 10.0", 0,
+        "sampling_rate_Hz = 10: mend it",
+    ),
+    "rate a half, against the vehicle": (
+        '[log]\ntime = "time_s"', "[log]\nsampling_rate_Hz = 500.0", 0,
+        "its speed over the wheel's gives a rolling radius of 0.61 m, 2 times the rolling radius",
+    ),
     "vehicle's m/s as km/h": (
-        '"car"\nunit = "m/s"', '"car"\nunit = "km/h"', 1, False, 'write unit = "m/s"'
+        '"car"\nunit = "m/s"', '"car"\nunit = "km/h"', 1, 'write unit = "m/s"'
     ),
     "vehicle's km/h as m/s": (
-        '"car"\nunit = "m/s"', '"car"\nunit = "m/s"\nscale = 3.6', 1, False, 'unit = "km/h"'
+        '"car"\nunit = "m/s"', '"car"\nunit = "m/s"\nscale = 3.6', 1, 'unit = "km/h"'
     ),
     "vehicle backwards": (
-        '"car"\nunit = "m/s"', '"car"\nunit = "m/s"\nscale = -0.5', 1, False,
-        "allowed is 0.93 to 1.07",
+        '"car"\nunit = "m/s"', '"car"\nunit = "m/s"\nscale = -0.5', 1, "allowed is 0.93 to 1.07",
     ),
-    "neighbour's reference": ("= 1550.0", "= 1530.0", 1, True, "mend reference_wavelength_nm"),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", NONSENSE)
-def test_nonsense_gives_no_ok_row_and_no_verdict(
-    case: str,
-    command: Command,
-    folder: Path,
-    tmp_path: Path,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
-    """Each kind of input that once gave rows `ok`: the tables either refuse or mark all rows, the
-    setup's check and comparisons end with status 2, and each names the unit or the line.
-    """
-    old, new, factor, of_setup, named = NONSENSE[case]
+@pytest.fixture(scope="module")
+def beam(tmp_path_factory: pytest.TempPathFactory) -> str:
     model = ["--carcass", "beam", "--set", "load_N=3434", "--set", "radius_m=0.305"]
-    beam = str(tmp_path / "beam.toml")
-    assert run(["model", "new", *model, "-o", beam, "--quiet"]) == 0
-    status, out, err = command("speed", old=old, new=new)
+    path = str(tmp_path_factory.mktemp("model") / "beam.toml")
+    assert run(["model", "new", *model, "-o", path, "--quiet"]) == 0
+    return path
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_cannot_be_a_tire_s_is_refused_by_every_command(
+    case: str, command: Command, beam: str
+) -> None:
+    """Each kind of input that once gave rows `ok` or a verdict."""
+    old, new, *named = WRONG[case]
+    for words in (["speed"], ["info"], ["setup", "check"], ["compare", "--model", beam], ["slip"]):
+        status, out, err = command(*words, old=old, new=new)
+        assert status == 2, words
+        assert ",ok" not in out
+        assert ",implausible" not in out
+        for part in named:
+            assert part in out + err, words
+
+
+@pytest.mark.parametrize("case", DOUBTED)
+def test_what_its_passages_contradict_has_no_ok_row_and_no_verdict(
+    case: str, command: Command, folder: Path, tmp_path: Path, beam: str
+) -> None:
+    old, new, factor, named = DOUBTED[case]
     log = "log.csv"
     if factor != 1:
         table = np.loadtxt(folder / log, delimiter=",", skiprows=1)
         table[:, 0] *= factor
         log = write(tmp_path / "other.csv", table, int(factor == 0))
-        status = run(["speed", log, "--setup", "log.toml"])
-        out, err = capfd.readouterr()
-    assert named in err
-    assert ",ok\n" not in out
-    assert (status, out.count(",implausible")) == (2, 0) if of_setup else status == 0
-    if not of_setup:
-        rows = out.splitlines()[1:]
-        assert len(rows) > 30
-        assert all("implausible" in row for row in rows)
-    for name in (["setup", "check"], ["compare"], ["slip"]):
-        more = ["--model", beam] if name == ["compare"] else []
-        assert run([*name, log, *more, "--setup", "log.toml"]) == 2, name
-        said = "".join(capfd.readouterr())
-        assert named in said, (name, said)
-        assert ",ok\n" not in said
+    status, out, err = command("speed", log=log, old=old, new=new)
+    assert (status, named in err) == (0, True)
+    rows = out.splitlines()[1:]
+    assert len(rows) > 30
+    assert all("implausible" in row for row in rows)
+    for words in (["setup", "check"], ["compare", "--model", beam], ["slip"]):
+        status, out, err = command(*words, log=log, old=old, new=new)
+        assert status == 2, words
+        assert named in out + err, words
+        assert ",ok\n" not in out
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "name"),
+    ("case", "name"),
     [
-        ("load_N = 3434.0", "load_N = 350.0", "load_N"),
-        ('"car"\nunit = "m/s"', '"car"\nunit = "km/h"', "vehicle_to_rolling"),
-        ("= 1550.0", "= 1530.0", "fbg_strain"),
+        (WRONG["load in kg"], "load_N"),
+        (DOUBTED["vehicle's m/s as km/h"], "vehicle_to_rolling"),
+        (WRONG["neighbour's reference"], "fbg_strain"),
     ],
 )
-def test_who_is_sure_says_so(command: Command, old: str, new: str, name: str) -> None:
-    assert (
-        f'if it is right, write unusual = ["{name}"] under [log]'
-        in command("speed", old=old, new=new)[2]
-    )
-    text = SETUP.replace(old, new, 1) + f'unusual = ["{name}"]\n'
-    Path("log.toml").write_text(text)
+def test_who_is_sure_says_so(command: Command, case: tuple[str, ...], name: str) -> None:
+    sure = f'unusual = ["{name}"]'
+    err = command("speed", old=case[0], new=case[1])[2]
+    assert f"if it is right, write {sure} under [log]" in err
+    Path("log.toml").write_text(SETUP.replace(case[0], case[1], 1) + f"{sure}\n")
     assert run(["speed", "log.csv", "--quiet"]) == 0
 
 
@@ -301,31 +282,23 @@ def test_a_swapped_surface_is_refused_by_all_tables(
     status, out, err = command(name, *more, old='"outer"', new='"inner"')
     assert status == 2
     assert "ok" not in out
-    assert (
-        "channel strain_1 shows a minimum, as the outer surface (groove) does in the patch" in err
-    )
+    assert "strain_1 shows a minimum, as the outer surface (groove) does in the patch" in err
     assert 'write surface = "outer"' in err
 
 
 def test_a_cutoff_beyond_what_is_sampled(command: Command) -> None:
     status, _, err = command("footprint", "--cutoff", "4000Hz")
     assert status == 2
-    assert (
-        "--cutoff 4000Hz: channel strain_1 is sampled at 1000 Hz and holds nothing above 500 Hz"
-        in err
-    )
+    assert "--cutoff 4000Hz: channel strain_1 is sampled at 1000 Hz and holds nothing" in err
+    assert "above 500 Hz" in err
     assert command("footprint", "--cutoff", "400Hz")[0] == 0
 
 
 def test_a_calibrated_radius_goes_with_the_unloaded_one(command: Command) -> None:
-    without = ("rolling_radius_m = 0.305\n", "")
-    assert command("speed", "--calibrate-radius", old=without[0], new=without[1])[0] == 0
-    status, out, err = command(
-        "speed",
-        "--calibrate-radius",
-        old="unloaded_radius_m = 0.3126\nrolling_radius_m = 0.305",
-        new="unloaded_radius_m = 0.45",
-    )
+    calibrate, old = ("speed", "--calibrate-radius"), "rolling_radius_m = 0.305\n"
+    assert command(*calibrate, old=old)[0] == 0
+    old = f"unloaded_radius_m = 0.3126\n{old}"
+    status, out, err = command(*calibrate, old=old, new="unloaded_radius_m = 0.45\n")
     assert status == 2
     assert ",ok" not in out
     assert "channel car: its speed over the wheel's gives a rolling radius of 0.305 m, 0.678" in err
@@ -343,7 +316,7 @@ def test_a_log_without_a_passage_says_so(command: Command, folder: Path) -> None
     table = np.loadtxt(folder / "log.csv", delimiter=",", skiprows=1)
     table[:, 1] = 1550.0 + 1e-4 * np.random.default_rng(1001).normal(size=len(table))
     write(folder / "still.csv", table)
-    status, _, err = command("speed", "still.csv", "--setup", "log.toml")
+    status, _, err = command("speed", log="still.csv")
     assert status == 0
     assert "still.csv: strain_1: no passage of the patch in this log" in err
 
@@ -355,43 +328,6 @@ def test_a_speed_below_zero_is_no_speed_of_a_model(
     assert run(["model", "new", "--preset", "P2", "-o", "beam.toml", "--quiet"]) == 0
     assert run(["model", "predict", "beam.toml", "--speed", "-5"]) == 2
     assert "--speed -5; allowed is a speed of 0 m/s or more" in capfd.readouterr().err
-
-
-NUMBERS = [
-    ("inflation_pressure_Pa = 2.2e5", "inflation_pressure_Pa = 2.2", 7, "2.2 bar would be 220000"),
-    ("inflation_pressure_Pa = 2.2e5", "inflation_pressure_Pa = 32", 7, "32 psi would be 220632"),
-    ("load_N = 3434.0", "load_N = 3.4", 6, "3.4 kN would be 3400"),
-    ("load_N = 3434.0", "load_N = -3434.0", 6, "a number above 0"),
-    (
-        "unloaded_radius_m = 0.3126",
-        "unloaded_radius_m = 3.126",
-        2,
-        "allowed for a tire is 0.04 to 2.5",
-    ),
-    (
-        "rolling_radius_m = 0.305",
-        "rolling_radius_m = 0.2",
-        3,
-        "36 % smaller than the unloaded 0.3126 m; allowed is 0.85 to 1.05 of it",
-    ),
-    ("rolling_radius_m = 0.305", "rolling_radius_m = 0.35", 3, "12 % larger than the unloaded"),
-    ("width_m = 0.2\n", "width_m = 0.002\n", 4, "allowed for a tire is 0.01 to 2"),
-    (
-        "reference_wavelength_nm = 1550.0",
-        "reference_wavelength_nm = 155.0",
-        12,
-        "allowed for a tire is 400 to 2500",
-    ),
-]
-
-
-@pytest.mark.parametrize(("old", "new", "line", "said"), NUMBERS)
-def test_a_number_that_is_no_tires(old: str, new: str, line: int, said: str) -> None:
-    assert old in SETUP
-    with pytest.raises(SetupError) as caught:
-        parse_setup(SETUP.replace(old, new, 1), "a.toml")
-    assert str(caught.value).startswith(f"a.toml:{line}: ")
-    assert said in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -407,11 +343,8 @@ def test_a_number_that_is_no_tires(old: str, new: str, line: int, said: str) -> 
 def test_tires_of_all_kinds_are_allowed(
     load: float, pressure: float, unloaded: float, rolling: float, width: float
 ) -> None:
-    text = (
-        SETUP.replace("3434.0", str(load))
-        .replace("width_m = 0.2\n", f"width_m = {width}\n")
-        .replace("2.2e5", str(pressure))
-        .replace("0.3126", str(unloaded))
-        .replace("0.305", str(rolling))
-    )
+    values = {"3434.0": load, "width_m = 0.2": f"width_m = {width}", "2.2e5": pressure}
+    text = SETUP
+    for old, new in (values | {"0.3126": unloaded, "0.305": rolling}).items():
+        text = text.replace(old, str(new))
     assert parse_setup(text).conditions.load_N == load

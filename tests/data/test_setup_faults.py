@@ -28,6 +28,16 @@ BAD = [
     ("[conditions]", "[condition]", 6, r"unknown key 'condition' in a setup.*nearest: conditions"),
     ("reference_wavelength_nm = 1550.0\n", "", 10, r"a grating needs its wavelength at rest"),
     ("driven = true", "driven = 1", 9, r"true or false"),
+    # what is no tire's
+    ("distance_km = 0", "inflation_pressure_Pa = 2.2", 8, r"2\.2 bar would be 220000"),
+    ("distance_km = 0", "inflation_pressure_Pa = 32", 8, r"32 psi would be 220632"),
+    ("load_N = 3434.0", "load_N = 3.4", 7, r"3\.4 kN would be 3400"),
+    ("load_N = 3434.0", "load_N = -3434.0", 7, r"a number above 0"),
+    ("radius_m = 0.3126", "radius_m = 3.126", 3, r"allowed for a tire is 0\.04 to 2\.5"),
+    ("section_height_m = 0.018", "rolling_radius_m = 0.2", 4, r"36 % smaller than .* 0\.85 to 1"),
+    ("section_height_m = 0.018", "rolling_radius_m = 0.35", 4, r"12 % larger than the unloaded"),
+    ("width_m = 0.215", "width_m = 0.002", 5, r"allowed for a tire is 0\.01 to 2"),
+    ("nm = 1550.0", "nm = 155.0", 14, r"allowed for a tire is 400 to 2500"),
 ]
 
 

@@ -2,13 +2,15 @@
 
 import ast
 import math
-from pathlib import Path
 
 import pytest
 
+from tests.sources import nodes
 from tirelog.errors import SetupError
 from tirelog.physics.effects.base import CATALOGUE_G_M_S2
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2, UNITS, canonical, to_si
+
+pytestmark = pytest.mark.xdist_group("sources")  # one worker parses the package, once
 
 # one value in the unit, and the same in SI, by definition of the unit
 DEFINITIONS = {
@@ -58,15 +60,13 @@ def test_one_gravity() -> None:
     """Models and estimators share one g; the catalogue's 9.81 is a scale with a name of its own;
     the simulator keeps its own.
     """
-    package = Path(__file__).parents[2] / "tirelog"
     found = {
-        (path.relative_to(package).as_posix(), node.value)
-        for path in package.rglob("*.py")
-        if "simulation" not in path.parts
-        for node in ast.walk(ast.parse(path.read_text()))
+        (file, node.value)
+        for file, node in nodes()
         if isinstance(node, ast.Constant)
         and isinstance(node.value, float)
         and 9.75 < node.value < 9.85
+        and not file.startswith("simulation/")
     }
     assert found == {
         ("vocabulary/units.py", STANDARD_GRAVITY_M_S2),

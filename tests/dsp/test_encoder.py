@@ -5,17 +5,8 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 from tirelog.data.recording import Channel, TimeAxis
-from tirelog.dsp.pitch import (
-    MOST_REACH,
-    SLOPE,
-    STRETCH,
-    VALUE,
-    AngleFunction,
-    KnotBuilder,
-    PitchLearner,
-    angle_function,
-)
-from tirelog.dsp.teeth import TEETH, count_teeth, crossings, probe, teeth_of_counter, without_spikes
+from tirelog.dsp.pitch import AngleFunction, PitchLearner
+from tirelog.dsp.teeth import TEETH, count_teeth, crossings, probe, teeth_of_counter
 from tirelog.vocabulary.arrays import records
 
 RATE, STEPS = 10_000.0, 48
@@ -52,9 +43,8 @@ def wheel(seconds=20.0, turns_s=5.0, sweep=0.0):
 
 def sine(turns, noise=0.0, seed=1):
     """A tooth's sine of a wheel, with noise."""
-    return np.sin(2 * np.pi * STEPS * turns) + noise * np.random.default_rng(seed).standard_normal(
-        turns.size
-    )
+    white = np.random.default_rng(seed).standard_normal(turns.size)
+    return np.sin(2 * np.pi * STEPS * turns) + noise * white
 
 
 def half_teeth(found, turns):
@@ -68,17 +58,6 @@ def test_pure_sine_is_placed_to_a_thousandth_of_a_tooth():
     phase = half_teeth(seen, turns)
     assert seen.size == pytest.approx(2 * STEPS * turns[-1], abs=2)
     assert np.abs(phase - np.rint(phase)).max() < 1e-3
-
-
-def test_result_does_not_depend_on_the_blocks():
-    values = sine(wheel(sweep=0.1)[1], 0.05)
-    values[100_000:100_400] = np.nan
-    whole, parts = passages(values, block=1 << 22), passages(values, block=30_000)
-    for name in ("rising", "hole"):
-        assert np.array_equal(whole[name], parts[name])
-    np.testing.assert_allclose(whole["index"], parts["index"], atol=1e-6)
-    (hole,) = whole["index"][whole["hole"]]
-    assert 100_000 < hole < 100_420
 
 
 def test_no_tooth_is_lost_at_a_tenth_of_noise():
@@ -97,26 +76,15 @@ def test_repairs_keep_the_count(kind):
     if kind == "doubled":
         tooth = np.floor(STEPS * turns) % STEPS
         values = np.where(tooth == 7, np.sin(4 * np.pi * STEPS * turns), values)
-    else:
-        for start in random.integers(2000, values.size - 2000, 25):
-            values[start : start + (4 if kind == "glitch" else 60)] = (
-                -1.6 if kind == "glitch" else 0.0
-            )
+    count, level = {"glitch": (4, -1.6), "flat": (60, 0.0), "doubled": (0, 0.0)}[kind]
+    for start in random.integers(2000, values.size - 2000, 25):
+        values[start : start + count] = level
     found = teeth(values + 0.02 * random.standard_normal(values.size))
     off = half_teeth(found, turns) - found["count"]
     off -= np.median(off)
     assert np.mean(np.abs(off) < 0.2) > 0.97
     assert abs(off[-1]) < 0.2
     assert found["extra"].sum() + (kind != "doubled") * found["missing"].sum() > 0
-
-
-def test_standstill_begins_a_new_stretch_and_keeps_the_parity():
-    time = np.arange(0, 20, 1 / RATE)
-    turns = np.cumsum(np.interp(time, [0, 5, 8, 12, 15, 20], [5, 5, 0, 0, 5, 5])) / RATE
-    found = teeth(sine(turns, 0.02, 4))
-    assert found["stretch"][-1] >= 1
-    error = half_teeth(found, turns) - found["count"]
-    assert abs(error[-100:].mean() - error[:100].mean()) < 0.1
 
 
 @pytest.mark.parametrize("start", [0.1, 0.25, 0.75, 0.85])
@@ -181,19 +149,6 @@ def test_counters_that_fall_or_have_a_sign_climb_with_the_wheel(count):
     assert np.ptp(error) < 1.01 * 25.0 / RATE
 
 
-def test_pitch_table_is_found_on_a_changing_speed():
-    random = np.random.default_rng(7)
-    error = np.deg2rad(0.4) * random.uniform(-1, 1, 2 * STEPS)
-    error -= error.mean()
-    count = np.arange(2 * STEPS * 200)
-    angle = count * np.pi / STEPS + error[count % (2 * STEPS)]
-    # angle = 30 t + 0.4 t^2 solved for the time
-    time = (-30 + np.sqrt(900 + 1.6 * angle)) / 0.8
-    table = learn(time, count)
-    np.testing.assert_allclose(table.error_rad, error, atol=np.deg2rad(2e-4))
-    assert table.repeats > 0.99
-
-
 def test_motions_of_the_third_order_are_no_pitch_errors():
     """A wheel whose time is a cubic of its count, within 12 turns from 6 to 12 turns a second:
     nothing of it is left in the table.
@@ -215,29 +170,6 @@ def test_pitch_of_white_noise_is_within_its_error_of_nothing():
     assert table.repeats < 0.1
 
 
-def test_the_angle_function_is_exact_for_a_cubic_motion_and_its_inverse():
-    count, turn = np.arange(4000), 125
-    time = np.linspace(0, 10, count.size)
-    uneven = time + 1e-4 * time**2 + 1e-6 * time**3
-    builder = KnotBuilder(turn)
-    for piece in np.array_split(records(TEETH, time_s=uneven, count=count, forward=True), 5):
-        builder.add(piece)
-    function = angle_function(builder.knots(), np.zeros(turn), records(STRETCH, sign=1), 1e-4)
-    at = np.linspace(0.1, 9.9, 1234)
-    angle = 2 * np.pi / turn * (count.size - 1) / 10 * at
-    np.testing.assert_allclose(function.at(at + 1e-4 * at**2 + 1e-6 * at**3), angle, atol=1e-9)
-    np.testing.assert_allclose(function.time_at(function.at(at)), at, atol=1e-9)
-    assert np.isnan(function.at(np.array([-1.0, 100.0]))).all()
-
-
-def test_a_glitch_is_no_extreme_and_a_tooth_is():
-    high = np.full(40, 1.0)
-    high[10], high[20:26] = 5.0, 2.0
-    clean = without_spikes(high)
-    assert clean[10] == 1.0
-    assert clean[20:26].tolist() == [2.0] * 6
-
-
 @pytest.mark.parametrize("order", [np.sort, np.asarray])
 def test_the_angle_is_the_spline_through_the_knots(order):
     random = np.random.default_rng(5)
@@ -251,15 +183,3 @@ def test_the_angle_is_the_spline_through_the_knots(order):
     )
     outside = function.at(np.array([time[0] - 1e-9, time[0], time[-1], time[-1] + 1e-9, np.nan]))
     assert np.isfinite(outside).tolist() == [False, True, True, False, False]
-
-
-def test_the_local_cubics_weights_reproduce_cubics_and_no_more():
-    place = np.arange(-MOST_REACH, MOST_REACH + 1.0)
-    for value, slope in zip(VALUE[3:], SLOPE[3:], strict=True):
-        for power, (true_value, true_slope) in enumerate([(1, 0), (0, 1), (0, 0), (0, 0)]):
-            assert value @ place**power == pytest.approx(true_value, abs=1e-9)
-            assert slope @ place**power == pytest.approx(true_slope, abs=1e-9)
-    # Savitzky and Golay's numbers for seven points
-    np.testing.assert_allclose(
-        21 * VALUE[3, MOST_REACH - 3 : MOST_REACH + 4], [-2, 3, 6, 7, 6, 3, -2], atol=1e-9
-    )

@@ -31,14 +31,8 @@ def factors(model: Model, *speeds: float) -> np.ndarray:
 
 
 def nodes(line_mass: float) -> Beam:
-    return Beam(
-        half_length_m=0.05,
-        stiffness=EJ,
-        foundation=K,
-        line_mass=line_mass,
-        load_N=400 * 9.81,
-        lever_m=LEVER_M,
-    )
+    own = {"stiffness": EJ, "foundation": K, "line_mass": line_mass, "lever_m": LEVER_M}
+    return Beam(half_length_m=0.05, load_N=400 * 9.81, **own)
 
 
 @pytest.mark.parametrize(("beta", "least", "most"), [
@@ -81,12 +75,10 @@ def test_p1_fig_5_s_difference_is_the_corrected_psi():
     first = decay * (a * np.cos(a * s) + b * np.sin(a * np.abs(s))) / a
     second = (1 + b * np.abs(s)) / b * decay * (b * np.cos(a * s) - a * np.sin(a * np.abs(s)))
     difference = (told["displacement_m"] - other["displacement_m"]) / w_0
-    missed = {
-        sign: np.abs(
-            difference - alpha * 0.05 / (a * b) * np.sign(s) * (first + sign * second)
-        ).max()
-        for sign in (-1.0, 1.0)
-    }
+    scale = alpha * 0.05 / (a * b) * np.sign(s)
+    corrected, printed = (
+        np.abs(difference - scale * (first + sign * second)).max() for sign in (-1.0, 1.0)
+    )
     assert np.abs(difference).max() == pytest.approx(5.2e-3, rel=0.05)
     # (7) to (9), s ahead of the load: right to 0.013 beta^2 at this alpha (errata)
     light = np.empty_like(s)
@@ -98,8 +90,8 @@ def test_p1_fig_5_s_difference_is_the_corrected_psi():
         light[ahead] = 2 / (one * (odd**2 + even**2)) * np.exp(-b * x) * wave
     missed_by_light = np.abs(told["displacement_m"] / w_0 - light).max()
     assert missed_by_light == pytest.approx(0.013 * 0.05**2, rel=0.1)
-    assert missed[-1.0] < 7e-5
-    assert missed[1.0] == pytest.approx(1.3e-2, rel=0.05)
+    assert corrected < 7e-5
+    assert printed == pytest.approx(1.3e-2, rel=0.05)
 
 
 def test_p2_fig_13_s_maxima():
@@ -113,8 +105,6 @@ def test_p2_fig_13_s_maxima():
     step = x[1] - x[0]
     assert 1e3 * deepest == pytest.approx([-0.8, -3.0, -6.8, -11.4], abs=1e3 * step)
     assert 1e3 * least == pytest.approx([0.4, 0.1, -4.2, -13.3], abs=1e3 * step)
-    # Fig. 11: "roughly 0.8 cm" with the printed mass; 7.1 mm with the corrected one
-    assert told["displacement_m"][8192:16384].max() == pytest.approx(7.1e-3, abs=5e-5)
 
 
 def test_p2_fig_14_s_second_derivative_marks_edges_or_the_onset():

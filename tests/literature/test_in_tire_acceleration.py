@@ -62,19 +62,22 @@ def log_of(passages: int, seed: int) -> tuple[np.ndarray, float]:
     return (values - np.median(values)) * STANDARD_GRAVITY, 22.2
 
 
+def channel_of(values: np.ndarray) -> Channel:
+    axis = TimeAxis.uniform(values.size, RATE_HZ)
+    return Channel.of_array("z", "radial_acceleration", values, axis)
+
+
+def recording_of(values: np.ndarray) -> Recording:
+    return Recording("facts", {"z": channel_of(values)}, parse_setup(SETUP))
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(
     "offset_g", [0.0, -157.0, 157.0], ids=["AC-coupled", "DC restored", "shifted the other way"]
 )
 def test_every_passage_is_found_whichever_way_the_sensor_counts(sign, offset_g):
     values, speed = log_of(10, 1000)
-    channel = Channel.of_array(
-        "z",
-        "radial_acceleration",
-        sign * (values + offset_g * STANDARD_GRAVITY),
-        TimeAxis.uniform(values.size, RATE_HZ),
-    )
-    found = find_passages(channel, RADIUS_M)
+    found = find_passages(channel_of(sign * (values + offset_g * STANDARD_GRAVITY)), RADIUS_M)
     assert len(found) == 10
     np.testing.assert_allclose(found.speed_m_s, speed, rtol=0.01)
     # the ringing of the edges is what the sensor sees in every turn, and no spike
@@ -84,11 +87,7 @@ def test_every_passage_is_found_whichever_way_the_sensor_counts(sign, offset_g):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_contact_length_between_the_fronts_is_the_published_one(sign):
     """0.0582 of a turn: 117.5 mm, without an encoder, with the sensor AC-coupled."""
-    values, _ = log_of(10, 1000)
-    axis = TimeAxis.uniform(values.size, RATE_HZ)
-    channel = Channel.of_array("z", "radial_acceleration", sign * values, axis)
-    recording = Recording("facts", {"z": channel}, parse_setup(SETUP))
-    (found,) = accelerometer_footprints(recording)
+    (found,) = accelerometer_footprints(recording_of(sign * log_of(10, 1000)[0]))
     length = found.columns["length_m"]
     assert np.isfinite(length).sum() >= 8
     assert np.nanmedian(length) == pytest.approx(0.1175, rel=0.02)
@@ -97,20 +96,10 @@ def test_the_contact_length_between_the_fronts_is_the_published_one(sign):
 
 def test_a_spike_is_told_from_the_ringing():
     values, _ = log_of(20, 1001)
-    clean = find_passages(
-        Channel.of_array(
-            "z", "radial_acceleration", values, TimeAxis.uniform(values.size, RATE_HZ)
-        ),
-        RADIUS_M,
-    )
-    at = int(clean.index[7]) + 40
-    values[at] += 100.0 * STANDARD_GRAVITY  # within the flat patch, where turns scatter by 1 g
-    found = find_passages(
-        Channel.of_array(
-            "z", "radial_acceleration", values, TimeAxis.uniform(values.size, RATE_HZ)
-        ),
-        RADIUS_M,
-    )
+    clean = find_passages(channel_of(values), RADIUS_M)
+    hit = values.copy()  # within the flat patch, where turns scatter by 1 g
+    hit[int(clean.index[7]) + 40] += 100.0 * STANDARD_GRAVITY
+    found = find_passages(channel_of(hit), RADIUS_M)
     assert having(found.quality, Quality.SPIKE)[7]
     assert not having(clean.quality, Quality.SPIKE)[7]
 
@@ -119,10 +108,7 @@ def fitted(carcass, **values):
     """A carcass fitted to ten passages, and what its patch looks like: (error over the noise floor,
     width between half levels [degrees], largest less least within +-5 degrees [g], largest lobe
     below the patch [g])."""
-    values_m_s2, _ = log_of(10, 1000)
-    axis = TimeAxis.uniform(values_m_s2.size, RATE_HZ)
-    channel = Channel.of_array("z", "radial_acceleration", values_m_s2, axis)
-    recording = Recording("facts", {"z": channel}, parse_setup(SETUP))
+    recording = recording_of(log_of(10, 1000)[0])
     pieces = pieces_of_logs(measured([recording], "radial_acceleration", level=False).stacks)
     model = Model.new(
         carcass, "radial_acceleration", coupling_Hz=0.5, load_N=4000.0, radius_m=RADIUS_M, **values

@@ -31,17 +31,10 @@ def read_off(speed, cutoff_Hz, half_length=0.063):
     reach = int(3 * half_length / speed * RATE_HZ) + 25
     centre = reach + np.linspace(-0.5, 0.5, 41)
     time = (np.arange(2 * reach + 1) - centre[:, None]) / RATE_HZ
-    same = np.ones(centre.size)
-    edges = find_edges(
-        CubicSpline(xi, strain)(time * speed),
-        RATE_HZ,
-        centre,
-        speed * same,
-        0 * same,
-        cutoff_Hz * same,
-        half_length * same,
-        1e-9,
-    )
+    one = np.ones(centre.size)
+    known = (speed, 0.0, cutoff_Hz, half_length)
+    waves = CubicSpline(xi, strain)(time * speed)
+    edges = find_edges(waves, RATE_HZ, centre, *(one * value for value in known), 1e-9)
     return np.median(edges["length_d2_m"]), np.median(edges["length_d1_m"])
 
 

@@ -49,33 +49,16 @@ def test_the_numbers_are_the_table_s(name):
     assert {key: values[key] for key in TABLES[name]} == pytest.approx(TABLES[name])
 
 
-@pytest.mark.parametrize("name", ["P1", "P2"])
-def test_the_beam_s_mass_is_that_of_the_errata(name):
-    """mu = 1100 kg/m is the rubber's density; rho times the section gives 86.7 m/s."""
-    v = preset_model(name).values
-    speed = critical_speed(
-        v["flexural_stiffness_N_m2"], v["foundation_stiffness_N_m2"], v["line_mass_kg_m"]
-    )
-    assert speed == pytest.approx(86.7, abs=0.1)
-
-
 def test_the_beam_s_critical_speed_of_table_1():
-    """alpha = 0.128 at 11.11 m/s; with the printed mu it would be 5.2."""
+    """mu = 1100 kg/m is the rubber's density; rho times the section gives 86.7 m/s and alpha =
+    0.128 at 11.11 m/s; with the printed mu it would be 5.2.
+    """
+    for name in ("P1", "P2"):
+        v = preset_model(name).values
+        names = ("flexural_stiffness_N_m2", "foundation_stiffness_N_m2", "line_mass_kg_m")
+        assert critical_speed(*(v[n] for n in names)) == pytest.approx(86.7, abs=0.1)
     assert 11.11 / critical_speed(0.83, 7.79e6, 0.676) == pytest.approx(0.128, abs=5e-4)
     assert 11.11 / critical_speed(0.83, 7.79e6, 1100.0) == pytest.approx(5.2, abs=0.05)
-
-
-@pytest.mark.parametrize(
-    ("beta", "least", "most"), [(0.01, 1.14, 1.15), (0.5, 1.05, 1.14), (1.2, 0.7, 0.95)]
-)
-def test_p1_s_factor_rises_with_the_speed_unless_damped_by_one(beta, least, most):
-    """1.145 times from 3 to 24 m/s (errata), when Fig. 11 measures one that falls."""
-    rate = beta * np.sqrt(7.79e6 / 0.676)
-    model = preset_model("P1").with_effect("viscous_damping")
-    known = model.parameters["viscous_damping.damping_rate_1_s"]
-    model = model.with_parameters({"viscous_damping.damping_rate_1_s": known.at(rate)})
-    slow, fast = model.predict(Conditions.of(2, speed_m_s=[3.0, 24.0]))[:, 0]
-    assert least < fast / slow < most
 
 
 def test_p2_s_patch_and_brush():
@@ -133,17 +116,6 @@ def test_p3_s_ring_is_stretched_at_the_patch_centre_and_rings_with_few_modes():
     ripple = [np.ptp(wave[np.abs(TURN) > 1.5]) / np.ptp(whole) for wave in (whole, ten, hundred)]
     assert ripple[1] > 0.03
     assert ripple[2] < 1.5 * ripple[0] + 1e-4
-
-
-def test_p3_s_slip_makes_the_lower_peaks_unequal():
-    """Fig. 4, 250 N, slip of -0.2, 0, 0.2: the side lobes change places with the sign."""
-    model = p3_ring(250.0, 2.3).with_effect("traction", lever_m=0.005)
-    drive = Conditions.of(3, speed_m_s=10.0, slip=[-0.2, 0.0, 0.2])
-    strain = model.predict(drive, TURN, surface="inner")
-    driving, free, braking = strain[:, TURN < 0].min(axis=1) - strain[:, TURN > 0].min(axis=1)
-    assert abs(free) < 1e-9
-    assert braking == pytest.approx(-driving, rel=0.05)
-    assert abs(braking) > 0.01 * np.ptp(strain[2])
 
 
 def test_p3_s_wear_sets_the_trailing_edge_apart():

@@ -52,10 +52,8 @@ def test_interrogator_export(name: str) -> None:
     assert not any(np.isnan(values).any() for values in block.values.values())
     assert reader.report.counts.get("rows_with_error_codes", 0) == with_codes
     assert reader.report.counts.get("error_codes", 0) == codes
-    assert (
-        sum(stop - start for channel, start, stop, _ in block.flags if channel == "W-N-01")
-        == with_codes
-    )
+    flagged = [stop - begin for channel, begin, stop, _ in block.flags if channel == "W-N-01"]
+    assert sum(flagged) == with_codes
     assert reader.report.start == start
     clock = clock_of(reader, block)
     assert clock.axis.rate_Hz == 20.0
@@ -88,34 +86,25 @@ def as_text(times: np.ndarray, columns: np.ndarray) -> str:
 
 
 @pytest.mark.skipif(not COMMA.exists(), reason="the real logs are not at hand")
-def test_wheel_speeds_off_a_bus_keep_their_stamps() -> None:
-    times, speeds = (
-        np.load(COMMA / "CAN_wheel_speed_t.npy"),
-        np.load(COMMA / "CAN_wheel_speed_value.npy"),
-    )
-    wheels = {
-        f"w{k}": {"kind": "vehicle_speed", "source": f"c{k}", "unit": "m/s"} for k in range(4)
+@pytest.mark.parametrize(
+    ("name", "kind", "unit", "rate_Hz", "within_s"),
+    [
+        ("CAN_wheel_speed", "vehicle_speed", "m/s", 89.195, 2e-9),
+        # inertial samples have a clock of their own
+        ("IMU_accelerometer", "longitudinal_acceleration", "m/s^2", 104.264, 2e-4),
+    ],
+)
+def test_samples_off_a_bus_keep_their_stamps(
+    name: str, kind: str, unit: str, rate_Hz: float, within_s: float
+) -> None:
+    times, values = np.load(COMMA / f"{name}_t.npy"), np.load(COMMA / f"{name}_value.npy")
+    channels = {
+        f"x{k}": {"kind": kind, "source": f"c{k}", "unit": unit} for k in range(values.shape[1])
     }
-    reader, block = read(as_text(times, speeds), setup_of(wheels))
-    for k in range(4):
-        np.testing.assert_array_equal(block.values[f"w{k}"], speeds[:, k])
+    reader, block = read(as_text(times, values), setup_of(channels))
+    for k in range(values.shape[1]):
+        np.testing.assert_array_equal(block.values[f"x{k}"], values[:, k])
     axis: TimeAxis = clock_of(reader, block).axis
-    assert axis.rate_Hz == pytest.approx(89.195, abs=0.001)
-    np.testing.assert_allclose(axis.time(), times - times[0], rtol=0, atol=2e-9)
-
-
-@pytest.mark.skipif(not COMMA.exists(), reason="the real logs are not at hand")
-def test_inertial_samples_have_a_clock_of_their_own() -> None:
-    times, values = (
-        np.load(COMMA / "IMU_accelerometer_t.npy"),
-        np.load(COMMA / "IMU_accelerometer_value.npy"),
-    )
-    axes = {
-        f"a{k}": {"kind": "longitudinal_acceleration", "source": f"c{k}", "unit": "m/s^2"}
-        for k in range(3)
-    }
-    reader, block = read(as_text(times, values), setup_of(axes))
-    axis = clock_of(reader, block).axis
-    assert axis.explicit is None
-    assert axis.rate_Hz == pytest.approx(104.264, abs=0.001)
-    np.testing.assert_allclose(axis.time(), times - times[0], rtol=0, atol=2e-4)
+    assert (axis.explicit is None) == (name == "IMU_accelerometer")
+    assert axis.rate_Hz == pytest.approx(rate_Hz, abs=0.001)
+    np.testing.assert_allclose(axis.time(), times - times[0], rtol=0, atol=within_s)

@@ -25,37 +25,41 @@ PICOMETRE = 1.27 * 1e-3 / 1550.0
 STEP_S = 1e-4
 
 
+def trapezium(xi_m: np.ndarray, steep_m: float = 0.023, slow_m: float = 0.023) -> np.ndarray:
+    """A flat-topped pulse of height 1 and 110 mm; how far its entry and exit edges reach."""
+    return 0.5 * (np.tanh((xi_m + 0.055) / steep_m) - np.tanh((xi_m - 0.055) / slow_m))
+
+
+def shoulders(xi_m: np.ndarray, entry: float = 0.30, leave: float = 0.22) -> np.ndarray:
+    """Humps beside the patch of these heights."""
+    before = entry * np.exp(-(((xi_m + 0.105) / 0.035) ** 2))
+    return before + leave * np.exp(-(((xi_m - 0.11) / 0.04) ** 2))
+
+
 def beam_pulse(xi_m: np.ndarray, speed_m_s: np.ndarray) -> np.ndarray:
     """A beam's strain: a flat-topped pulse of height 1, uneven shoulders of the other sign, an odd
     part that grows with speed.
     """
-    flat = 0.5 * (np.tanh((xi_m + 0.055) / 0.023) - np.tanh((xi_m - 0.055) / 0.023))
-    shoulders = 0.30 * np.exp(-(((xi_m + 0.105) / 0.035) ** 2)) + 0.22 * np.exp(
-        -(((xi_m - 0.11) / 0.04) ** 2)
-    )
-    return flat - shoulders + 0.03 * speed_m_s / 20.0 * xi_m / 0.05 * np.exp(-((xi_m / 0.06) ** 2))
+    odd = 0.03 * speed_m_s / 20.0 * xi_m / 0.05 * np.exp(-((xi_m / 0.06) ** 2))
+    return trapezium(xi_m) - shoulders(xi_m) + odd
 
 
 def ring_pulse(xi_m: np.ndarray, speed_m_s: np.ndarray) -> np.ndarray:
     """A ring's strain: two humps at the edges of the patch, deep shoulders and ripples that run
     around the whole turn.
     """
-    humps = np.exp(-(((xi_m + 0.035) / 0.03) ** 2)) + 0.9 * np.exp(-(((xi_m - 0.035) / 0.03) ** 2))
-    shoulders = 0.5 * np.exp(-(((xi_m + 0.11) / 0.04) ** 2)) + 0.45 * np.exp(
-        -(((xi_m - 0.11) / 0.04) ** 2)
-    )
-    return humps - shoulders + 0.04 * np.cos(5 * xi_m / RADIUS_M) + 0.0 * speed_m_s
+    places = ((1.0, -0.035, 0.03), (0.9, 0.035, 0.03), (-0.5, -0.11, 0.04), (-0.45, 0.11, 0.04))
+    humps = sum(height * np.exp(-(((xi_m - at) / wide) ** 2)) for height, at, wide in places)
+    return humps + 0.04 * np.cos(5 * xi_m / RADIUS_M) + 0.0 * speed_m_s
 
 
 def lopsided(xi_m: np.ndarray, speed_m_s: np.ndarray) -> np.ndarray:
     """A pulse of no brush and no carcass: steep where the patch begins, slow where it ends, with
     shoulders unlike each other.
     """
-    flat = 0.5 * (np.tanh((xi_m + 0.055) / 0.015) - np.tanh((xi_m - 0.055) / 0.032))
-    shoulders = 0.35 * np.exp(-(((xi_m + 0.10) / 0.03) ** 2)) + 0.15 * np.exp(
-        -(((xi_m - 0.12) / 0.05) ** 2)
-    )
-    return flat * (1 - 1.5 * xi_m) - shoulders
+    beside = 0.35 * np.exp(-(((xi_m + 0.10) / 0.03) ** 2))
+    beside += 0.15 * np.exp(-(((xi_m - 0.12) / 0.05) ** 2))
+    return trapezium(xi_m, 0.015, 0.032) * (1 - 1.5 * xi_m) - beside
 
 
 @dataclass(frozen=True)
@@ -72,11 +76,12 @@ class Drive:
     def with_values(
         self, values: np.ndarray, axis: TimeAxis | None = None, **more: object
     ) -> Channel:
-        """The channel with other samples."""
-        axis = axis or self.channel.axis
-        return Channel.of_array(
-            self.channel.name, self.channel.kind, values, axis, surface=self.channel.surface, **more
-        )
+        """The channel with other samples, and what else is different."""
+        if axis is None and values.size == self.values.size:
+            axis = self.channel.axis
+        own = {"name": self.channel.name, "kind": self.channel.kind, "values": values}
+        own["axis"] = axis or TimeAxis.uniform(values.size, self.channel.axis.rate_Hz)
+        return Channel.of_array(**own | {"surface": self.channel.surface} | more)
 
     def nearest(self, time_s: np.ndarray) -> np.ndarray:
         """Index of the true passage nearest to each time."""
@@ -133,18 +138,6 @@ def without_rows(drive, kept):
     rate = drive.channel.axis.rate_Hz
     axis = TimeAxis(rows.size, rate, first, rows[first] / rate, np.full(first.size, 1.0 / rate))
     return drive.with_values(drive.values[rows], axis)
-
-
-@pytest.fixture(scope="session")
-def drive() -> Callable[..., Drive]:
-    """`make_drive`."""
-    return make_drive
-
-
-@pytest.fixture(scope="session")
-def pulses() -> dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]]:
-    """Pulse shapes by name."""
-    return {"beam": beam_pulse, "ring": ring_pulse}
 
 
 @pytest.fixture(scope="session")

@@ -197,6 +197,11 @@ class Ring:
     def onset_m(self) -> float:
         return self._known()[4]
 
+    def dissipation_factor(self, speed: float) -> float:
+        """int (d eps / d xi)^2 d xi [1/m]; a ring without damping is the same at each speed."""
+        xi, strain, *_ = self.solve()
+        return float(np.trapezoid(np.gradient(strain, xi) ** 2, xi))
+
     def __call__(self, xi: np.ndarray, speed: np.ndarray) -> np.ndarray:
         spline, start, turn, *_ = self._known()
         return -spline(start + np.mod(xi - start, turn))

@@ -8,7 +8,6 @@ from tirelog.data.recording import Channel, Recording, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.errors import UsageError
 from tirelog.products import tables_of
-from tirelog.vocabulary.quality import quality_text
 
 R, RATE_HZ, G = 0.31, 10_000.0, 9.80665
 SETUP = """[tire]
@@ -41,9 +40,7 @@ def table(values, kind="radial_acceleration"):
     channel = Channel.of_array("a", kind, values, TimeAxis.uniform(values.size, RATE_HZ))
     recording = Recording("log", {"a": channel}, parse_setup(SETUP))
     (part,) = tables_of(recording, {"footprint": {}})
-    columns = part.columns
-    words = np.array([quality_text(q) if not isinstance(q, str) else q for q in columns["quality"]])
-    return columns, words, part.remarks
+    return part.columns, np.array(part.columns["quality"]), part.remarks
 
 
 @pytest.mark.parametrize(

@@ -37,27 +37,20 @@ def one_grating() -> Iterator[Recording]:
         yield replace(log, channels={name: channel})
 
 
-def rows(parts: list[Part]) -> list[tuple[str, tuple[str, ...], dict[str, np.ndarray]]]:
-    return [
-        (p.table, tuple(p.remarks), {k: np.array(v) for k, v in p.columns.items()}) for p in parts
-    ]
-
-
 def same(one: list[Part], other: list[Part]) -> None:
     assert len(one) == len(other) > 1
-    for (table, said, columns), (name, told, others) in zip(rows(one), rows(other), strict=True):
-        assert (table, said) == (name, told)
-        assert columns.keys() == others.keys()
-        for column, values in columns.items():
-            np.testing.assert_array_equal(values, others[column], err_msg=f"{table} {column}")
+    for part, its in zip(one, other, strict=True):
+        assert (part.table, tuple(part.remarks)) == (its.table, tuple(its.remarks))
+        assert part.columns.keys() == its.columns.keys()
+        for column, values in part.columns.items():
+            np.testing.assert_array_equal(values, its.columns[column], err_msg=column)
 
 
 def gratings(log: Recording, count: int) -> Recording:
     """The log with its grating so many times."""
     ((name, one),) = log.channels.items()
-    return replace(
-        log, channels={f"{name}_{n}": replace(one, name=f"{name}_{n}") for n in range(count)}
-    )
+    names = [f"{name}_{n}" for n in range(count)]
+    return replace(log, channels={name: replace(one, name=name) for name in names})
 
 
 @pytest.mark.parametrize("order", [TABLES, TABLES[::-1]])

@@ -9,6 +9,7 @@ import builtins
 import numpy as np
 import pytest
 
+from tests.strain.conftest import make_drive
 from tests.strain.strain_truth import Beam
 from tirelog.plots import style
 
@@ -33,14 +34,15 @@ time = "time_s"
 """
 
 
+def log_of(knots, speeds, truth, **more):
+    """The columns of a drive with this truth."""
+    made = make_drive(knots, speeds, pulse=truth, height=1.0, drift=0.0, **more)
+    return {"time_s": made.channel.axis.time(), "grating": made.values, "pressure": 2.2}
+
+
 @pytest.fixture(scope="module")
-def rolling(drive):
-    made = drive([0, 6, 9, 15], [8, 8, 14, 14], seed=1900, pulse=Beam(), height=1.0, drift=0.0)
-    return {
-        "time_s": made.channel.axis.time(),
-        "grating": made.values,
-        "pressure": np.full(made.values.size, 2.2),
-    }
+def rolling():
+    return log_of([0, 6, 9, 15], [8, 8, 14, 14], Beam(), seed=1900)
 
 
 @pytest.fixture(scope="module")
@@ -52,12 +54,9 @@ def resting():
 
 
 @pytest.mark.parametrize("speed", [0.4, 0.25])
-def test_a_creeping_wheel_is_measured_or_said_to_be_too_slow(command, drive, speed):
+def test_a_creeping_wheel_is_measured_or_said_to_be_too_slow(command, speed):
     truth = Beam(speeds=(speed, speed))
-    made = drive(
-        [0, 60], [speed, speed], seed=1902, rate_Hz=200.0, pulse=truth, height=1.0, drift=0.0
-    )
-    columns = {"time_s": made.channel.axis.time(), "grating": made.values, "pressure": 2.2}
+    columns = log_of([0, 60], [speed, speed], truth, seed=1902, rate_Hz=200.0)
     status, table, err = command(columns, SETUP, "footprint")
     assert status == 0
     assert "too few passages" not in err
@@ -85,13 +84,10 @@ def test_footprint(command, rolling):
 
 
 @pytest.mark.parametrize(("power", "saddle"), [(6.0, 0.0), (2.0, 2.2), (20.0, 0.0)])
-def test_lengths_of_a_tire_whose_pressure_is_no_parabola(command, drive, power, saddle):
+def test_lengths_of_a_tire_whose_pressure_is_no_parabola(command, power, saddle):
     """Flat, saddled, a box: within the errors told, and without a trend over the speed."""
     truth = Beam(power=power, saddle=saddle)
-    speeds = np.array([7, 7, 12, 12, 21, 21])
-    made = drive([0, 6, 8, 14, 17, 22], speeds, seed=1905, pulse=truth, height=1.0, drift=0.0)
-    columns = {"time_s": made.channel.axis.time(), "grating": made.values}
-    columns["pressure"] = np.full(made.values.size, 2.2)
+    columns = log_of([0, 6, 8, 14, 17, 22], [7, 7, 12, 12, 21, 21], truth, seed=1905)
     status, table, _ = command(columns, SETUP, "footprint")
     rows = table[table.quality == "ok"]
     error = rows.length_m / (2 * truth.half_length_m) - 1
@@ -109,11 +105,8 @@ def test_dissipation_and_its_lines(command, rolling):
     status, table, err = command(rolling, SETUP, "dissipation", "--plot", "page.png")
     assert status == 0
     assert "section height x width" in err
-    assert {
-        "strip_power_W",
-        "strip_rolling_resistance_N",
-        "strip_rolling_resistance_coefficient",
-    } <= set(table.columns)
+    strip = {"power_W", "rolling_resistance_N", "rolling_resistance_coefficient"}
+    assert {f"strip_{name}" for name in strip} <= set(table.columns)
     with open("page.png", "rb") as page:
         assert page.read(4) == b"\x89PNG"
     status, lines, _ = command(rolling, SETUP, "dissipation", "--fit")

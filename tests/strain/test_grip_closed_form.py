@@ -34,26 +34,22 @@ def test_the_friction_used_is_the_traction_summed():
         assert told == pytest.approx(tau.sum() * (x[1] - x[0]) / F, rel=1e-3)
 
 
-def footprint(onset_m, length_m, n=3):
-    """Rows of a footprint table, the first without an onset."""
-    onset = np.full(n, onset_m)
-    onset[0] = np.nan
-    return {
-        **{name: np.full(n, "a", object) for name in ("log", "channel", "slip_onset_reason")},
-        "revolution": np.arange(n),
-        "time_s": np.arange(n) * 0.1,
-        "speed_m_s": np.full(n, 20.0),
-        "length_m": np.full(n, length_m) * np.array([1.0, 1.0, 1.01]),
-        "length_se_m": np.full(n, 1e-4),
-        "slip_onset_m": onset,
-        "slip_onset_se_m": np.full(n, 1e-3),
-        "quality": np.array(["ok"] * n, object),
-    }
+def grip(onset_m, stiffness=1.0, load_N=None):
+    """The grip of three rows of a footprint table, the first without an onset."""
+    n = 3
+    rows = {name: np.full(n, "a", object) for name in ("log", "channel", "slip_onset_reason")}
+    rows |= {
+        "revolution": np.arange(n), "time_s": np.arange(n) * 0.1, "speed_m_s": np.full(n, 20.0),
+        "length_m": np.array([0.1, 0.1, 0.101]), "length_se_m": np.full(n, 1e-4),
+        "slip_onset_m": np.array([np.nan, onset_m, onset_m]), "slip_onset_se_m": np.full(n, 1e-3),
+        "quality": np.full(n, "ok", object),
+    }  # fmt: skip
+    return grip_columns(rows, 0.8, 0.6, stiffness, 0.5, load_N, BRAKES)
 
 
 def test_an_onset_tells_slip_friction_and_what_is_left():
     """P2: x_s = 35 mm for L = 50 mm is a slip of 0.15."""
-    told = grip_columns(footprint(0.035, 0.1), 0.8, 0.6, 1.0, 0.5, 3924.0, BRAKES)
+    told = grip(0.035, load_N=3924.0)
     assert told["adhesion_share"][1] == pytest.approx(0.85)
     assert told["brush_slip"][1] == pytest.approx(0.15)
     assert told["friction_used"][1] * 3924.0 == pytest.approx(1163.66, rel=1e-4)
@@ -67,17 +63,12 @@ def test_an_onset_tells_slip_friction_and_what_is_left():
     # noise 1e-4 / 0.1 through 1 / 0.5; 1 % of length through an exponent known to 0.15
     noise, law = 2e-3, np.log(1.01) * EXPONENT_SD / 0.5**2
     assert told["vertical_force_se_N"][1] == pytest.approx(3924.0 * noise)
-    assert told["vertical_force_se_N"][2] == pytest.approx(
-        3924.0 * 1.01**2 * np.hypot(noise / 1.01, law)
-    )
-    stiffer = grip_columns(footprint(0.035, 0.1), 0.8, 0.6, 10.0, 0.5, None, BRAKES)
+    longer = 3924.0 * 1.01**2 * np.hypot(noise / 1.01, law)
+    assert told["vertical_force_se_N"][2] == pytest.approx(longer)
+    stiffer = grip(0.035, stiffness=10.0)
     assert stiffer["brush_slip"][1] == pytest.approx(0.015)
     assert "vertical_force_N" not in stiffer
-
-
-def test_beyond_the_peak_nothing_is_left():
-    told = grip_columns(footprint(-0.049, 0.1), 0.8, 0.6, 1.0, 0.5, None, BRAKES)
-    assert told["grip_left"][1] == 0.0
+    assert grip(-0.049)["grip_left"][1] == 0.0  # beyond the peak
 
 
 def test_numbers_that_no_brush_has_are_refused():
@@ -127,11 +118,9 @@ def test_strain_edges_tell_width_and_shift_in_wheel_angle(driven):
     assert good.sum() > 30
     width = np.degrees(2.0 * 0.055 / RADIUS_M)
     assert np.median(told["patch_width_deg"][good]) == pytest.approx(width, rel=0.01)
-    first, last = (told["phase_shift_deg"][good & side] for side in (
-        told["revolution"] < 18, told["revolution"] > 22
-    ))  # fmt: skip
-    assert np.median(first) == pytest.approx(0.0, abs=0.01)
-    assert np.median(last) == pytest.approx(0.5, abs=0.02)
+    shift, turn = told["phase_shift_deg"], told["revolution"]
+    assert np.median(shift[good & (turn < 18)]) == pytest.approx(0.0, abs=0.01)
+    assert np.median(shift[good & (turn > 22)]) == pytest.approx(0.5, abs=0.02)
     # the phonic wheel beside the passages' own speed
     assert np.median(told["wheel_speed_m_s"][good]) == pytest.approx(SPEED_M_S, rel=1e-4)
 

@@ -21,19 +21,14 @@ def ramp(seed=1800, noise=6e-7, bend=0.0):
     Pa leak.
     """
     time = np.arange(0, 12, 1 / RATE_HZ)
-    pressure = np.interp(
-        time,
-        [0, 1, 5.5, 6.5, 8, 9, 11, 12],
-        [1.7e5, 1.7e5, 2.05e5, 2.04e5, 2.2e5, 2.19e5, 2.3e5, 2.3e5],
-    )
-    over = pressure - 1.7e5
-    strain = SLOPE_1_Pa * over * (1 + bend * over / 6e4) + np.random.default_rng(seed).normal(
-        0, noise, time.size
-    )
+    at_s = [0, 1, 5.5, 6.5, 8, 9, 11, 12]
+    bar = [1.7, 1.7, 2.05, 2.04, 2.2, 2.19, 2.3, 2.3]
+    pressure = 1e5 * np.interp(time, at_s, bar)
+    over, rng = pressure - 1.7e5, np.random.default_rng(seed)
+    strain = SLOPE_1_Pa * over * (1 + bend * over / 6e4) + rng.normal(0, noise, time.size)
     axis = TimeAxis.uniform(time.size, RATE_HZ)
-    return Channel.of_array("s", "strain", strain, axis), Channel.of_array(
-        "p", "inflation_pressure", pressure, axis, unit="Pa"
-    )
+    gauge = Channel.of_array("p", "inflation_pressure", pressure, axis, unit="Pa")
+    return Channel.of_array("s", "strain", strain, axis), gauge
 
 
 def test_slope_linearity_and_leaks():
@@ -87,12 +82,8 @@ def test_lost_samples_do_no_harm_and_a_bent_line_is_called_bent():
 
 def test_the_table_says_what_leaked():
     strain, pressure = ramp()
-    recording = Recording(
-        "i.csv",
-        {"s": strain, "p": pressure},
-        Setup(Tire(rolling_radius_m=0.3, static_footprint_length_m=0.126)),
-    )
-    (table,) = inflation_of(recording)
+    setup = Setup(Tire(rolling_radius_m=0.3, static_footprint_length_m=0.126))
+    (table,) = inflation_of(Recording("i.csv", {"s": strain, "p": pressure}, setup))
     assert table.columns["quality"].tolist().count("leak") == 2
     assert any("126.0 mm" in remark for remark in table.remarks)
     assert any("microstrain/bar" in remark for remark in table.remarks)

@@ -1,11 +1,23 @@
-"""Faults: `tirelog speed` on logs without a radius, with channels that tell no speed, few
-revolutions, or nothing in the strain; and its radius option.
+"""Faults: `speed` on logs without a radius, with channels that tell no speed, few revolutions,
+nothing in the strain, or errors without bounds; and what is refused.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+
+from tests.strain.conftest import make_drive
+from tirelog.data.recording import Recording
+from tirelog.data.setup import parse_setup
+from tirelog.errors import UsageError
+from tirelog.products import tables_of
+from tirelog.strain.dissipation import dissipation
+from tirelog.strain.passages.find import find_passages
+from tirelog.strain.speed import speed_columns
+from tirelog.vocabulary.quality import Quality, having
 
 SETUP = """[tire]
 unloaded_radius_m = 0.33
@@ -20,36 +32,40 @@ unit = "km/h"
 [log]
 time = "time_s"
 """
+CALIBRATE = "--calibrate-radius"
 
 
-def columns_of(d, speed_m_s):
-    time = d.channel.axis.time()
-    return {"time_s": time, "grating": d.values, "car": np.full(time.size, 3.6 * speed_m_s)}
+@pytest.fixture
+def speed(command):
+    """(status, table or None, standard error) of `speed` on a drive at this speed."""
+
+    def call(speed_m_s, seconds, *arguments, setup=SETUP, reference_s=None, **columns):
+        d = make_drive([0, seconds], [speed_m_s, speed_m_s], seed=1401)
+        time = d.channel.axis.time()
+        car = np.where(time < (reference_s or np.inf), 3.6 * speed_m_s, np.nan)
+        columns = {"time_s": time, "grating": d.values, "car": car} | columns
+        return command(columns, setup, "speed", *arguments)
+
+    return call
 
 
-def test_calibrate_radius(drive, command):
-    d = drive([0, 8], [12, 12], seed=1401)
-    status, table, err = command(columns_of(d, 12.0), SETUP, "speed", "--calibrate-radius")
+def test_the_radius_is_calibrated_or_the_unloaded_one_is_said(speed):
+    status, table, err = speed(12.0, 8, CALIBRATE)
     assert status == 0
     assert "note: log.csv: rolling radius 0.3050" in err
     np.testing.assert_allclose(table["speed_m_s"], 12.0, atol=2e-3)
-
-
-def test_without_it_the_unloaded_radius_is_said(drive, command):
-    d = drive([0, 8], [12, 12], seed=1401)
-    status, table, err = command(columns_of(d, 12.0), SETUP, "speed")
+    status, table, err = speed(12.0, 8)
     assert status == 0
     assert "unloaded radius 0.33 m is used" in err
     np.testing.assert_allclose(table["speed_m_s"], 12.0 * 0.33 / 0.305, atol=2e-3)
-    assert "unloaded radius" not in command(columns_of(d, 12.0), SETUP, "speed", "--quiet")[2]
+    assert "unloaded radius" not in speed(12.0, 8, "--quiet")[2]
 
 
 @pytest.mark.parametrize(
     ("turns", "rows", "known"), [(0.3, 0, 0), (0.9, 1, 0), (1.9, 2, 0), (2.9, 3, 3), (3.9, 4, 4)]
 )
-def test_few_revolutions(drive, command, radius_m, turns, rows, known):
-    d = drive([0, turns * 2 * np.pi * radius_m / 10], [10, 10], seed=1402)
-    status, table, _ = command(columns_of(d, 10.0), SETUP, "speed")
+def test_few_revolutions(speed, radius_m, turns, rows, known):
+    status, table, _ = speed(10.0, turns * 2 * np.pi * radius_m / 10)
     assert status == 0
     assert len(table) == rows
     assert table["speed_m_s"].notna().sum() == known
@@ -58,23 +74,60 @@ def test_few_revolutions(drive, command, radius_m, turns, rows, known):
 
 
 @pytest.mark.parametrize("fill", [np.nan, 0.0])
-def test_an_empty_or_constant_channel_gives_an_empty_table(drive, command, fill):
-    d = drive([0, 2], [10, 10], seed=1403)
-    status, table, err = command({**columns_of(d, 10.0), "grating": fill}, SETUP, "speed")
-    assert status == 0
-    assert len(table) == 0
+def test_an_empty_or_constant_channel_gives_an_empty_table(speed, fill):
+    status, table, err = speed(10.0, 2, grating=fill)
+    assert (status, len(table)) == (0, 0)
     assert "Traceback" not in err
 
 
-def test_nothing_that_tells_the_speed(drive, command):
-    d = drive([0, 2], [10, 10], seed=1404)
-    setup = SETUP.replace('kind = "strain"', 'kind = "temperature"').replace(
-        'unit = "strain"', 'unit = "K"'
-    )
-    status, table, err = command(columns_of(d, 10.0), setup, "speed")
+NO_STRAIN = SETUP.replace('kind = "strain"', 'kind = "temperature"').replace('"strain"', '"K"')
+NO_CAR = SETUP.replace('kind = "vehicle_speed"', 'kind = "signal"')
+
+
+@pytest.mark.parametrize(
+    ("arguments", "more", "says"),
+    [
+        (
+            (),
+            {"setup": NO_STRAIN},
+            "no channel tells the speed; allowed are strain, wheel_encoder and radial_acceleration",
+        ),
+        ((CALIBRATE,), {"setup": NO_CAR}, "no vehicle speed"),
+        ((CALIBRATE,), {"reference_s": 1.0}, "fewer than 10 whole turns"),
+    ],
+)
+def test_what_tells_no_speed_or_no_radius_is_refused(speed, arguments, more, says):
+    status, table, err = speed(10.0, 4, *arguments, **more)
     assert status == 2
     assert table is None
-    assert (
-        "no channel tells the speed; allowed are strain, wheel_encoder and radial_acceleration"
-        in err
+    assert says in err
+
+
+@pytest.mark.parametrize("name", ["speed", "footprint", "dissipation"])
+def test_a_wrong_surface_of_the_second_channel_is_said_before_the_first_one_s_rows(name):
+    d = make_drive([0, 8], [12, 12], seed=1310)
+    channels = {"grating": d.channel, "second": d.with_values(-d.values, name="second")}
+    setup = parse_setup(
+        '[tire]\nrolling_radius_m = 0.305\n[channels.s]\nkind = "strain"\nsource = "a"'
     )
+    log = Recording("log.csv", channels, setup)
+    with pytest.raises(UsageError, match="channel second shows a maximum"):
+        next(tables_of(log, {name: {}}, refused_first=True))
+
+
+@pytest.mark.parametrize("error", [np.inf, 1e100, 40.0])
+def test_an_error_without_bounds_is_blank_and_said(radius_m, error):
+    d = make_drive([0, 8], [12, 12], seed=1311)
+    found = find_passages(d.channel, radius_m)
+    omega_se = found.omega_se_rad_s.copy()
+    omega_se[5] = error / radius_m
+    wild = replace(found, omega_se_rad_s=omega_se)
+    columns = speed_columns("log", wild)
+    assert np.flatnonzero(np.isnan(columns["speed_se_m_s"])).tolist() == [5]
+    assert np.flatnonzero(columns["quality"] == "error_unknown").tolist() == [5]
+    energy = dissipation(d.channel, wild, None, wild.quality)
+    unknown = having(energy.quality, Quality.ERROR_UNKNOWN)
+    if error > 1e3:  # of the factor
+        assert np.isnan(energy.factor_se_1_m[5])
+        assert unknown[5]
+    assert not np.delete(unknown, 5).any()

@@ -19,48 +19,46 @@ def passage_times(omega0, alpha, turns):
     return 2 * angle / (omega0 + np.sqrt(omega0**2 + 2 * alpha * angle))
 
 
+def motion(time, error_s, turns_after=1):
+    """Kinematics of passages that are one turn apart, or so many."""
+    after = np.broadcast_to(turns_after, time.shape).astype(float)
+    return kinematics(time, np.full(time.size, error_s), np.append(after[:-1], 0.0))
+
+
 @pytest.mark.parametrize("error_s", [0.0, 1e-6])
 @pytest.mark.parametrize("alpha", [-9.0, 0.0, 4.0, 15.0])
 def test_constant_acceleration_is_exact_at_every_passage(alpha, error_s):
-    time = passage_times(60.0, alpha, range(20))
-    found = kinematics(time, np.full(20, error_s), np.append(np.ones(19), 0.0))
-    np.testing.assert_allclose(found["omega_rad_s"], 60.0 + alpha * time, rtol=1e-9)
-    np.testing.assert_allclose(found["alpha_rad_s2"], alpha, atol=1e-7)
-    assert found["sides"].tolist() == [1] + [2] * 18 + [1]
-
-
-def test_missing_passages_count_their_turns():
-    turns = np.array([0, 1, 2, 5, 6, 8, 9])
-    time = passage_times(50.0, 3.0, turns)
-    found = kinematics(time, np.full(7, 1e-6), np.append(np.diff(turns), 0.0))
-    np.testing.assert_allclose(found["omega_rad_s"], 50.0 + 3.0 * time, rtol=1e-9)
+    """Missing passages count their turns."""
+    for turns in (np.arange(20), np.array([0, 1, 2, 5, 6, 8, 9])):
+        time = passage_times(60.0, alpha, turns)
+        found = motion(time, error_s, np.append(np.diff(turns), 0))
+        np.testing.assert_allclose(found["omega_rad_s"], 60.0 + alpha * time, rtol=1e-9)
+        np.testing.assert_allclose(found["alpha_rad_s2"], alpha, atol=1e-7)
+        assert found["sides"].tolist() == [1] + [2] * (time.size - 2) + [1]
 
 
 def test_a_break_parts_the_stretches():
     first, second = passage_times(50.0, 0.0, range(5)), 100.0 + passage_times(20.0, 2.0, range(5))
-    after = np.array([1, 1, 1, 1, 0, 1, 1, 1, 1, 0.0])
-    found = kinematics(np.concatenate([first, second]), np.full(10, 1e-6), after)
-    np.testing.assert_allclose(found["omega_rad_s"][:5], 50.0, rtol=1e-9)
-    np.testing.assert_allclose(found["omega_rad_s"][5:], 20.0 + 2.0 * (second - 100.0), rtol=1e-9)
+    found = motion(np.concatenate([first, second]), 1e-6, [1, 1, 1, 1, 0, 1, 1, 1, 1, 1])
+    true = np.concatenate([np.full(5, 50.0), 20.0 + 2.0 * (second - 100.0)])
+    np.testing.assert_allclose(found["omega_rad_s"], true, rtol=1e-9)
     assert found["sides"][[0, 4, 5, 9]].tolist() == [1, 1, 1, 1]
 
 
 @pytest.mark.parametrize("n", [0, 1, 2])
 def test_fewer_than_three_passages_have_no_speed(n):
-    found = kinematics(np.arange(float(n)), np.full(n, 1e-6), np.ones(n))
-    assert np.isnan(found["omega_rad_s"]).all()
-    assert found["omega_rad_s"].size == n
+    omega = motion(np.arange(float(n)), 1e-6)["omega_rad_s"]
+    assert omega.size == n
+    assert np.isnan(omega).all()
 
 
 def test_noise_alone_has_the_error_of_the_centred_difference():
     """omega (2 pi / omega = T): sigma_omega = omega sigma_t / (sqrt 2 T), from the two outer
     passages.
     """
-    time = passage_times(60.0, 0.0, range(400))
-    found = kinematics(time, np.full(400, 2e-6), np.append(np.ones(399), 0.0))
-    np.testing.assert_allclose(
-        found["omega_se_rad_s"][2:-2], 60.0 * 2e-6 / np.sqrt(2) / (TURN_RAD / 60.0), rtol=1e-9
-    )
+    error = motion(passage_times(60.0, 0.0, range(400)), 2e-6)["omega_se_rad_s"]
+    expected = 60.0 * 2e-6 / np.sqrt(2) / (TURN_RAD / 60.0)
+    np.testing.assert_allclose(error[2:-2], expected, rtol=1e-9)
 
 
 def test_a_kink_goes_into_the_error_around_it_only():
@@ -68,13 +66,13 @@ def test_a_kink_goes_into_the_error_around_it_only():
     first = passage_times(60.0, 0.0, range(21))
     time = np.concatenate([first, first[-1] + passage_times(60.0, 15.0, range(1, 20))])
     truth = 60.0 + 15.0 * np.maximum(time - first[-1], 0.0)
-    found = kinematics(time, np.full(40, 1e-7), np.append(np.ones(39), 0.0))
-    off = np.abs(found["omega_rad_s"] - truth)
+    found = motion(time, 1e-7)
+    off, error = np.abs(found["omega_rad_s"] - truth), found["omega_se_rad_s"]
     near = np.abs(np.arange(40) - 20) <= 1
-    assert (off[near] < 2.0 * found["omega_se_rad_s"][near]).all()
+    assert (off[near] < 2.0 * error[near]).all()
     away = np.abs(np.arange(40) - 20) > 5
     assert off[away].max() < 1e-6
-    assert found["omega_se_rad_s"][away][1:-1].max() < 1e-3 * found["omega_se_rad_s"][near].max()
+    assert error[away][1:-1].max() < 1e-3 * error[near].max()
 
 
 def test_turns_by_the_mean_speed():
@@ -87,10 +85,13 @@ def test_a_wheel_of_exactly_one_speed_has_never_stopped() -> None:
     assert not may_have_stopped(0.125 * np.arange(12.0)).any()
 
 
-@pytest.mark.parametrize("noise_s", [1e-5, 3e-5])
-def test_no_speed_beside_a_sharp_end_of_a_ramp_is_beyond_five_errors(noise_s):
-    """Before the change of acceleration was in the error, 5 to 9 of these speeds were."""
-    draw, worst = np.random.default_rng(3100), 0.0
+@pytest.mark.parametrize(("noise_s", "usual"), [(1e-5, 0.52), (3e-5, 0.87)])
+def test_speeds_beside_a_sharp_end_of_a_ramp_are_within_their_errors(noise_s, usual):
+    """None is beyond five errors; 5 to 9 were before the change of acceleration was in the error.
+
+    `usual` errors off, root mean square; 0.91 and 1.05 without the scatter of the accelerations.
+    """
+    draw, pulls, beside = np.random.default_rng(3100), [], []
     for _ in range(60):
         begin, alpha = draw.uniform(20.0, 60.0), draw.uniform(2.0, 12.0)
         knots = np.cumsum([0.0, *draw.uniform(2.5, 5.0, 3)])
@@ -100,12 +101,12 @@ def test_no_speed_beside_a_sharp_end_of_a_ramp_is_beyond_five_errors(noise_s):
         angle = np.concatenate([[0.0], np.cumsum(0.5 * (omega[1:] + omega[:-1]) * 1e-4)])
         turns = np.arange(TURN_RAD * draw.uniform(0.1, 1.0), angle[-1], TURN_RAD)
         exact = np.interp(turns, angle, time)
-        seen = exact + noise_s * draw.standard_normal(exact.size)
-        one = np.append(np.ones(exact.size - 1), 0.0)
-        found = kinematics(seen, np.full(exact.size, noise_s), one)
-        error = (
-            np.abs(found["omega_rad_s"] - np.interp(exact, knots, at_knots))
-            / found["omega_se_rad_s"]
-        )
-        worst = max(worst, float(error[1:-1].max()))
-    assert worst < 5.0, worst
+        found = motion(exact + noise_s * draw.standard_normal(exact.size), noise_s)
+        off = np.abs(found["omega_rad_s"] - np.interp(exact, knots, at_knots))
+        pulls.append((off / found["omega_se_rad_s"])[1:-1])
+        away = np.abs(exact[1:-1, None] - knots[1:3]).min(axis=1)
+        beside.append(away < 1.5 * TURN_RAD / omega.max())
+    pull, near = np.concatenate(pulls), np.concatenate(beside)
+    assert pull.max() < 5.0
+    assert near.sum() > 200
+    assert np.sqrt(np.mean(pull[near] ** 2)) == pytest.approx(usual, abs=0.1)

@@ -8,31 +8,29 @@ from tirelog.errors import UsageError
 from tirelog.tables.frame import differences, of_like_logs, summary
 
 
-def table() -> pd.DataFrame:
+def table(log: str = "a") -> pd.DataFrame:
     return pd.DataFrame(
         {
-            "log": ["a"] * 4, "channel": ["s"] * 4, "revolution": range(4),
+            "log": [log] * 4, "channel": ["s"] * 4, "revolution": range(4),
             "time_s": [0.1, 0.2, 0.3, 0.4], "speed_m_s": [10.0, 11.0, np.nan, 12.0],
             "quality": ["ok", "ok", "gap", "ok"],
         }
     )  # fmt: skip
 
 
-def test_equal_tables_whatever_the_order_of_rows() -> None:
-    assert differences(table().iloc[::-1], table()) == []
-
-
-def test_a_difference_within_the_column_s_tolerance() -> None:
+def test_equal_tables_and_differences_within_a_column_s_tolerance() -> None:
+    assert differences(table().iloc[::-1], table()) == []  # whatever the order of rows
     moved = table()
     moved["speed_m_s"] += 9e-6
     assert differences(moved, table()) == []
     assert len(differences(moved, table(), {"speed_m_s": 1e-6})) == 3
+    with pytest.raises(UsageError, match="no such column"):
+        differences(moved, table(), {"sped": 1.0})
 
 
 def test_what_moved_stands_with_the_largest_first() -> None:
     moved = table()
-    moved.loc[0, "speed_m_s"] = 10.5
-    moved.loc[3, "speed_m_s"] = 14.0
+    moved.loc[[0, 3], "speed_m_s"] = 10.5, 14.0
     moved.loc[1, "quality"] = "spike"
     found = differences(moved, table())
     assert [(d.column, d.key.split()[-1]) for d in found] == [
@@ -41,31 +39,25 @@ def test_what_moved_stands_with_the_largest_first() -> None:
     assert found[1].excess == pytest.approx(2.0 / (1e-5 + 12e-6), rel=1e-9)
 
 
-def test_a_value_that_appears_or_disappears() -> None:
+def test_what_only_one_has() -> None:
+    """Values that appear or disappear, rows and columns."""
     moved = table()
-    moved.loc[2, "speed_m_s"] = 11.0
-    moved.loc[0, "speed_m_s"] = np.nan
-    assert {d.key.split()[-1] for d in differences(moved, table())} == {
-        "revolution=0",
-        "revolution=2",
-    }
-
-
-def test_rows_and_columns_that_only_one_has() -> None:
+    moved.loc[[0, 2], "speed_m_s"] = np.nan, 11.0
+    found = differences(moved, table())
+    assert {d.key.split()[-1] for d in found} == {"revolution=0", "revolution=2"}
     found = differences(table().iloc[:3].drop(columns="time_s"), table())
-    assert {(d.key, d.column) for d in found} == {
-        ("(all rows)", "time_s"),
-        ("log=a channel=s revolution=3", "(row)"),
-    }
-
-
-def test_a_tolerance_for_a_column_that_is_not_there() -> None:
-    with pytest.raises(UsageError, match="no such column"):
-        differences(table(), table(), {"sped": 1.0})
+    row = "log=a channel=s revolution=3"
+    assert {(d.key, d.column) for d in found} == {("(all rows)", "time_s"), (row, "(row)")}
+    moved = table().drop(columns="time_s").assign(slip=0.0).iloc[1:]
+    moved.loc[1, "quality"] = "spike"
+    assert summary(differences(moved, table())) == (
+        "1 values moved beyond their tolerance, 1 rows are missing, 1 columns are new, 1 columns "
+        "are missing"
+    )
 
 
 def of_logs(*logs: str) -> pd.DataFrame:
-    return pd.concat([table().assign(log=log) for log in logs], ignore_index=True)
+    return pd.concat(map(table, logs), ignore_index=True)
 
 
 @pytest.mark.parametrize(
@@ -99,12 +91,3 @@ def test_paths_stay_the_key_where_names_would_not_do(new: list[str], old: list[s
     assert remark == ""
     assert sorted(set(matched["log"])) == new
     assert sorted(set(against["log"])) == old
-
-
-def test_the_summary_counts_values_rows_and_columns() -> None:
-    moved = table().drop(columns="time_s").assign(slip=0.0).iloc[1:]
-    moved.loc[1, "quality"] = "spike"
-    assert summary(differences(moved, table())) == (
-        "1 values moved beyond their tolerance, 1 rows are missing, 1 columns are new, 1 columns "
-        "are missing"
-    )

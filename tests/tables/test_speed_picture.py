@@ -1,10 +1,13 @@
-"""Closed form: what `speed --plot` draws of rows made by hand."""
+"""Closed form: what `--plot` draws of rows made by hand, and how long an error bar is."""
 
 from types import SimpleNamespace
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from tirelog.plots import tables as speed
+from tirelog.plots.record import Panel
+from tirelog.plots.style import draw_panel
 
 
 def rows(channel, n, flagged=()):
@@ -58,3 +61,12 @@ def test_many_passages_are_thinned_and_many_logs_counted(monkeypatch, tmp_path):
 def test_a_log_without_a_passage_is_an_empty_row(monkeypatch, tmp_path):
     figure = drawn(monkeypatch, [("a.csv", rows("left", 0))], tmp_path / "p.png")
     assert len(figure.axes) == 2
+
+
+def test_bars_are_two_standard_errors_to_each_side():
+    axes = Figure().subplots()
+    mark = speed._points(np.arange(3.0), np.ones(3), np.array([0.1, np.nan, 0.3]), "k")
+    draw_panel(axes, Panel(marks=[mark]))
+    (bars,) = axes.containers[0].lines[2]
+    heights = [np.ptp(segment[:, 1]) for segment in bars.get_segments()]
+    np.testing.assert_allclose(heights, [0.4, 0.0, 1.2])

@@ -87,9 +87,9 @@ class Encoder:
         return np.sin(self.steps * (drive.angle + self.start_rad - self.bend(drive.angle)))
 
     def signal(self, drive):
-        amplitude = (1 + self.wobble * np.cos(drive.angle)) * (
-            drive.speed / 10 if self.grows else 1.0
-        )
+        amplitude = 1 + self.wobble * np.cos(drive.angle)
+        if self.grows:
+            amplitude = amplitude * drive.speed / 10
         noise = np.random.default_rng(self.seed + 1).standard_normal(drive.time.size)
         return amplitude * (self.clean(drive) + self.noise * noise) + self.offset
 
@@ -115,61 +115,44 @@ class Tread:
     def signal(self, drive):
         """Acceleration [m/s^2] as recorded."""
         late = drive.time - self.delay_s
-        angle, v, a = (
-            np.interp(late, drive.time, x) for x in (drive.angle, drive.speed, drive.acceleration)
-        )
-        phi = np.rad2deg(np.mod(angle - self.place_rad + np.pi, 2 * np.pi) - np.pi) - self.shift(
-            v, a
-        )
+        known = (drive.angle, drive.speed, drive.acceleration)
+        angle, v, a = (np.interp(late, drive.time, x) for x in known)
+        place = np.mod(angle - self.place_rad + np.pi, 2 * np.pi) - np.pi
+        phi = np.rad2deg(place) - self.shift(v, a)
         outside = np.abs(phi) - self.width(v, a) / 2
-        far = np.maximum(outside, 0.0)
-        shape = (1 + self.spike * np.exp(-far / 8.0) * np.cos(far / 8.0)) / (
-            1 + np.exp(-np.clip(outside / self.sharp_deg, -50, 50))
-        )
+        far = np.maximum(outside, 0.0) / 8.0
+        flank = 1 + np.exp(-np.clip(outside / self.sharp_deg, -50, 50))
+        shape = (1 + self.spike * np.exp(-far) * np.cos(far)) / flank
         inward = v**2 / drive.radius_m * shape
         if self.gravity:
             inward = inward + GRAVITY * np.cos(np.deg2rad(phi)) + a * np.sin(np.deg2rad(phi))
         reach = np.arange(-8, 9) / RATE_HZ
         kernel = np.exp(-0.5 * (reach / max(self.blur_s, 1e-9)) ** 2)
+        noise = np.random.default_rng(self.seed + 2).standard_normal(drive.time.size)
         inward = np.convolve(inward, kernel / kernel.sum(), mode="same")
-        inward = inward + self.noise_g * GRAVITY * np.random.default_rng(
-            self.seed + 2
-        ).standard_normal(drive.time.size)
+        inward = inward + self.noise_g * GRAVITY * noise
         step = 500 * GRAVITY / 32768
         return np.clip(self.sign * np.rint(inward / step) * step, -500 * GRAVITY, 500 * GRAVITY)
 
 
 def recording(
-    drive,
-    encoder_signal,
-    *accelerations,
-    unit="V",
-    steps=48,
-    driven="true",
-    radius=True,
-    rate=RATE_HZ,
-    speed=None,
-):
+    drive, encoder_signal, *accelerations, unit="V", steps=48, driven="true", radius=True,
+    rate=RATE_HZ, speed=None,
+):  # fmt: skip
     """A Recording of these samples, as a reader would give it."""
-    text = SETUP.format(
-        unit=unit,
-        steps=steps,
-        driven=driven,
-        radius=f"rolling_radius_m = {RADIUS_M}" if radius else "",
-    )
-    axis = TimeAxis.uniform(drive.time.size, rate)
-    channels = {
-        "encoder": Channel.of_array(
-            "encoder", "wheel_encoder", encoder_signal, axis, settings={"steps": steps}
-        )
+    known = f"rolling_radius_m = {RADIUS_M}" if radius else ""
+    text = SETUP.format(unit=unit, steps=steps, driven=driven, radius=known)
+    axis, tone = TimeAxis.uniform(drive.time.size, rate), {"settings": {"steps": steps}}
+    signals = {
+        "encoder": Channel.of_array("encoder", "wheel_encoder", encoder_signal, axis, **tone)
     }
     for number, values in enumerate(accelerations):
         name = f"acceleration{number or ''}"
-        channels[name] = Channel.of_array(name, "radial_acceleration", values, axis, unit="m/s^2")
+        signals[name] = Channel.of_array(name, "radial_acceleration", values, axis, unit="m/s^2")
     if speed is not None:
         slow = TimeAxis.uniform(speed.size, 100.0)
-        channels["speed"] = Channel.of_array("speed", "vehicle_speed", speed, slow, unit="m/s")
-    return Recording("log.h5", channels, parse_setup(text))
+        signals["speed"] = Channel.of_array("speed", "vehicle_speed", speed, slow, unit="m/s")
+    return Recording("log.h5", signals, parse_setup(text))
 
 
 def write_hdf5(path, channels):

@@ -1,10 +1,12 @@
 """Closed form: a list of the times of a wheel's edges is an encoder."""
 
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tirelog.data.recording import Recording
 from tirelog.data.setup import parse_setup
 from tirelog.errors import TirelogError
 from tirelog.runs.ingest import open_recording
@@ -17,6 +19,11 @@ TIMES = (np.sqrt(9.0 + TURNS) - 3.0) / 0.5
 SETUP = f'[channels.e]\nkind = "wheel_encoder"\nsource = "edges"\nsteps = {STEPS}\n'
 
 
+def opened(tmp_path: Path, text: str) -> AbstractContextManager[Recording]:
+    (tmp_path / "edges.txt").write_text(text)
+    return open_recording(str(tmp_path / "edges.txt"), parse_setup(SETUP))
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -26,24 +33,19 @@ SETUP = f'[channels.e]\nkind = "wheel_encoder"\nsource = "edges"\nsteps = {STEPS
     ids=["us", "s"],
 )
 def test_the_angle_is_that_of_the_edges(text: str, tmp_path: Path) -> None:
-    log = tmp_path / "edges.txt"
-    log.write_text(text)
-    with open_recording(str(log), parse_setup(SETUP)) as recording:
+    with opened(tmp_path, text) as recording:
         channel = recording.channels["e"]
         np.testing.assert_array_equal(channel.read(), np.arange(TIMES.size))
         np.testing.assert_allclose(channel.axis.time(), TIMES, atol=2e-6)
-        angle = wheel_angle(channel, "1", None)
         at = np.linspace(0.5, TIMES[-1] - 0.5, 50)
-        speed = angle.speed_rad_s(at)
+        speed = wheel_angle(channel, "1", None).speed_rad_s(at)
     np.testing.assert_allclose(speed, 2.0 * np.pi * (3.0 + 0.5 * at), rtol=1e-3)
 
 
 def test_even_edges_are_not_a_clock_that_loses_samples(tmp_path: Path) -> None:
     """A wheel at nearly constant speed: stamps on a line are still the times themselves."""
     times = np.arange(500) * 0.01 + 3e-4 * np.sin(np.arange(500) * 0.1)
-    log = tmp_path / "edges.txt"
-    log.write_text("".join(f"{t:.6f}\n" for t in times))
-    with open_recording(str(log), parse_setup(SETUP)) as recording:
+    with opened(tmp_path, "".join(f"{t:.6f}\n" for t in times)) as recording:
         np.testing.assert_allclose(recording.channels["e"].axis.time(), times, atol=1e-6)
         assert recording.remarks == ()
 
@@ -56,9 +58,5 @@ def test_even_edges_are_not_a_clock_that_loses_samples(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_no_list_of_edges(rows: str, says: str, tmp_path: Path) -> None:
-    (tmp_path / "l.txt").write_text(rows)
-    with (
-        pytest.raises(TirelogError, match=says),
-        open_recording(str(tmp_path / "l.txt"), parse_setup(SETUP)),
-    ):
+    with pytest.raises(TirelogError, match=says), opened(tmp_path, rows):
         pass

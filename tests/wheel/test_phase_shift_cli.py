@@ -2,13 +2,13 @@
 pictures that it draws.
 """
 
-import csv
 import io
 import shutil
 from pathlib import Path
 
 import h5py
 import numpy as np
+import pandas as pd
 import pytest
 
 from tests.wheel.phase_truth import DYNAMIC, RAMP, Drive, Encoder, Tread, write_hdf5
@@ -48,69 +48,72 @@ def write(folder, name, corners, *treads, driven="true"):
     return folder / f"{name}.h5"
 
 
-def command(capfd, *arguments):
-    """(status, standard output, standard error) of `tirelog phase-shift`."""
-    capfd.readouterr()
-    try:
-        status = run(["phase-shift", *map(str, arguments)])
-    except SystemExit as end:
-        status = end.code
-    out, err = capfd.readouterr()
-    return int(status or 0), out, err
+@pytest.fixture
+def command(capfd):
+    """(status, table, standard error) of `tirelog phase-shift`, or of another command."""
 
+    def call(*arguments, name="phase-shift"):
+        capfd.readouterr()
+        status = run([name, *map(str, arguments)])
+        out, err = capfd.readouterr()
+        return status, pd.read_csv(io.StringIO(out)) if out else pd.DataFrame(), err
 
-def rows(text):
-    return list(csv.DictReader(io.StringIO(text)))
+    return call
 
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory):
+    """A slow ramp and a dynamic drive of a driven wheel, and a dynamic drive of one that is not."""
     folder = tmp_path_factory.mktemp("phase")
-    trend = {
+    driven = {
         "shift": lambda v, a: 0.1 * a + 0.02 * (v - 10),
         "width": lambda v, a: 25 + 0.1 * a - 0.04 * (v - 10),
     }
-    undriven = {
+    front = {
         "shift": lambda v, a: 0.02 * (v - 10) + 0.03 * a,
         "width": lambda v, a: 25 - 0.2 * a - 0.04 * (v - 10),
     }
     return (
-        write(folder, "ramp", RAMP, Tread(seed=40_000, **trend)),
-        write(folder, "dynamic", DYNAMIC, Tread(seed=41_000, **trend)),
-        write(folder, "front", DYNAMIC, Tread(seed=42_000, **undriven), driven="false"),
+        write(folder, "ramp", RAMP, Tread(seed=40_000, **driven)),
+        write(folder, "dynamic", DYNAMIC, Tread(seed=41_000, **driven)),
+        write(folder, "front", DYNAMIC, Tread(seed=42_000, **front), driven="false"),
     )
 
 
-def test_a_log_gives_its_table(logs, capfd):
-    status, out, err = command(capfd, logs[1])
-    table = rows(out)
+def test_a_log_gives_its_table_and_a_picture(logs, tmp_path, command):
+    status, table, err = command(logs[1], "--plot", tmp_path / "p.png")
     assert status == 0
     assert len(table) == TURNS
-    assert list(table[0])[:5] == ["log", "channel", "revolution", "time_s", "speed_m_s"]
-    assert list(table[0])[-1] == "quality"
-    assert np.mean([row["quality"] == "ok" for row in table]) > 0.98
-    assert {row["phase_shift_corrected_deg"] for row in table} == {""}
+    assert list(table)[:5] == ["log", "channel", "revolution", "time_s", "speed_m_s"]
+    assert list(table)[-1] == "quality"
+    assert (table["quality"] == "ok").mean() > 0.98
+    assert table["phase_shift_corrected_deg"].isna().all()
+    assert (tmp_path / "p.png").read_bytes()[:4] == b"\x89PNG"
     assert "no calibration" in err
-    assert "no calibration" not in command(capfd, logs[1], "--quiet")[2]
+    assert "no calibration" not in command(logs[1], "--quiet")[2]
 
 
-def test_a_calibration_is_written_and_applied(logs, tmp_path, capfd):
-    status, out, err = command(capfd, logs[0], logs[2], "--calibrate", tmp_path / "c.toml")
+def test_a_calibration_is_written_and_applied(logs, tmp_path, command):
+    """To the logs that it is of, to others, and as the zero of one that is driven fast only."""
+    file = tmp_path / "c.toml"
+    status, table, err = command(logs[0], logs[2], "--calibrate", file)
     assert status == 0
     assert "cross-talk" in err
-    status, again, _ = command(capfd, logs[0], logs[2], "--calibration", tmp_path / "c.toml")
-    assert status == 0
-    assert rows(out) == rows(again)
-    table = rows(command(capfd, logs[1], "--calibration", tmp_path / "c.toml")[1])
-    high = [
-        float(row["phase_shift_corrected_deg"]) for row in table if 14 < float(row["time_s"]) < 20
-    ]
-    assert abs(np.mean(high)) < 0.02
-
-
-def test_a_picture_is_written(logs, tmp_path, capfd):
-    assert command(capfd, logs[1], "--plot", tmp_path / "p.png", "-o", tmp_path / "t.csv")[0] == 0
-    assert (tmp_path / "p.png").read_bytes()[:4] == b"\x89PNG"
+    assert command(logs[0], logs[2], "--calibration", file)[1].equals(table)
+    table = command(logs[1], "--calibration", file)[1]
+    high = table["phase_shift_corrected_deg"][table["time_s"].between(14, 20)]
+    assert abs(high.mean()) < 0.02
+    lag = Tread(seed=8600, shift=lambda v, a: 0.02 * (v - 10))
+    fast = write(tmp_path, "fast", ((0, 20), (20, 20)), lag)
+    status, table, err = command(fast)
+    assert (status, set(table["quality"])) == (0, {"no_zero"})
+    assert table["phase_shift_deg"].isna().all()
+    assert (table["patch_width_deg"] > 0).all()
+    assert "--calibration" in err
+    status, table, err = command(fast, "--calibration", file)
+    assert (status, set(table["quality"])) == (0, {"delay_removed"})
+    assert "zero of the phase shift: the calibration's" in err
+    assert abs(table["phase_shift_deg"].mean() - 0.2) < 0.02
 
 
 @pytest.mark.parametrize(
@@ -122,78 +125,51 @@ def test_a_picture_is_written(logs, tmp_path, capfd):
         (("--calibration", "none.toml"), "cannot be read"),
     ],
 )
-def test_what_cannot_be_carried_out_is_status_2(logs, options, told, capfd):
-    status, _, err = command(capfd, logs[1], *options)
+def test_what_cannot_be_carried_out_is_status_2(logs, options, told, command):
+    status, _, err = command(logs[1], *options)
     assert status == 2
     assert told in err
     assert "Traceback" not in err
 
 
-def test_a_log_without_teeth_is_lost_and_the_rest_goes_on(logs, tmp_path, capfd):
+def test_a_log_without_teeth_is_lost_and_the_rest_goes_on(logs, tmp_path, command):
     dead = write(tmp_path, "dead", ((0, 20), (10, 10)), Tread())
     with h5py.File(dead, "r+") as file:
         file["wheel/encoder"][:] = 0.3
-    status, out, err = command(capfd, dead, logs[1])
-    assert status == 3
-    assert len(rows(out)) == TURNS
+    status, table, err = command(dead, logs[1])
+    assert (status, len(table)) == (3, TURNS)
     assert "no teeth" in err
 
 
-def test_swapped_channels_are_named_with_the_file(logs, tmp_path, capfd):
-    setup = logs[1].with_suffix(".toml").read_text()
-    for old, new in (
-        ("/wheel/encoder", "/x"),
-        ("/wheel/a0", "/wheel/encoder"),
-        ("/x", "/wheel/a0"),
-    ):
-        setup = setup.replace(old, new)
-    (tmp_path / "swapped.toml").write_text(setup)
-    status, out, err = command(capfd, logs[1], "--setup", tmp_path / "swapped.toml")
-    assert (status, len(rows(out))) == (2, 0)
+def test_swapped_channels_are_named_with_the_file(logs, tmp_path, command):
+    accelerometer = ACCELEROMETER.format(name="a0").replace("wheel/a0", "wheel/encoder")
+    setup = SETUP.replace("wheel/encoder", "wheel/a0") + accelerometer
+    (tmp_path / "swapped.toml").write_text(setup.format(driven="true"))
+    status, table, err = command(logs[1], "--setup", tmp_path / "swapped.toml")
+    assert (status, len(table)) == (2, 0)
     assert "swapped" in err
     assert f"tirelog: error: {logs[1]}" in err
 
 
-def test_a_log_driven_fast_only_takes_the_calibrations_zero(logs, tmp_path, capfd):
-    assert command(capfd, logs[0], "--calibrate", tmp_path / "c.toml")[0] == 0
-    fast = write(
-        tmp_path, "fast", ((0, 20), (20, 20)), Tread(seed=8600, shift=lambda v, a: 0.02 * (v - 10))
-    )
-    status, out, err = command(capfd, fast)
-    assert (status, {row["quality"] for row in rows(out)}) == (0, {"no_zero"})
-    assert {row["phase_shift_deg"] for row in rows(out)} == {""}
-    assert all(float(row["patch_width_deg"]) > 0 for row in rows(out))
-    assert "--calibration" in err
-    status, out, err = command(capfd, fast, "--calibration", tmp_path / "c.toml")
-    assert (status, {row["quality"] for row in rows(out)}) == (0, {"delay_removed"})
-    assert "zero of the phase shift: the calibration's" in err
-    shifts = [float(row["phase_shift_deg"]) for row in rows(out)]
-    assert abs(np.mean(shifts) - 0.2) < 0.02
-
-
-def test_two_accelerometers_give_two_values_per_turn_in_the_order_of_time(tmp_path, capfd):
+def test_two_accelerometers_give_two_values_per_turn_in_the_order_of_time(tmp_path, command):
     """One of a true shift of 0.1 degree per m/s^2, at opposite places of the tire."""
     treads = [
         Tread(seed=43_000 + i, place_rad=1.0 + i * np.pi, shift=lambda v, a: 0.1 * a)
         for i in range(2)
     ]
     two = write(tmp_path, "two", ((0, 8, 13, 18), (10, 10, 22, 22)), *treads)
-    status, out, _ = command(capfd, two, "--by-time")
+    status, table, _ = command(two, "--by-time")
     assert status == 0
-    table, apart = rows(out), rows(command(capfd, two)[1])
-    time = np.array([float(row["time_s"]) for row in table])
-    assert (np.diff(time) > 0.0).all()
-    assert sorted(map(str, table)) == sorted(map(str, apart))
-    assert (np.diff([int(row["channel"][1]) for row in table]) != 0).mean() > 0.98
-    shift, entry = (
-        np.array([float(row[name] or "nan") for row in table])
-        for name in ("phase_shift_deg", "entry_angle_deg")
+    assert table["time_s"].is_monotonic_increasing
+    by_channel = command(two)[1]
+    order = ["channel", "time_s"]
+    assert table.sort_values(order, ignore_index=True).equals(
+        by_channel.sort_values(order, ignore_index=True)
     )
-    assert abs(np.nanmedian(np.mod(np.diff(entry), 360)) - 180) < 1
-    for name in ("a0", "a1"):
-        mine = np.array([row["channel"] == name for row in table])
-        pulled = np.nanmean(shift[mine & (time > 9.0) & (time < 12.0)])
-        assert abs(pulled - 0.24) < 0.03
+    assert (table["channel"] != table["channel"].shift()).mean() > 0.98
+    assert abs(np.nanmedian(np.mod(np.diff(table["entry_angle_deg"]), 360)) - 180) < 1
+    pulled = table[table["time_s"].between(9, 12)].groupby("channel")["phase_shift_deg"].mean()
+    assert pulled.to_dict() == pytest.approx({"a0": 0.24, "a1": 0.24}, abs=0.03)
 
 
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "encoder_low"
@@ -214,26 +190,25 @@ def sample(folder, samples):
     return folder / "log.h5"
 
 
-def test_a_wheel_that_turns_round_has_rows_in_one_direction_alone(tmp_path, capfd):
+def test_a_wheel_that_turns_round_has_rows_in_one_direction_alone(tmp_path, command):
     """An encoder does not tell the direction: the patch has a second place, whose rows are lost."""
 
     def there_and_back(values):
         there = values[: 9 * values.size // 20]
         return np.concatenate([there, there[::-1]])
 
-    back = sample(tmp_path, there_and_back)
-    status, out, err = command(capfd, back)
+    status, table, err = command(sample(tmp_path, there_and_back))
     assert status == 0, err
-    quality = [row["quality"] for row in rows(out)]
-    turned = len(quality) // 2
-    assert set(quality[: turned - 2]) == {"ok"}
-    assert set(quality[turned + 2 :]) == {"lost_peak"}
+    turned = len(table) // 2
+    assert set(table["quality"][: turned - 2]) == {"ok"}
+    assert set(table["quality"][turned + 2 :]) == {"lost_peak"}
 
 
-def test_a_log_of_less_than_two_turns_has_a_footprint_without_lengths(tmp_path, capfd):
+def test_a_log_of_less_than_two_turns_has_a_footprint_without_lengths(tmp_path, command):
     short = sample(tmp_path, lambda x: x[: x.size // 65])
-    assert run(["footprint", str(short)]) == 0
-    assert {row["length_m"] for row in rows(capfd.readouterr().out)} == {""}
+    status, table, _ = command(short, name="footprint")
+    assert status == 0
+    assert table["length_m"].isna().all()
 
 
 @pytest.mark.parametrize(
@@ -243,10 +218,10 @@ def test_a_log_of_less_than_two_turns_has_a_footprint_without_lengths(tmp_path, 
         (((0, 30), (10, 11)), "slow drive-up or coast-down"),
     ],
 )
-def test_speeds_that_give_no_map_are_refused(corners, told, tmp_path, capfd):
+def test_speeds_that_give_no_map_are_refused(corners, told, tmp_path, command):
     tread = Tread(seed=43_000, shift=lambda v, a: 0.02 * v, width=lambda v, a: 25 - 0.04 * v)
     log = write(tmp_path, "two", corners, tread)
-    status, _, err = command(capfd, log, "--calibrate", tmp_path / "maps.toml")
+    status, _, err = command(log, "--calibrate", tmp_path / "maps.toml")
     assert status == 2
     assert told in err
     assert not (tmp_path / "maps.toml").exists()

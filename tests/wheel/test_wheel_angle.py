@@ -51,13 +51,10 @@ def test_without_the_table_the_pitch_errors_would_stay():
 
 
 def test_the_speed_window_passes_half_the_power_at_20_Hz():
-    time = np.arange(0, 10, 1 / RATE_HZ)
     drive = Drive((0, 10), (10, 10))
-    drive.angle = 33.0 * time + 0.05 * np.sin(2 * np.pi * 20 * time)
+    drive.angle = 33.0 * drive.time + 0.05 * np.sin(2 * np.pi * 20 * drive.time)
     wheel = wheel_of(drive, Encoder(noise=0, pitch_deg=0, wobble=0, grows=False).signal(drive))
-    at = np.arange(1, 9, 1e-3)
-    rate = wheel.speed_rad_s(at)
-    size = np.sqrt(2) * np.std(rate - rate.mean()) / (0.05 * 2 * np.pi * 20)
+    size = np.sqrt(2) * np.std(wheel.speed_rad_s(np.arange(1, 9, 1e-3))) / (0.05 * 2 * np.pi * 20)
     assert size == pytest.approx(np.sqrt(0.5), abs=0.03)
 
 
@@ -67,24 +64,14 @@ def test_the_speed_window_passes_half_the_power_at_20_Hz():
 )
 def test_wrong_number_of_steps_is_found_from_the_table(true, form):
     drive = Drive((0, 40), (10, 10.5))
-    sensor = Encoder(steps=true, pitch_deg=0.5, noise=0.02 if form == "sine" else 0.0)
-    signal, unit = sensor.signal(drive), "V"
-    if form == "square":
-        signal = np.where(sensor.clean(drive) > 0, 5.0, 0.0)
-    if form == "count":
-        signal = np.floor((drive.angle - sensor.bend(drive.angle)) * true / (2 * np.pi))
-        unit = "count"
+    signal, unit = Encoder(steps=true, pitch_deg=0.5).signal(drive), "V"
+    if form != "sine":
+        signal, unit = pulses_of(drive, form, 0.5, true)
     told = " ".join(wheel_of(drive, signal, unit=unit).remarks)
     if true == 24:  # two turns of 24 repeat with 48 as well: only a patch tells
         assert "does not repeat" not in told
     else:
         assert f"does not repeat with 48 steps, it does with {true}" in told
-
-
-def test_right_number_of_steps_is_not_doubted():
-    drive = Drive((0, 40), (10, 10))
-    for pitch in (0.0, 0.02, 0.5):
-        assert not wheel_of(drive, Encoder(pitch_deg=pitch, seed=1050).signal(drive)).remarks
 
 
 @pytest.mark.parametrize("steps", [1, 2, 3, 4])
@@ -161,30 +148,30 @@ def test_a_counter_of_many_steps_does_not_stand_still_while_it_turns():
 
 
 @pytest.mark.parametrize("speed", [12.0, 17.3, 20.0, 26.1])
-def test_the_sampling_grid_is_no_pattern_of_the_wheel(speed):
+@pytest.mark.parametrize("sensor", [0.0, 0.02, 0.5, "square"])
+def test_right_steps_are_not_doubted_and_the_sampling_grid_is_no_pattern(speed, sensor):
     drive = Drive((0, 20), (speed, speed))
-    assert not wheel_of(drive, pulses_of(drive, "square")[0]).remarks
+    if sensor == "square":
+        signal, _ = pulses_of(drive, "square")
+    else:
+        signal = Encoder(pitch_deg=sensor, seed=1050).signal(drive)
+    assert not wheel_of(drive, signal).remarks
 
 
-@pytest.mark.parametrize("true", [48, 60])
-def test_the_speed_is_refused_if_the_patch_shows_other_steps(true):
-    drive = Drive((0, 12), (10, 12))
-    found = recording(drive, Encoder(steps=true).signal(drive), Tread().signal(drive))
-    if true == 48:
-        columns, _, _ = encoder_speed(found)
-        assert len(columns["quality"])
-        return
-    for made in (lambda: encoder_speed(found), lambda: next(wheel_angle_of(found))):
+def test_the_speed_is_refused_if_the_patch_shows_other_steps():
+    drive, patch = Drive((0, 12), (10, 12)), Tread().signal(Drive((0, 12), (10, 12)))
+    assert len(encoder_speed(recording(drive, Encoder().signal(drive), patch))[0]["quality"])
+    found = recording(drive, Encoder(steps=60).signal(drive), patch)
+    for made in (encoder_speed, lambda found: next(wheel_angle_of(found))):
         with pytest.raises(SetupError, match=r"every 60\.0. steps, not every 48"):
-            made()
+            made(found)
 
 
-@pytest.mark.parametrize("form", ["square", "count", "wrapped"])
-def test_pulses_and_counters(form):
+def test_a_counter_that_wraps():
     """Whole samples only: at 10 kHz and 25 m/s half a sample is 0.23 degree."""
     drive = Drive(*DYNAMIC)
-    signal, unit = pulses_of(drive, form.replace("wrapped", "count"), 0.3)
-    wheel = wheel_of(drive, np.mod(signal, 256) if form == "wrapped" else signal, unit=unit)
+    signal, unit = pulses_of(drive, "count", 0.3)
+    wheel = wheel_of(drive, np.mod(signal, 256), unit=unit)
     assert angle_errors(wheel, drive).std() < 0.08
     slow, fast = wheel.angle.noise_at(np.array([5.0, 18.0]))
     assert 1.2 < fast / slow < 4.0
@@ -202,11 +189,10 @@ def test_an_angle_is_taken_as_it_is_with_the_error_of_its_steps(step_deg):
 
 
 def test_rolling_radius_against_the_vehicle_speed():
-    drive = Drive(*RAMP[:1], *RAMP[1:])
-    speed = drive.speed[::100] + 0.1 * np.random.default_rng(1060).standard_normal(
-        drive.speed[::100].size
-    )
-    found = recording(drive, Encoder().signal(drive), radius=False, speed=speed)
+    drive = Drive(*RAMP)
+    told = drive.speed[::100]
+    told = told + 0.1 * np.random.default_rng(1060).standard_normal(told.size)
+    found = recording(drive, Encoder().signal(drive), radius=False, speed=told)
     radius = rolling_radius(found, encoder_of(found)[1])
     assert abs(radius.radius_m - RADIUS_M) < 4 * radius.se_m
     assert 1e-6 < radius.se_m < 2e-4
@@ -240,12 +226,10 @@ PARKING = [0, 10, 13, 14, 16, 26, 28, 29, 31, 44], [10, 10, 0, 0, -3, -3, 0, 0, 
 
 def parking(pitch_deg, **more):
     """(wheel, time, true angle) of it; amplitude by speed, so that no turning point shows."""
-    time = np.arange(0, 44, 1 / RATE_HZ)
-    speed = np.interp(time, *PARKING)
-    drive = Drive((0, 44), (10, 10))
-    drive.speed, drive.angle = np.abs(speed), np.cumsum(speed) / RATE_HZ / RADIUS_M
+    drive = Drive(*PARKING)
+    drive.speed = np.abs(drive.speed)
     signal = Encoder(pitch_deg=pitch_deg, wobble=0.0, seed=8100).signal(drive)
-    return wheel_of(drive, signal, **more), time, drive.angle
+    return wheel_of(drive, signal, **more), drive.time, drive.angle
 
 
 def test_an_uneven_tone_wheel_shows_that_it_rolls_backwards():
@@ -277,10 +261,10 @@ def test_an_uneven_tone_wheel_shows_that_it_rolls_backwards():
     ],
 )
 def test_an_even_tone_wheel_needs_a_vehicle_speed_with_a_sign(vehicle, word):
-    speed = np.interp(np.arange(0, 44, 0.01), *PARKING)
-    wheel, _, _ = parking(0.0, speed=None if vehicle is None else vehicle(speed))
-    unknown = any("direction_unknown" in remark for remark in wheel.remarks)
-    assert unknown == (word == Quality.DIRECTION_UNKNOWN)
+    speed = vehicle and vehicle(np.interp(np.arange(0, 44, 0.01), *PARKING))
+    wheel, _, _ = parking(0.0, speed=speed)
+    said = any("direction_unknown" in remark for remark in wheel.remarks)
+    assert said == (word == Quality.DIRECTION_UNKNOWN)
     quality = wheel.quality(np.array([5.0, 20.0, 35.0]), np.array([5.1, 20.1, 35.1]))
     assert quality.tolist() == [0, word, 0]
 
