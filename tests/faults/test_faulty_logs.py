@@ -15,7 +15,7 @@ FOUND = {
         "strain_1: spikes of 3 samples 0.3-2 x40",
         "strain_1: bursts 20 ms x15",
         "strain_1: hops 20-200 ms 0.3 x15",
-        "strain_1: hum 50 Hz 0.15",
+        "strain_1: hum 50 Hz 0.03",
         "strain_1: steps 0.05",
         "temp_1: spikes 0.3-1 x60",
     ),

@@ -101,7 +101,7 @@ def test_texts_are_the_words_in_alphabetical_order() -> None:
 def test_a_flag_that_is_not_of_the_register_cannot_be_written() -> None:
     unknown = 1 << len(Quality)
     with pytest.raises(ValueError, match="no quality word"):
-        quality_column(np.array([0, unknown | Quality.GAP], np.uint32))
+        quality_text(unknown | Quality.GAP)
 
 
 @pytest.mark.parametrize("use", Use)
