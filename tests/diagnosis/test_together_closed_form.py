@@ -20,7 +20,7 @@ from tirelog.diagnosis.results import agreement_sentence, contributions
 from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import ModelError, UsageError
 from tirelog.inference.base import bases_by_observable, refit
-from tirelog.inference.cells.joint import JointStacks, one_drive
+from tirelog.inference.cells.joint import one_drive
 from tirelog.inference.cells.pieces import pieces_of
 from tirelog.inference.measured import measured_together
 from tirelog.physics import Model
@@ -71,8 +71,8 @@ def measured(observable: str, seed: int, truth: Model = TRUTH, repeats: int = 5)
     )
 
 
-def several(seed: int, *names: str, **truths: Model) -> JointStacks:
-    return JointStacks(tuple([measured(o, seed, truths.get(o, TRUTH))] for o in names or ALL))
+def several(seed: int, *names: str, **truths: Model) -> list[list[Stack]]:
+    return [[measured(o, seed, truths.get(o, TRUTH))] for o in names or ALL]
 
 
 def compared(stacks, model: Model):

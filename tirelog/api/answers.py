@@ -459,9 +459,9 @@ def _silent(text: str) -> None:
 
 def _one_grating(found: MeasuredLogs, question: str, do: str) -> None:
     """UsageError: several gratings were measured for one fit."""
-    if found.places:
+    if found.gratings:
         raise UsageError(
-            f"{len(found.places)} gratings in one",
+            f"{len(found.gratings)} gratings in one",
             allowed=f"{question} takes one grating; compare, diagnose, ladder and fit take several",
             do=do,
         )

@@ -34,7 +34,7 @@ from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import ModelError, UsageError
 from tirelog.inference.base import Base, FitResult, JointBase, fit_together, result_of
 from tirelog.inference.cells.cells import cells_of, with_nuisances
-from tirelog.inference.cells.joint import JointPieces, model_of, without_ratios
+from tirelog.inference.cells.joint import model_of, without_ratios
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.fit.cells import Fit, bounds, inequalities
 from tirelog.inference.measured import without_motion_parameters
@@ -135,7 +135,7 @@ def fit_channels_measured(
     UsageError  there is nothing to fit, or it is not what the model predicts
     """
     given, said = [measured_pieces(channel) for channel in channels], list[str]()
-    pieces = [p for one in given for p in (one.parts if isinstance(one, JointPieces) else (one,))]
+    pieces = [part for one in given for part in one]
     _refuse(pieces, model)
     if len(pieces) > 1:
         said.append(
@@ -176,7 +176,7 @@ def fit_channels_measured(
 
 
 def _with_form(
-    channels: Sequence[Pieces | JointPieces], model: Model
+    channels: Sequence[Sequence[Pieces]], model: Model
 ) -> tuple[Model, Sequence[Base] | None, list[str]]:
     """The model, with the tire's form if that earns its place, and what to say of it.
 
@@ -215,7 +215,7 @@ def _refuse(channels: Sequence[Pieces], model: Model) -> None:
         allowed |= set(WAVEFORMS)
     for pieces in channels:
         if pieces.observable not in allowed:
-            raise other_observable(pieces, model)
+            raise other_observable([pieces], model)
         for log in np.unique(pieces.log):
             known = pieces.conditions.take(pieces.log == log)
             one = model_of(model, pieces.observable) if model.beside else model

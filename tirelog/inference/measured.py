@@ -24,7 +24,6 @@ from scipy.ndimage import uniform_filter1d
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import RoadSetup
 from tirelog.errors import UsageError, nearest
-from tirelog.inference.cells.joint import JointStacks
 from tirelog.inference.shared_samples import once_each
 from tirelog.inference.stacks.align import PassageAngle, split_turns, template
 from tirelog.inference.stacks.cut import (
@@ -32,6 +31,7 @@ from tirelog.inference.stacks.cut import (
     Stacks,
     joined,
     observe_channel,
+    outlines,
     outward,
     places_of,
     stacks_from_logs,
@@ -333,22 +333,23 @@ def steady_revolutions(stack: Stack, hits_s: FloatArray) -> Stack:
 class MeasuredLogs:
     """Steady revolutions of all logs; beside them the logs that met an obstacle.
 
-    `beside`: those of further observables, or gratings, which are fitted together with the first;
-    `places`: of gratings the angle of each on the wheel [rad]. `notes`: what a reader must know of
-    them.
+    `beside`: those of further observables, or gratings, which are fitted together with the first.
+    `notes`: what a reader must know of them.
     """
 
     stacks: Stacks
     obstacles: tuple[TransientLog, ...] = ()
     beside: tuple[Stacks, ...] = ()
-    places: tuple[float, ...] = ()
 
     @property
-    def revolutions(self) -> Stacks | JointStacks:
-        """What a question is asked of: the stacks, of several observables those of each."""
-        if not self.beside:
-            return self.stacks
-        return JointStacks((self.stacks, *self.beside), self.places)
+    def revolutions(self) -> tuple[Sequence[Stack], ...]:
+        """What a question is asked of: the stacks of each observable or grating."""
+        return (self.stacks, *self.beside)
+
+    @property
+    def gratings(self) -> tuple[str, ...]:
+        """The gratings, if there are several."""
+        return tuple(one[0].member for own in self.revolutions if (one := outlines(own))[0].member)
 
     def __repr__(self) -> str:
         found = ", ".join(
@@ -440,8 +441,10 @@ def measured_gratings(
         )
     first, *others = found.values()
     angles, said = places_of(found, given)
+    for stacks, angle in zip(found.values(), angles, strict=True):
+        stacks.place(angle)
     first.note(*said)
-    return MeasuredLogs(first, (), tuple(others), angles)
+    return MeasuredLogs(first, (), tuple(others))
 
 
 def measured_together(

@@ -227,7 +227,6 @@ class Cells(Means):
                    its values are divided by [its unit]
     free           which NUISANCES are taken out of each cell
     shared         random effects that all manoeuvres share; none unless asked for
-    member         the grating, if they are of one of several; place_rad its angle on the wheel
     """
 
     sd: FloatArray = field(metadata=binned(1, np.inf))
@@ -241,8 +240,6 @@ class Cells(Means):
     shared: SharedEffects | None = None
     parts: tuple[Cells, ...] = ()
     scales: tuple[float, ...] = (1.0,)
-    member: str = ""
-    place_rad: float = np.nan
 
     def take(self, which: NDArray[Any]) -> Self:
         """Some of the cells (mask or indices)."""

@@ -21,13 +21,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.data.recording import Conditions, Stack
+from tirelog.data.recording import Conditions
 from tirelog.inference.cells.cells import Cells, SharedEffects
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.physics.effects import Effect
@@ -105,81 +105,6 @@ def at_lever(model: Model, member: str) -> Model:
 
 #: amplitudes whose names begin so are a grating's own; all others are the tire's or the wheel's
 _OF_GRATING = "baseline"
-
-
-@dataclass(frozen=True)
-class JointStacks:
-    """The revolutions of several observables, in the order of the model's.
-
-    `places` (n,): of several gratings the angle of each on the wheel [rad], NaN for what is none.
-    """
-
-    parts: tuple[Sequence[Stack], ...]
-    places: tuple[float, ...] = ()
-
-    def of_channels(self, names: Sequence[str]) -> JointStacks:
-        """The revolutions of some gratings alone, or of what is none ("")."""
-        kept = [
-            i
-            for i, (part, place) in enumerate(zip(self.parts, self.places, strict=True))
-            if (part[0].channel if np.isfinite(place) else "") in names
-        ]
-        return JointStacks(tuple(self.parts[i] for i in kept), tuple(self.places[i] for i in kept))
-
-    def __len__(self) -> int:
-        return min(len(part) for part in self.parts)
-
-
-@dataclass(frozen=True)
-class JointPieces:
-    """The pieces of several observables, which have their manoeuvres in common.
-
-    `places` as of `JointStacks`.
-    """
-
-    parts: tuple[Pieces, ...]
-    places: tuple[float, ...] = ()
-
-    @classmethod
-    def of(cls, parts: Sequence[Pieces], places: tuple[float, ...] = ()) -> JointPieces:
-        return cls(tuple(one_drive(parts)), places)
-
-    @property
-    def observables(self) -> tuple[str, ...]:
-        """What was measured, each once."""
-        return tuple(dict.fromkeys(part.observable for part in self.parts))
-
-    @property
-    def members(self) -> tuple[str, ...]:
-        """Of several gratings the name of each, "" for what is none."""
-        places = self.places or (np.nan,) * len(self.parts)
-        return tuple(
-            part.channel if np.isfinite(place) else ""
-            for part, place in zip(self.parts, places, strict=True)
-        )
-
-    def without(self, members: Sequence[str]) -> JointPieces:
-        """The pieces without those of some gratings."""
-        kept = [i for i, name in enumerate(self.members) if name not in members]
-        return JointPieces(tuple(self.parts[i] for i in kept), tuple(self.places[i] for i in kept))
-
-    @property
-    def logs(self) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(log for part in self.parts for log in part.logs))
-
-    @property
-    def manoeuvre(self) -> IntArray:
-        """The manoeuvre of each piece, of all observables."""
-        return np.concatenate([part.manoeuvre for part in self.parts])
-
-    def take(self, which: NDArray[np.bool_]) -> JointPieces:
-        """Some of the pieces, (P,) of all observables."""
-        ends = np.cumsum([len(part) for part in self.parts])[:-1]
-        kept = zip(self.parts, np.split(which, ends), strict=True)
-        return JointPieces(tuple(part.take(mine) for part, mine in kept), self.places)
-
-    def __len__(self) -> int:
-        return min(len(part) for part in self.parts)
 
 
 def one_drive(parts: Sequence[Pieces]) -> list[Pieces]:

@@ -102,6 +102,7 @@ class Means:
     conditions     means;  log, manoeuvre, regime (n,)
     cell           the row of each revolution of the stack, empty if only the rows are left
     notes          sentences on what was set apart, taken together or left out of the logs
+    member         the grating, if they are of one of several; place_rad its angle on the wheel
     """
 
     observable: str
@@ -122,6 +123,8 @@ class Means:
     cell: IntArray
     logs: tuple[str, ...]
     notes: tuple[str, ...] = ()
+    member: str = ""
+    place_rad: float = np.nan
 
     def __len__(self) -> int:
         return int(self.values.shape[0])
@@ -281,6 +284,8 @@ def pieces_of(stack: Stack) -> Pieces:
         regime=stack.regime[first],
         cell=cell,
         logs=stack.logs,
+        member=stack.member,
+        place_rad=stack.place_rad,
         **rows,
     )
 

@@ -112,6 +112,10 @@ class Stacks(Sequence[Stack]):
         """Sentences that whoever reads a result of these stacks must see, each once."""
         self.notes = tuple(dict.fromkeys((*self.notes, *sentences)))
 
+    def place(self, angle_rad: float) -> None:
+        """They are those of one of several gratings, at this angle on the wheel [rad]."""
+        self._stacks = [replace(stack, place_rad=angle_rad) for stack in self._stacks]
+
     def of_log(self, number: int) -> Iterator[Stack]:
         """The stacks of one log, in order."""
         return (self[i] for i, stack in enumerate(self._stacks) if stack.log[0] == number)
