@@ -77,10 +77,6 @@ from tirelog.vocabulary.observables import STRAIN
 #                       -> less its columns times the amplitudes: the bend
 
 
-#: groups of nuisances that change parameters of the model
-_BENDING = ("drift", "rolling")
-
-
 def bends(cells: Cells, fit: Fit, whole: Cells | None = None) -> FloatArray:
     """What drift and rolling radius do to the cells of a fit beyond their columns, (C, m).
 
@@ -91,10 +87,11 @@ def bends(cells: Cells, fit: Fit, whole: Cells | None = None) -> FloatArray:
     shared, changes = cells.shared, relative_changes(cells, fit, whole)
     if shared is None or not changes:
         return bent
+    # groups of nuisances that change parameters of the model
     own = [
         i
         for i, (name, group) in enumerate(zip(shared.plain_names, shared.group, strict=True))
-        if group in _BENDING and not name.startswith("baseline")
+        if group in ("drift", "rolling") and not name.startswith("baseline")
     ]
     linear = shared.columns[..., own] @ fit.amplitudes[own]
     for c in range(len(cells)):
@@ -107,27 +104,6 @@ def bends(cells: Cells, fit: Fit, whole: Cells | None = None) -> FloatArray:
     return bent
 
 
-#: before anything is fitted the model may miss this share of the waveform's rms; it weighs
-#: channels and cells for the first fit alone: with twice as much, noisy and quiet ones count more
-#: alike in it
-_FIRST_DISCREPANCY = 0.03
-#: a discrepancy below this share of the floor is none; twice as much passes over up
-#: to 4 % of the floor's square
-_LEAST_DISCREPANCY = 0.02
-
-
-#: rounds of a fit and the scatter that it leaves, at most: scatter of 3 % takes five, none two;
-#: twice as many take longer only if none of them settles
-_MOST_ROUNDS = 7
-#: steps of a fit in one round, since the next measures the scatter anew; once it has settled, the
-#: fit is finished. Twice as many take longer and end at the same
-_STEPS_OF_ROUND = 3
-#: loads that move by less from round to round, relative, have settled: a waveform bends by the
-#: tenth part of that; with twice as much, chi-square is 0.02 more where loads scatter by 3 %
-_SAME_LOAD = 0.004
-#: mean square by which the bends move from round to round, over the floor's: settled below it;
-#: twice as much ends a round earlier, with bends off by up to a thirteenth of the floor
-_SAME_BEND = 0.003
 #: step of an angle's derivative [rad]; its error is the square of it over that of a pulse's width
 _STEP = 1e-3
 
@@ -400,7 +376,10 @@ def fit_together(channels: Sequence[Cells], model: Model, *, several: bool = Tru
 def _fitted(channels: Sequence[Cells], model: Model, several: bool) -> list[Base]:
     """The channels with their scatter."""
     keep_freed()
-    rough = [_FIRST_DISCREPANCY**2 * float(np.nanmean(cells.values**2)) for cells in channels]
+    # before anything is fitted the model may miss this share of the waveform's rms; it weighs
+    # channels and cells for the first fit alone: with twice as much, noisy and quiet ones count
+    # more alike in it
+    rough = [0.03**2 * float(np.nanmean(cells.values**2)) for cells in channels]
     whites = [whitener(cells, missed) for cells, missed in zip(channels, rough, strict=True)]
     conditions = Conditions.concatenate([cells.conditions for cells in channels])
     always = asked_for(model, conditions)
@@ -424,10 +403,14 @@ def _with_scatter(known: Sequence[Base]) -> list[Base]:
     """
     known = [replace(one, cells=at_mean_speed(one.raw, one.fit)) for one in known]
     values = [one.cells.values for one in known]
-    for number in range(_MOST_ROUNDS):
+    # rounds of a fit and the scatter that it leaves, at most: scatter of 3 % takes five, none two;
+    # twice as many take longer only if none of them settles
+    for number in range(7):
         before, known = known, list(map(_in_scatter, known, values))
         settled = number > 0 and all(map(_unmoved, known, before))
-        known = _fitted_again(known, _STEPS_OF_ROUND)
+        # steps of a fit in one round, since the next measures the scatter anew; once it has
+        # settled, the fit is finished. Twice as many take longer and end at the same
+        known = _fitted_again(known, 3)
         if settled:
             break
     return known if known[0].fit.settled else _fitted_again(known, MOST_STEPS)
@@ -444,7 +427,11 @@ def _unmoved(now: Base, then: Base) -> bool:
     """Have loads, and what they and the nuisances bend, settled since the round before?"""
     moved = np.abs(now.floor.scatter.load - then.floor.scatter.load).max()
     turned = (now.plain(now.cells.values - then.cells.values) ** 2).sum() / now.plain.weight
-    return bool(moved < _SAME_LOAD and turned < _SAME_BEND * now.floor.square)
+    # loads that move by less from round to round, relative, have settled: a waveform bends by the
+    # tenth part of that; with twice as much, chi-square is 0.02 more where loads scatter by 3 %
+    # mean square by which the bends move from round to round, over the floor's: settled below it;
+    # twice as much ends a round earlier, with bends off by up to a thirteenth of the floor
+    return bool(moved < 0.004 and turned < 0.003 * now.floor.square)
 
 
 def _in_scatter(base: Base, values: FloatArray) -> Base:
@@ -468,7 +455,9 @@ def _in_scatter(base: Base, values: FloatArray) -> Base:
     floor = measure_floor(cells, plain, columns, scatter)
     left = np.nan_to_num(cells.values - fit.prediction - fit.beside)
     beyond = plain.mean_square((plain(left) ** 2).sum()) - floor.between
-    missed = beyond if beyond > _LEAST_DISCREPANCY * floor.square else 0.0
+    # a discrepancy below this share of the floor is none; twice as much passes over up to 4 % of
+    # the floor's square
+    missed = beyond if beyond > 0.02 * floor.square else 0.0
     white = _metric(cells, missed, columns, scatter)
     return replace(base, cells=cells, white=white, floor=floor, discrepancy=missed)
 
@@ -549,11 +538,6 @@ def with_fewer_cells(base: Base, most: int) -> Base:
 # ---- What a fit says: values with errors, correlations, bounds.
 #
 # And combinations that the data do not determine.
-
-
-#: correlations beyond this are said: a combination of the two is known far better than each; 3.2
-#: times better at 0.9, and 4.5 times at 0.95
-CORRELATED = 0.9
 
 
 @dataclass(frozen=True)
@@ -644,7 +628,9 @@ def _correlated(names: Sequence[str], known: Errors) -> tuple[tuple[str, str, fl
     for i in range(len(names)):
         for j in range(i):
             r = float(known.covariance[i, j] / (se[i] * se[j]))
-            if abs(r) > CORRELATED:
+            # correlations beyond this are said: a combination of the two is known far better than
+            # each; 3.2 times better at 0.9, and 4.5 times at 0.95
+            if abs(r) > 0.9:
                 pairs.append((names[j], names[i], r))
     return tuple(pairs)
 

@@ -205,13 +205,6 @@ def _inverse(gram: FloatArray) -> FloatArray:
 # removes a direction. Empty bins become zero.
 
 
-#: prior sd of what is taken out of a cell. Shift [rad]: free against what the matched filter
-#: leaves. Amplitude, relative: gains differ by less; doubling it doubles the lever arm's error, and
-#: no other's. Offset, relative to the waveform's rms: anything; 1e8 would cost the others their
-#: digits
-_FREE_SD = {"shift": 0.05, "amplitude": 0.1, "offset": 1e4}
-
-
 @dataclass(frozen=True)
 class Whitener:
     """What whitens cells: noise, and shrinkage along correlated errors.
@@ -308,17 +301,18 @@ def whitener(
     )
     scale, vectors = np.linalg.eigh(cells.random_cov)
     root = vectors * np.sqrt(np.maximum(scale, 0.0))[:, None, :]
-    prior = np.array([_FREE_SD[name] for name in cells.free])
+    # prior sd of what is taken out of a cell. Shift [rad]: free against what the matched filter
+    # leaves. Amplitude, relative: gains differ by less; doubling it doubles the lever arm's error,
+    # and no other's. Offset, relative to the waveform's rms: anything; 1e8 would cost the others
+    # their digits
+    prior = np.array(
+        [{"shift": 0.05, "amplitude": 0.1, "offset": 1e4}[name] for name in cells.free]
+    )
     columns = np.concatenate([cells.random @ root, prior * cells.taken], axis=-1)
     if scattered is not None:
         columns = np.concatenate([columns, scattered[..., None]], axis=-1)
     basis, size, _ = np.linalg.svd(np.nan_to_num(columns) * inverse[..., None], full_matrices=False)
     return Whitener(inverse, basis, 1.0 - 1.0 / np.sqrt(1.0 + size**2))
-
-
-#: columns of which this share of the norm is left beside the offsets are offsets; twice as much
-#: takes for offsets what is seen to 0.06 % beside them
-_NOTHING = 3e-4
 
 
 @dataclass(frozen=True)
@@ -364,7 +358,9 @@ class Offsets:
         before = np.linalg.norm(stacked(columns), axis=0)
         left = self.without(columns)
         del columns
-        left[..., np.linalg.norm(stacked(left), axis=0) <= _NOTHING * before] = 0.0
+        # columns of which this share of the norm is left beside the offsets are offsets; twice as
+        # much takes for offsets what is seen to 0.06 % beside them
+        left[..., np.linalg.norm(stacked(left), axis=0) <= 3e-4 * before] = 0.0
         return replace(self, spans=(*self.spans, (orthonormal(left), None)))
 
     @property

@@ -54,24 +54,12 @@ ZERO, ZERO_SD_RAD = "zero", 2e-3
 #: harmonics of the wheel that rims, mounting and uniformity of a tire show; twice as many are as
 #: narrow as 30 degrees, and take what belongs to the patch
 _HARMONICS = (1, 2, 3)
-#: the size of run-out in another unit than strain, as a share of the waveform's rms; a size that
-#: is likely before anything is measured: twice as much lets twice the run-out pass at the same
-#: price
-_RUNOUT_SHARE = 0.1
-#: a temperature that varies by more than this [K] within a log is what drifts follow there; with
-#: twice as much, logs that warm by 3 K drift with the time instead
-_WARMS_K = 2.0
 #: speed [m/s] up to which the size of a change of the rolling radius counts; twice as much makes a
 #: quarter of the growth likely
 _RADIUS_SPEED = 25.0
 #: relative step of a derivative; the error of a central difference is its square: four times as
 #: large with twice the step
 _STEP = 0.005
-#: values that the columns of a nuisance have at most if each log has its own: 64 MB
-_MOST_VALUES = 8_000_000
-#: size of the bend of a drift over that of its slope; twice as much lets a drift bend twice as far
-#: at the same price
-_BEND = 0.3
 #: size of the difference of its mean between logs over that of its slope: logs that warm by 20 K
 #: differ by up to half of that in the mean
 _LEVEL = 0.3
@@ -101,7 +89,10 @@ def wheel(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> Columns | No
     waves = np.concatenate([np.cos(phi), np.sin(phi)], axis=-1)
     load = load_derivative(cells, fit)
     strain = cells.observable == STRAIN
-    runout = known.size("run_out") if strain else _RUNOUT_SHARE * _rms(fit)
+    # the size of run-out in another unit than strain, as a share of the waveform's rms; a size that
+    # is likely before anything is measured: twice as much lets twice the run-out pass at the same
+    # price
+    runout = known.size("run_out") if strain else 0.1 * _rms(fit)
     names = [f"{wave} {k}" for wave in ("cos", "sin") for k in _HARMONICS]
     parts = _parts(cells, whole, 2 * len(names))
     columns = np.concatenate([waves, load[..., None] * waves], axis=-1)
@@ -150,7 +141,9 @@ def _drifts(
     # whatever of it the model has: what is fitted and what is said of it ask alike
     parts = _parts(cells, whole, 3 * (len(_DRIFTING) + 2))
     # warming slows down: a straight line and a bend about it; and one log is warmer than another
-    factors = {"along": (along, 1.0), "bend along": (4.0 * along**2 - 0.5, _BEND)}
+    # size of the bend of a drift over that of its slope; twice as much lets a drift bend twice as
+    # far at the same price
+    factors = {"along": (along, 1.0), "bend along": (4.0 * along**2 - 0.5, 0.3)}
     if len(parts) > 1:
         factors["level in"] = (np.ones(len(cells)), _LEVEL)
     words = _DRIFTING | {_PRESSURE: "inflation pressure", _BASELINE: "baseline"}
@@ -396,7 +389,8 @@ def _parts(cells: Cells, whole: Cells, columns: int) -> dict[str, NDArray[np.boo
     Between two logs a tire may have been mounted anew, and a day has passed.
     """
     logs = np.unique(whole.log)
-    if logs.size == 1 or logs.size * columns * whole.phi.size > _MOST_VALUES:
+    # values that the columns of a nuisance have at most if each log has its own: 64 MB
+    if logs.size == 1 or logs.size * columns * whole.phi.size > 8_000_000:
         return {"": np.ones(len(cells), bool)}
     return {f"log {log + 1}": cells.log == log for log in logs}
 
@@ -460,7 +454,9 @@ def _along_log(cells: Cells, whole: Cells) -> tuple[FloatArray, bool]:
         own, rows = whole.log == log, cells.log == log
         name = "temperature_K"
         driver = getattr(whole.conditions, name)[own]
-        if not np.isfinite(driver).all() or np.ptp(driver) < _WARMS_K:
+        # a temperature that varies by more than this [K] within a log is what drifts follow there;
+        # with twice as much, logs that warm by 3 K drift with the time instead
+        if not np.isfinite(driver).all() or np.ptp(driver) < 2.0:
             name = "time_s"
             driver = whole.conditions.time_s[own]
         if np.isfinite(driver).all() and np.ptp(driver) > 0.0:

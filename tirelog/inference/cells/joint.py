@@ -103,10 +103,6 @@ def at_lever(model: Model, member: str) -> Model:
     return model.with_parameters({LEVER: own, one.name: one})
 
 
-#: amplitudes whose names begin so are a grating's own; all others are the tire's or the wheel's
-_OF_GRATING = "baseline"
-
-
 def one_drive(parts: Sequence[Pieces]) -> list[Pieces]:
     """The pieces of each observable, with the manoeuvres of the first in all of them.
 
@@ -265,7 +261,9 @@ def _names(own: SharedEffects, cells: Cells, part: int) -> tuple[str, ...]:
     def named(name: str) -> str:
         if ": " in name:
             return name
-        return f"{of_all if grating and not name.startswith(_OF_GRATING) else mine}{name}"
+        # amplitudes whose names begin so are a grating's own; all others are the tire's or the
+        # wheel's
+        return f"{of_all if grating and not name.startswith('baseline') else mine}{name}"
 
     return tuple(named(name) for name in own.names)
 

@@ -55,11 +55,6 @@ MOST_STEPS = 25
 #: latter may leave a parameter off by 0.8 of its standard error
 SETTLED = 1e-4
 _SETTLED_BY = 0.3
-#: slopes of an earlier point are made anew after a step that gains less than this share of what
-#: they let hope for; twice as much makes them anew more often
-_POOR = 0.1
-#: dampings tried for one step; twice as many damp further down before a step is given up
-_TRIALS = 8
 
 
 class LeastSquares(Protocol):
@@ -116,7 +111,8 @@ def descend(
         slope = problem.slopes(theta, size)
         gram, gradient = slope.T @ slope, slope.T @ residual
         free = ~parameters_leaving(theta, low, high, gradient)
-        for _ in range(_TRIALS):
+        # dampings tried for one step; twice as many damp further down before a step is given up
+        for _ in range(8):
             new = np.clip(theta + _damped(gram, gradient, free, damping) * size, low, high)
             reached = problem.square(new)
             if reached < square:
@@ -130,7 +126,9 @@ def descend(
         moved = (new - theta) / size
         hoped = float(moved @ (2.0 * gradient - gram @ moved))
         drop, theta, damping = square - reached, new, damping / 10.0
-        if drop < _POOR * hoped:
+        # slopes of an earlier point are made anew after a step that gains less than this share of
+        # what they let hope for; twice as much makes them anew more often
+        if drop < 0.1 * hoped:
             problem.renewed()
         residual = problem.residual(theta)
         square = float((residual**2).sum())
@@ -239,19 +237,9 @@ FORM_STARTS: tuple[Mapping[str, float], ...] = (
 _STIFFER: tuple[Mapping[str, float], ...] = tuple(
     {"flexural_stiffness_N_m2": 4.0**i, "foundation_stiffness_N_m2": 4.0**i} for i in range(5)
 )
-#: a shift below this is left to the linear nuisance [rad]; most centrings in a row; twice as much
-#: is still less than a bin of the angle, 0.025; the rounds end earlier as a rule
-_CENTRED = 1e-3
-_CENTRINGS = 8
 #: a fit that ends within this share of a bound, and would leave it, stands at it: steps along a
 #: valley shrink before they arrive; doubling changes nothing seen
 AT_BOUND = 5e-3
-#: a fit is stuck if the tangent at its point would take this share of chi-square by a step beyond
-#: the bounds: the way there is bent. Where a descent has settled it is below 1e-3; half and twice
-#: the share say the same of all logs seen
-_STUCK = 0.3
-#: cells that a start is judged on; twice as many judge a start better and take twice as long
-_FEW = 12
 
 
 @dataclass(frozen=True)
@@ -334,9 +322,11 @@ class Problem:
 
         A lag or a lopsided load shifts its waveform beyond what is linear.
         """
-        for _ in range(_CENTRINGS):
+        # a shift below this is left to the linear nuisance [rad]: twice as much is still less than
+        # a bin of the angle, 0.025; the rounds end earlier than after the last as a rule
+        for _ in range(8):
             self.cells, farthest = centred(self.cells, self.predict(model, values))
-            if farthest < _CENTRED:
+            if farthest < 1e-3:
                 return
 
     def measured_less(self, prediction: FloatArray) -> FloatArray:
@@ -637,7 +627,8 @@ def _tried(
 def _few(cells: Cells, white: Whitener) -> Problem:
     """A few cells that span speeds and logs, without the scatter between manoeuvres."""
     order = np.lexsort((cells.conditions.speed_m_s, cells.log))
-    rows = np.unique(order[np.linspace(0, order.size - 1, min(_FEW, order.size)).astype(int)])
+    # cells that a start is judged on; twice as many judge a start better and take twice as long
+    rows = np.unique(order[np.linspace(0, order.size - 1, min(12, order.size)).astype(int)])
     return Problem(
         cells.take(rows),
         Whitener(white.inverse_sd[rows], white.basis[rows], white.shrink[rows]),
@@ -707,7 +698,10 @@ def _stuck(model: Model, names: Sequence[str], slope: FloatArray, left: FloatArr
         return False
     scaled = slope[:, moving] / np.linalg.norm(slope[:, moving], axis=0)
     step = np.linalg.lstsq(scaled, left, rcond=RANK)[0]
-    if left @ (scaled @ step) < _STUCK * (left @ left):
+    # a fit is stuck if the tangent at its point would take this share of chi-square by a step
+    # beyond the bounds: the way there is bent. Where a descent has settled it is below 1e-3; half
+    # and twice the share say the same of all logs seen
+    if left @ (scaled @ step) < 0.3 * (left @ left):
         return False
     low, high = (bound[moving] for bound in bounds(model, names))
     there = np.array([model.values[n] for n in names])[moving]
