@@ -189,11 +189,12 @@ def test_one_observable_above_its_floor_is_not_hidden_by_two_at_theirs():
     """A chi-square of 1.2 over all would pass for the floor; one has more than chance adds."""
     base = start_from(measured_pieces(several(12)), TRUTH, several=False)
     assert at_noise_floor(base, base.floor.square)
-    part = base.cells.part == 1
+    first, second, third = base.channels
     # what no parameter of the model can follow, other in each manoeuvre
-    wave = 0.35 * np.sin(9.0 * np.nan_to_num(base.cells.phi)) * part[:, None]
-    values = base.cells.values + wave * np.where(base.cells.manoeuvre % 2, 1.0, -1.0)[:, None]
-    worse = refit(replace(base, cells=replace(base.cells, values=values)), base.model)
+    wave = 0.35 * base.cells.scales[1] * np.sin(9.0 * second.cells.phi)
+    values = second.cells.values + wave * np.where(second.cells.manoeuvre % 2, 1, -1)[:, None]
+    second = replace(second, cells=replace(second.cells, values=values))
+    worse = refit(replace(base, channels=(first, second, third)), base.model)
     assert worse.reduced_chi2 < QUIET_CHI2
     strain, acceleration, _ = bases_by_observable(worse)
     limit = QUIET_CHI2 + 2.0 * np.sqrt(2.0 / acceleration.fit.freedom)

@@ -29,7 +29,6 @@ from tirelog.inference.cells.cells import cells_of
 from tirelog.inference.cells.joint import (
     LEVER,
     model_of,
-    own_rows,
     ratio_name,
     without_ratios,
 )
@@ -200,7 +199,8 @@ def members_of(base: JointBase) -> Iterator[Member]:
         rows = np.flatnonzero(cells.part == i)
         columns = np.zeros((*part.cells.phi.shape, 0))
         if shared is not None:
-            columns = own_rows(cells, i, shared.columns) * shared.sd
+            width = part.cells.phi.shape[1]
+            columns = shared.columns[rows, :width] * (shared.sd * cells.scales[i])
         own = replace(part.cells, manoeuvre=cells.manoeuvre[rows])
         wheel = shared is not None and WHEEL in shared.groups
         yield replace(part, cells=own), columns, wheel
@@ -237,7 +237,7 @@ def members_held(pieces: Sequence[Pieces], fitted: JointBase) -> Iterator[Member
         known = channel.model.parameters
         anew = channel.model.with_parameters({n: replace(known[n], free=True) for n in free})
         moved = tuple(n for n in (*free, LEVER) if n in anew.parameters)
-        (fit,) = finish([Problem(channel.cells, channel.white)], anew, moved, True)
+        (fit,) = finish(Problem([(channel.cells, channel.white)], anew, moved), anew, True)
         number = np.searchsorted(numbers, part.manoeuvre)
         own = replace(fit.cells, member=part.member, manoeuvre=number)
         yield replace(channel, fit=fit, cells=own), np.zeros((*own.phi.shape, 0)), WHEEL in groups

@@ -42,7 +42,7 @@ from tirelog.diagnosis.results import Ladder, LadderStep
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base
-from tirelog.inference.fit.cells import Problem
+from tirelog.inference.cells.joint import linearised, of_all
 from tirelog.inference.metric import Normal, solve_scaled
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
@@ -224,7 +224,8 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
     """
     own = next(e for e in base.model.effects if e.id == effect)
     names = [f"{effect}.{name}" for name in own.effect.strength]
-    _, slopes = Problem(base.cells, base.white).linearised(base.model, names, {})
+    each = [linearised(base.model, one.cells, names, {})[1] for one in base.blocks]
+    slopes = of_all(base.cells, each)
     columns = np.concatenate([slopes, np.ones_like(base.cells.phi)[..., None]], axis=-1)
     residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside)
     normal = Normal.of(base.white(columns), base.white(residual), base.cells.log)

@@ -6,11 +6,11 @@ Stack, Model -> cells -> fit in the cells' own metric -> scatter between manoeuv
 Several channels of one tire are fitted together: each has its metric, its scatter and its offsets,
 all have the parameters.
 
-Several observables in one question (`prepare_together`) are one `JointBase`: cells under each
-other in floors (`cells.joint`), each with its own metric and floor, one fit. Whatever works on a
-Base works on it: candidates, nuisances, held-out losses. `bases_by_observable` gives the base of
-each observable in its own unit, at the parameters of the fit to all. The errors of one observable,
-and what is left of it, are those of its base.
+Several observables in one question (`prepare_together`) are one `JointBase`: a list of blocks, each
+in its own unit with its own metric and floor, in one fit; and their cells under each other in
+floors (`cells.joint`), so that whatever works on a Base works on it: candidates, nuisances,
+held-out losses. `bases_by_observable` gives the base of each observable at the parameters of the
+fit to all. The errors of one observable, and what is left of it, are those of its base.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.cells.cells import Cells
+from tirelog.inference.cells.cells import Cells, SharedEffects
 from tirelog.inference.cells.joint import (
     LEVER,
+    at_lever,
     in_bins,
     joined_cells,
-    parts_of,
+    of_all,
     predicted,
     with_ratios,
 )
@@ -36,10 +37,7 @@ from tirelog.inference.fit.cells import (
     MOST_STEPS,
     Errors,
     Fit,
-    Problem,
-    finish,
-    fit_channels,
-    fits_apart,
+    fit_blocks,
 )
 from tirelog.inference.floor import (
     Floor,
@@ -47,6 +45,7 @@ from tirelog.inference.floor import (
     UnweightedMetric,
     at_mean_speed,
     held_out_losses,
+    load_derivative,
     load_slopes,
     losses_of_errors,
     measure_floor,
@@ -133,6 +132,11 @@ class Base:
         return self.fit.model
 
     @property
+    def blocks(self) -> tuple[Base, ...]:
+        """What is fitted together, each in its unit: itself, of several observables each."""
+        return (self,)
+
+    @property
     def noise(self) -> Whitener:
         """The metric of noise and random effects alone, without what the model misses."""
         return _metric(self.cells, 0.0, scatter_columns(self.cells, self.fit), self.floor.scatter)
@@ -194,7 +198,8 @@ class Base:
         the parameters adds to the scatter of one manoeuvre and makes up for that of another.
         """
         missed = losses_of_errors(self.cells, self.white, self.plain, self.fit)
-        columns = scatter_columns(self.cells, self.fit)
+        slopes = of_all(self.cells, [load_derivative(one.cells, one.fit) for one in self.blocks])
+        columns = np.stack([slopes, np.ones_like(slopes)], axis=-1)
         square = self.floor.scatter.square(np.nan_to_num(columns))
         scattered = (self.plain.weights**2 * square).sum(axis=1)
         between = np.bincount(self.cells.manoeuvre, scattered, self.cells.manoeuvres)
@@ -216,22 +221,15 @@ class Base:
 
         Once an effect is in, less is taken for scatter.
         """
-        parts = bases_by_observable(self)
         anew = _with_scatter(
             [
                 replace(
-                    part,
-                    raw=replace(part.raw, phi=part.cells.phi, moved=part.cells.moved),
-                    fit=replace(part.fit, model=self.model),
-                    held=None,
+                    one, raw=replace(one.raw, phi=one.cells.phi, moved=one.cells.moved), held=None
                 )
-                for part in parts
+                for one in self.blocks
             ]
         )
-        if self.cells.parts:
-            drive = [self.cells.manoeuvre[self.cells.part == i] for i in range(len(parts))]
-            anew = [_joined(anew, self.cells.scales, drive)]
-        return replace(anew[0], given=self.given)
+        return replace(_together(anew, self.cells), given=self.given)
 
 
 @dataclass(frozen=True)
@@ -240,20 +238,31 @@ class JointBase(Base):
 
     channels: tuple[Base, ...] = ()
 
+    @property
+    def blocks(self) -> tuple[Base, ...]:
+        return self.channels
+
     @cached_property
     def held_alone(self) -> tuple[Base, ...]:
         """`bases_by_observable`, once: it is asked for whenever a rule looks at each observable."""
-        return _apart(self, held_by_all=False)
+        return tuple(_of_one(self, i) for i in range(len(self.channels)))
 
     @cached_property
     def held_by_all(self) -> tuple[Base, ...]:
         """`bases_by_observable` with the manoeuvre left out of all observables, once."""
-        return _apart(self, held_by_all=True)
+        found = []
+        for i, own in enumerate(self.held_alone):
+            rows = self.cells.part == i
+            white, plain = held_out_losses(self.cells, self.white, self.plain, self.fit, of=rows)
+            seen = np.unique(self.cells.manoeuvre[rows])
+            held = white[seen], plain[seen] * self.cells.scales[i] ** 2
+            found.append(replace(own, held=held))
+        return tuple(found)
 
     @property
     def noise(self) -> Whitener:
         """Of each observable its own."""
-        return whiteners_joined([one.noise for one in bases_by_observable(self)], self.cells)
+        return whiteners_joined([one.noise for one in self.channels], self.cells)
 
 
 def prepare_together(
@@ -271,24 +280,47 @@ def prepare_together(
     return replace(_joined(channels, scales, drive), given=model)
 
 
+def _together(blocks: Sequence[Base], before: Cells) -> Base:
+    """Blocks as one base, with the scales and the manoeuvres of the cells that it had `before`."""
+    if not before.parts:
+        return blocks[0]
+    drive = [before.manoeuvre[before.part == i] for i in range(len(blocks))]
+    return _joined(blocks, before.scales, drive)
+
+
 def _joined(
     channels: Sequence[Base], scales: Sequence[float], drive: Sequence[IntArray]
 ) -> JointBase:
     """Fitted channels as one base."""
-    first = channels[0].fit
     cells = joined_cells([channel.cells for channel in channels], scales, drive)
     white = whiteners_joined([channel.white for channel in channels], cells)
-    if cells.shared is None or not any(channel.cells.member for channel in channels):
-        (fit,) = finish([Problem(cells, white)], first.model, first.names, first.settled)
-    else:  # each grating had amplitudes of its own so far, of what is one to all
-        (fit,) = fit_channels([(cells, white)], first.model, several=False)
-        cells = fit.cells
     plain = UnweightedMetric.of(cells)
     missed = sum(c.discrepancy / s**2 * len(c.cells) for c, s in zip(channels, scales, strict=True))
     floor = _floor_of_all([channel.floor for channel in channels], scales, plain, cells.part)
-    raw = joined_cells([channel.raw for channel in channels], scales, drive)
-    own = cells, white, plain, floor, fit, missed / len(cells), raw
+    fit = _fit_of_all(cells, [channel.fit for channel in channels])
+    own = cells, white, plain, floor, fit, missed / len(cells), cells
     return JointBase(*own, channels=tuple(channels))
+
+
+def _fit_of_all(cells: Cells, fits: Sequence[Fit]) -> Fit:
+    """The fits of blocks as one of all their `cells`, in floors."""
+    known = [(fit.cells.shared, fit.amplitudes) for fit in fits]
+    found = {n: a for own, x in known if own for n, a in zip(own.names, x, strict=True)}
+    names = () if cells.shared is None else cells.shared.names
+    levels = [fit.levels / s for fit, s in zip(fits, cells.scales, strict=True)]
+    first = np.unique(cells.log, return_index=True)[1]
+    width = cells.phi.shape[1]
+    return replace(
+        fits[0],
+        chi2=sum(fit.chi2 for fit in fits),
+        freedom=sum(fit.freedom for fit in fits),
+        residual=np.concatenate([in_bins(fit.residual, width, 0.0) for fit in fits]),
+        prediction=of_all(cells, [fit.prediction for fit in fits], np.nan),
+        jacobian=of_all(cells, [fit.jacobian for fit in fits]),
+        offsets=np.concatenate(levels)[first],
+        amplitudes=np.array([found[name] for name in names]),
+        cells=cells,
+    )
 
 
 def _floor_of_all(
@@ -316,25 +348,15 @@ def bases_by_observable(base: Base, *, held_by_all: bool = False) -> tuple[Base,
     return base.held_by_all if held_by_all else base.held_alone
 
 
-def _apart(base: JointBase, held_by_all: bool) -> tuple[Base, ...]:
-    fits = fits_apart(replace(base.fit, cells=base.cells))
-    found = []
-    for i, (channel, raw, fit) in enumerate(
-        zip(base.channels, parts_of(base.raw), fits, strict=True)
-    ):
-        more = (len(fit.names) - len(channel.fit.names)) / len(fits)
-        own = replace(fit.cells, cell=channel.cells.cell)
-        fit = replace(fit, freedom=max(channel.fit.freedom - more, 1.0), cells=own)
-        held, given = None, base.given
-        if held_by_all:
-            rows = base.cells.part == i
-            losses = held_out_losses(base.cells, base.white, base.plain, base.fit, of=rows)
-            seen = np.unique(base.cells.manoeuvre[rows])
-            held = losses[0][seen], losses[1][seen] * base.cells.scales[i] ** 2
-        if given is not None:
-            given = replace(given, observable=fit.model.observable, beside=fit.model.beside)
-        found.append(replace(channel, cells=own, fit=fit, raw=raw, held=held, given=given))
-    return tuple(found)
+def _of_one(base: JointBase, number: int) -> Base:
+    """The base of one observable, with the model as that sees it."""
+    one, given = base.channels[number], base.given
+    own = one.cells.observable
+    others = tuple(name for name in base.model.observables if name != own)
+    seen = at_lever(replace(base.model, observable=own, beside=others), one.cells.member)
+    if given is not None:
+        given = replace(given, observable=own, beside=others)
+    return replace(one, fit=replace(one.fit, model=seen), given=given)
 
 
 def whiteners_joined(whites: Sequence[Whitener], cells: Cells) -> Whitener:
@@ -384,7 +406,7 @@ def _fitted(channels: Sequence[Cells], model: Model, several: bool) -> list[Base
     conditions = Conditions.concatenate([cells.conditions for cells in channels])
     always = asked_for(model, conditions)
     model = freed(model, always)
-    fits = fit_channels(list(zip(channels, whites, strict=True)), model, several=several)
+    fits = fit_blocks(list(zip(channels, whites, strict=True)), model, several=several)
     begun = []
     for white, fit, missed in zip(whites, fits, rough, strict=True):
         raw = replace(fit.cells, shared=shared_by(fit.cells, fit, always))
@@ -419,7 +441,7 @@ def _with_scatter(known: Sequence[Base]) -> list[Base]:
 def _fitted_again(channels: Sequence[Base], steps: int) -> list[Base]:
     """The channels with the model fitted to all of them from where it is, in so many steps."""
     in_metric = [(one.cells, one.white) for one in channels]
-    fits = fit_channels(in_metric, channels[0].model, several=False, steps=steps)
+    fits = fit_blocks(in_metric, channels[0].model, several=False, steps=steps)
     return [replace(one, cells=fit.cells, fit=fit) for one, fit in zip(channels, fits, strict=True)]
 
 
@@ -469,7 +491,7 @@ def _with_shift_of(fit: Fit, cells: Cells) -> Cells:
     misses, and a form would shift its patch by the difference.
     """
     formed = any(effect.id == FORM for effect in fit.model.effects)
-    if not formed or cells.phi.shape[1] == 1 or cells.parts:
+    if not formed or cells.phi.shape[1] == 1:
         return cells
     up, down = (
         predicted(fit.model, replace(cells, phi=cells.phi + step)) for step in (_STEP, -_STEP)
@@ -484,10 +506,11 @@ def _metric(cells: Cells, missed: float, columns: FloatArray, scatter: Scatter) 
     )
 
 
-def change_to(base: Base, model: Model) -> FloatArray | ModelError:
+@or_refusal
+def change_to(base: Base, model: Model) -> FloatArray:
     """What another model predicts beyond the fitted one, (C, m), or why it cannot be computed."""
-    there = or_refusal(predicted)(model, base.cells)
-    return there if isinstance(there, ModelError) else there - base.fit.prediction
+    there = [predicted(model, one.cells) for one in base.blocks]
+    return of_all(base.cells, there, np.nan) - base.fit.prediction
 
 
 @or_refusal
@@ -497,14 +520,34 @@ def refit_without(base: Base, *effects: str) -> Base | ModelError:
 
 
 @or_refusal
-def refit(base: Base, model: Model, *, several: bool = False) -> Base:
+def refit(
+    base: Base,
+    model: Model,
+    *,
+    several: bool = False,
+    shared: Sequence[SharedEffects | None] | None = None,
+) -> Base:
     """Another model on the same cells, metric and floor, or why it cannot be computed.
 
-    It may have an effect more, or other start values.
+    It may have an effect more, or other start values; `shared`: of each block the effects beside
+    it, if these are others than so far.
     """
-    model = model.resolved(base.cells.conditions)
-    (fit,) = fit_channels([(base.cells, base.white)], model, several=several)
-    return replace(base, cells=fit.cells, fit=fit, held=None)
+    model, cells = model.resolved(base.cells.conditions), [one.cells for one in base.blocks]
+    if shared is not None:
+        cells = [replace(own, shared=new) for own, new in zip(cells, shared, strict=True)]
+    whites = [one.white for one in base.blocks]
+    return with_fits(base, fit_blocks(list(zip(cells, whites)), model, several=several))
+
+
+def with_fits(
+    base: Base, fits: Sequence[Fit], held: tuple[FloatArray, FloatArray] | None = None
+) -> Base:
+    """The base with a fit of each of its blocks, in the metric and with the floor that it has."""
+    anew = []
+    for one, fit in zip(base.blocks, fits, strict=True):
+        raw = replace(one.raw, shared=fit.cells.shared)
+        anew.append(replace(one, cells=fit.cells, raw=raw, fit=fit, held=None))
+    return replace(_together(anew, base.cells), given=base.given, held=held)
 
 
 def with_fewer_cells(base: Base, most: int) -> Base:
@@ -512,27 +555,23 @@ def with_fewer_cells(base: Base, most: int) -> Base:
 
     The cells span logs, manoeuvres and speeds; no observable goes without.
     """
-    cells, fit = base.cells, base.fit
-    if len(cells) <= most:
+    if len(base.cells) <= most:
         return base
-    chosen = []
-    for i in range(len(cells.members)):
-        own = np.flatnonzero(cells.part == i)
-        few = max(2, round(most * own.size / len(cells)))
-        chosen.append(own[np.unique(np.linspace(0, own.size - 1, few).round().astype(int))])
-    rows = np.concatenate(chosen)
-    cells = cells.take(rows)
-    cells = replace(cells, manoeuvre=np.unique(cells.manoeuvre, return_inverse=True)[1])
-    kept = {name: getattr(fit, name)[rows] for name in ("prediction", "jacobian", "residual")}
-    fit = replace(fit, cells=cells, **kept)
-    channels = base.channels if isinstance(base, JointBase) else (base,)
-    whites = [
-        _metric(own.cells, one.discrepancy, scatter_columns(own.cells, own), one.floor.scatter)
-        for own, one in zip(fits_apart(fit), channels, strict=True)
-    ]
-    white = whiteners_joined(whites, cells) if cells.parts else whites[0]
-    plain = UnweightedMetric.of(cells)
-    return replace(base, cells=cells, white=white, plain=plain, fit=fit, held=None)
+    blocks, chosen = [], []
+    for number, one in enumerate(base.blocks):
+        few = max(2, round(most * len(one.cells) / len(base.cells)))
+        rows = np.unique(np.linspace(0, len(one.cells) - 1, few).round().astype(int))
+        chosen.append(np.flatnonzero(base.cells.part == number)[rows])
+        cells = one.cells.take(rows)
+        cells = replace(cells, manoeuvre=np.unique(cells.manoeuvre, return_inverse=True)[1])
+        kept = ("prediction", "jacobian", "residual")
+        fit = replace(one.fit, cells=cells, **{name: getattr(one.fit, name)[rows] for name in kept})
+        columns = scatter_columns(cells, fit)
+        white = _metric(cells, one.discrepancy, columns, one.floor.scatter)
+        plain = UnweightedMetric.of(cells)
+        blocks.append(replace(one, cells=cells, white=white, plain=plain, fit=fit, held=None))
+    few_cells = base.cells.take(np.concatenate(chosen))
+    return replace(_together(blocks, few_cells), given=base.given)
 
 
 # ---- What a fit says: values with errors, correlations, bounds.

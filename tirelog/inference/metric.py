@@ -315,6 +315,20 @@ def whitener(
     return Whitener(inverse, basis, 1.0 - 1.0 / np.sqrt(1.0 + size**2))
 
 
+def shrinkage(columns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """What random effects take, of whitened columns (N, K), each as large as its deviation.
+
+    An orthonormal basis (N, r), the shares (r,) taken along it, and (K, r) the amplitudes in
+    standard deviations from what lies along it.
+    """
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    keep = values > RANK * max(float(values[-1]), 1e-300)
+    values, vectors = values[keep], vectors[:, keep]
+    root = np.sqrt(values)
+    basis = columns @ (vectors / root)
+    return basis, 1.0 - 1.0 / np.sqrt(1.0 + values), vectors * (root / (1.0 + values))
+
+
 @dataclass(frozen=True)
 class Offsets:
     """What is taken out beside a model: offsets of logs, then the spans of other columns.
@@ -323,8 +337,6 @@ class Offsets:
     log        (C,) 0 ... `count` - 1;  norm (count,)
     spans      of each an orthonormal basis (N, r) and the shares (r,) that are taken along it: of
                shared effects what their size allows, of others all
-    turn       (K, r) the amplitudes of shared effects in standard deviations, from what lies along
-               their basis
 
     With columns B, as large as their standard deviations, the covariance I + B B' has the inverse
     root I - Q (1 - 1/sqrt(1 + D)) Q', Q D Q' = B B'.
@@ -334,7 +346,6 @@ class Offsets:
     log: IntArray
     norm: FloatArray
     spans: tuple[tuple[FloatArray, FloatArray | None], ...] = ()
-    turn: FloatArray | None = None
 
     @classmethod
     def of(cls, cells: Cells, white: Callable[[FloatArray], FloatArray]) -> Offsets:
@@ -346,12 +357,7 @@ class Offsets:
         if cells.shared is None or not len(cells.shared):
             return offsets
         flat = stacked(offsets.without(white(cells.shared.columns) * cells.shared.sd))
-        values, vectors = np.linalg.eigh(flat.T @ flat)
-        keep = values > RANK * max(float(values[-1]), 1e-300)
-        values, vectors = values[keep], vectors[:, keep]
-        root = np.sqrt(values)
-        span = flat @ (vectors / root), 1.0 - 1.0 / np.sqrt(1.0 + values)
-        return replace(offsets, spans=(span,), turn=vectors * (root / (1.0 + values)))
+        return replace(offsets, spans=(shrinkage(flat)[:2],))
 
     def beside(self, columns: FloatArray) -> Offsets:
         """With the span of other whitened `columns` (C, m, k), which are used up."""
@@ -386,13 +392,6 @@ class Offsets:
         for basis, share in self.spans:
             left = projected_out(basis, left, share)
         return left
-
-    def amplitudes(self, x: FloatArray) -> FloatArray:
-        """Amplitudes (K,) of the shared effects in standard deviations, of whitened x (C, m)."""
-        if self.turn is None:
-            return np.zeros(0)
-        levelled = replace(self, spans=()).without(x)
-        return np.asarray(self.turn @ (self.spans[0][0].T @ levelled.ravel()), dtype=np.float64)
 
     def of_logs(self, x: FloatArray) -> FloatArray:
         """The offset of each log (count,) that is nearest to the whitened x (C, m)."""

@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells, SharedEffects
-from tirelog.inference.cells.joint import at_lever, joined_effects, model_of, parts_of
-from tirelog.inference.fit.cells import LEAST_CHANGE, Fit, fits_apart, free_names
+from tirelog.inference.cells.joint import at_lever, model_of, named
+from tirelog.inference.fit.cells import LEAST_CHANGE, Fit, free_names
 from tirelog.inference.floor import load_derivative
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import BY_NAME, Model, Nuisance
@@ -230,18 +230,9 @@ def shared_effects(
 
     `whole`: the cells that it is known from, if these are others of the same logs.
     """
-    if cells.parts:
-        fits = [
-            replace(f, model=model_of(f.model, f.cells.observable, f.cells.member))
-            for f in fits_apart(replace(fit, cells=cells))
-        ]
-        known_from = [f.cells for f in fits] if whole is None else parts_of(whole)
-        found_by = [
-            shared_effects(f.cells, f, name, w) for f, w in zip(fits, known_from, strict=True)
-        ]
-        return joined_effects(cells, found_by)
-    if cells.member:
-        fit = replace(fit, model=at_lever(fit.model, cells.member))
+    model = fit.model
+    if model.beside or cells.member:
+        fit = replace(fit, model=model_of(model, cells.observable, cells.member))
     known = next((n for n in fit.model.nuisances if n.name == name), None)
     if known is None or cells.phi.shape[1] == 1:
         return None
@@ -251,7 +242,7 @@ def shared_effects(
     columns, sd, names = found
     columns = np.where(np.isfinite(cells.values)[..., None], columns, 0.0)
     effects = SharedEffects(columns, sd, tuple(names), (name,) * len(names))
-    return effects if np.isfinite(columns).all() else None
+    return named(effects, model, cells) if np.isfinite(columns).all() else None
 
 
 def relative_changes(cells: Cells, fit: Fit, whole: Cells | None = None) -> dict[str, FloatArray]:
@@ -379,8 +370,8 @@ def shared_by(
     found = [
         shared_effects(cells, fit, name, whole) for name in names if not frees(fit.model, name)
     ]
-    effects = [x for x in (*found, zeros(cells)) if x is not None]
-    return SharedEffects.joined(effects) if effects else None
+    joined = SharedEffects.joined([*found, zeros(cells)])
+    return joined and named(joined, fit.model, cells)
 
 
 def _parts(cells: Cells, whole: Cells, columns: int) -> dict[str, NDArray[np.bool_]]:

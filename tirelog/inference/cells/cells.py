@@ -13,7 +13,7 @@ moves both.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from typing import Any, Self
@@ -50,13 +50,16 @@ class SharedEffects:
     group: tuple[str, ...]
 
     @classmethod
-    def joined(cls, parts: Sequence[SharedEffects]) -> SharedEffects:
-        """All effects of the parts, which are on the same cells."""
+    def joined(cls, parts: Iterable[SharedEffects | None]) -> SharedEffects | None:
+        """All effects of the parts, which are on the same cells; None if no part has any."""
+        known = [part for part in parts if part is not None]
+        if not known:
+            return None
         return cls(
-            np.concatenate([part.columns for part in parts], axis=-1),
-            np.concatenate([part.sd for part in parts]),
-            tuple(name for part in parts for name in part.names),
-            tuple(name for part in parts for name in part.group),
+            np.concatenate([part.columns for part in known], axis=-1),
+            np.concatenate([part.sd for part in known]),
+            tuple(name for part in known for name in part.names),
+            tuple(name for part in known for name in part.group),
         )
 
     @property
