@@ -15,6 +15,7 @@ from tests.diagnosis.toy import stack_of
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.compare import comparison_of, measured_pieces, start_from
+from tirelog.diagnosis.fitted import FitOfLogs, fit_channels_measured
 from tirelog.diagnosis.gratings import (
     MOST_SEARCHED,
     ROAD,
@@ -29,7 +30,7 @@ from tirelog.diagnosis.gratings import (
 )
 from tirelog.errors import UsageError
 from tirelog.inference.base import JointBase
-from tirelog.inference.cells.joint import ratio_name, ratio_of
+from tirelog.inference.cells.joint import ratio_name, ratio_of, without_ratios
 from tirelog.inference.measured import measured_gratings, several_channels
 from tirelog.inference.stacks.cut import Stacks, places_of
 from tirelog.physics import Model
@@ -102,6 +103,14 @@ def fitted(stacks: list[list[Stack]], model: Model = MODEL) -> JointBase:
     base = start_from(measured_pieces(stacks), model, several=False)
     assert isinstance(base, JointBase)
     return base
+
+
+def test_a_fit_gives_each_grating_its_own_lever_arm_too():
+    found, _ = fit_channels_measured([three()], MODEL)
+    assert found.reduced_chi2 < 1.15
+    assert found.model.values[ratio_name("g2")] == pytest.approx(RATIOS[1], rel=0.01)
+    answer = FitOfLogs(without_ratios(found.model), found)
+    assert answer.to_json()["parameters"][ratio_name("g2")]["value"] == found.values[-2]
 
 
 def bump(at: float, size: float = 8e-6, width: float = 0.15) -> Added:
