@@ -278,7 +278,8 @@ def test_scatter_of_the_load_is_learnt_and_the_errors_hold(waves):
         load = 1.0 + 0.01 * rng.standard_normal((n, 1))
         load += 0.006 * rng.standard_normal(groups)[manoeuvre][:, None]
         up, down = (
-            truth.predict(replace(still.conditions, load_N=F * (1.0 + d)), PHI) for d in (1e-4, 0.0)
+            truth.predict(replace(still.conditions, load_N=np.full(n, F * (1.0 + d))), PHI)
+            for d in (1e-4, 0.0)
         )
         by_load = 1e4 * (up - down)
         stack = replace(still, values=still.values + (load - 1.0) * by_load, manoeuvre=manoeuvre)

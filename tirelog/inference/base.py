@@ -52,7 +52,7 @@ from tirelog.inference.floor import (
     measure_scatter,
     scatter_columns,
 )
-from tirelog.inference.metric import Whitener, whitener
+from tirelog.inference.metric import Whitener, stacked, whitener
 from tirelog.inference.nuisances import (
     FORM,
     asked_for,
@@ -124,7 +124,7 @@ class Base:
     fit: Fit
     discrepancy: float
     raw: Cells
-    given: Model | None = None
+    given: Model
     held: tuple[FloatArray, FloatArray] | None = None
 
     @property
@@ -229,7 +229,7 @@ class Base:
                 for one in self.blocks
             ]
         )
-        return replace(_together(anew, self.cells), given=self.given)
+        return _together(anew, self.cells)
 
 
 @dataclass(frozen=True)
@@ -273,11 +273,9 @@ def prepare_together(
     drive  of each the manoeuvre of its rows, numbered through all observables
     ModelError if it cannot be computed at these speeds.
     """
-    conditions = Conditions.concatenate([own.conditions for own in cells])
-    model = with_ratios(model.resolved(conditions), cells)
-    channels = _fitted(cells, model, several)
+    channels = fit_together(cells, with_ratios(model, cells), several=several)
     scales = [float(np.sqrt(channel.floor.square)) for channel in channels]
-    return replace(_joined(channels, scales, drive), given=model)
+    return _joined(channels, scales, drive)
 
 
 def _together(blocks: Sequence[Base], before: Cells) -> Base:
@@ -298,7 +296,7 @@ def _joined(
     missed = sum(c.discrepancy / s**2 * len(c.cells) for c, s in zip(channels, scales, strict=True))
     floor = _floor_of_all([channel.floor for channel in channels], scales, plain, cells.part)
     fit = _fit_of_all(cells, [channel.fit for channel in channels])
-    own = cells, white, plain, floor, fit, missed / len(cells), cells
+    own = cells, white, plain, floor, fit, missed / len(cells), cells, channels[0].given
     return JointBase(*own, channels=tuple(channels))
 
 
@@ -309,12 +307,10 @@ def _fit_of_all(cells: Cells, fits: Sequence[Fit]) -> Fit:
     names = () if cells.shared is None else cells.shared.names
     levels = [fit.levels / s for fit, s in zip(fits, cells.scales, strict=True)]
     first = np.unique(cells.log, return_index=True)[1]
-    width = cells.phi.shape[1]
     return replace(
         fits[0],
         chi2=sum(fit.chi2 for fit in fits),
         freedom=sum(fit.freedom for fit in fits),
-        residual=np.concatenate([in_bins(fit.residual, width, 0.0) for fit in fits]),
         prediction=of_all(cells, [fit.prediction for fit in fits], np.nan),
         jacobian=of_all(cells, [fit.jacobian for fit in fits]),
         offsets=np.concatenate(levels)[first],
@@ -350,31 +346,34 @@ def bases_by_observable(base: Base, *, held_by_all: bool = False) -> tuple[Base,
 
 def _of_one(base: JointBase, number: int) -> Base:
     """The base of one observable, with the model as that sees it."""
-    one, given = base.channels[number], base.given
+    one = base.channels[number]
     own = one.cells.observable
     others = tuple(name for name in base.model.observables if name != own)
     seen = at_lever(replace(base.model, observable=own, beside=others), one.cells.member)
-    if given is not None:
-        given = replace(given, observable=own, beside=others)
+    given = replace(base.given, observable=own, beside=others)
     return replace(one, fit=replace(one.fit, model=seen), given=given)
 
 
 def whiteners_joined(whites: Sequence[Whitener], cells: Cells) -> Whitener:
     """The metrics of several observables as one on all their cells; none couples two of them."""
-    C, width = cells.phi.shape
-    most = max(white.basis.shape[2] for white in whites)
-    inverse, basis, shrink = np.zeros((C, width)), np.zeros((C, width, most)), np.zeros((C, most))
-    groups, group_basis = [], []
+    width, most = cells.phi.shape[1], max(white.basis.shape[2] for white in whites)
+    inverse, basis, shrink, groups, group_basis = [], [], [], [], []
     for i, (white, scale) in enumerate(zip(whites, cells.scales, strict=True)):
-        rows, (_, m, k) = np.flatnonzero(cells.part == i), white.basis.shape
-        inverse[rows, :m] = white.inverse_sd * scale
-        basis[rows, :m, :k], shrink[rows, :k] = white.basis, white.shrink
-        for group, angles in zip(white.groups, white.group_basis, strict=True):
-            groups.append(rows[group])
-            wide = in_bins(angles.reshape(group.size, m, -1), width, 0.0)
-            group_basis.append(wide.reshape(-1, angles.shape[-1]))
-    group_shrink = tuple(one for white in whites for one in white.group_shrink)
-    return Whitener(inverse, basis, shrink, tuple(groups), tuple(group_basis), group_shrink)
+        m, more = white.inverse_sd.shape[1], (0, most - white.basis.shape[2])
+        inverse.append(in_bins(white.inverse_sd * scale, width, 0.0))
+        basis.append(in_bins(np.pad(white.basis, ((0, 0), (0, 0), more)), width, 0.0))
+        shrink.append(np.pad(white.shrink, ((0, 0), more)))
+        groups += [np.flatnonzero(cells.part == i)[group] for group in white.groups]
+        angles = [one.reshape(-1, m, one.shape[-1]) for one in white.group_basis]
+        group_basis += [stacked(in_bins(one, width, 0.0)) for one in angles]
+    return Whitener(
+        np.concatenate(inverse),
+        np.concatenate(basis),
+        np.concatenate(shrink),
+        tuple(groups),
+        tuple(group_basis),
+        tuple(one for white in whites for one in white.group_shrink),
+    )
 
 
 def prepare(cells: Cells, model: Model, *, several: bool = True) -> Base:
@@ -382,37 +381,31 @@ def prepare(cells: Cells, model: Model, *, several: bool = True) -> Base:
 
     ModelError if it cannot be computed at these speeds.
     """
-    model = model.resolved(cells.conditions)
-    return replace(_fitted([cells], model, several)[0], given=model)
+    return fit_together([cells], model, several=several)[0]
 
 
 def fit_together(channels: Sequence[Cells], model: Model, *, several: bool = True) -> list[Base]:
-    """The model fitted to all channels at once; of one channel the fit of `prepare`.
+    """The model fitted to all channels at once, each with its floor and its scatter.
 
     ModelError if it cannot be computed at these speeds.
     """
-    conditions = Conditions.concatenate([cells.conditions for cells in channels])
-    return _fitted(channels, model.resolved(conditions), several)
-
-
-def _fitted(channels: Sequence[Cells], model: Model, several: bool) -> list[Base]:
-    """The channels with their scatter."""
     keep_freed()
+    conditions = Conditions.concatenate([cells.conditions for cells in channels])
+    given = model.resolved(conditions)
     # before anything is fitted the model may miss this share of the waveform's rms; it weighs
     # channels and cells for the first fit alone: with twice as much, noisy and quiet ones count
     # more alike in it
     rough = [0.03**2 * float(np.nanmean(cells.values**2)) for cells in channels]
     whites = [whitener(cells, missed) for cells, missed in zip(channels, rough, strict=True)]
-    conditions = Conditions.concatenate([cells.conditions for cells in channels])
-    always = asked_for(model, conditions)
-    model = freed(model, always)
-    fits = fit_blocks(list(zip(channels, whites, strict=True)), model, several=several)
+    always = asked_for(given, conditions)
+    blocks = list(zip(channels, whites, strict=True))
+    fits = fit_blocks(blocks, freed(given, always), several=several)
     begun = []
     for white, fit, missed in zip(whites, fits, rough, strict=True):
         raw = replace(fit.cells, shared=shared_by(fit.cells, fit, always))
         unknown = Floor(0.0, 0.0, np.zeros(0), Scatter(0.0, 0.0, 0.0, *np.zeros((3, len(raw)))))
         plain = UnweightedMetric.of(raw)
-        begun.append(Base(raw, white, plain, unknown, fit, missed, raw))
+        begun.append(Base(raw, white, plain, unknown, fit, missed, raw, given))
     return _with_scatter(begun)
 
 
@@ -547,7 +540,7 @@ def with_fits(
     for one, fit in zip(base.blocks, fits, strict=True):
         raw = replace(one.raw, shared=fit.cells.shared)
         anew.append(replace(one, cells=fit.cells, raw=raw, fit=fit, held=None))
-    return replace(_together(anew, base.cells), given=base.given, held=held)
+    return replace(_together(anew, base.cells), held=held)
 
 
 def with_fewer_cells(base: Base, most: int) -> Base:
@@ -564,14 +557,14 @@ def with_fewer_cells(base: Base, most: int) -> Base:
         chosen.append(np.flatnonzero(base.cells.part == number)[rows])
         cells = one.cells.take(rows)
         cells = replace(cells, manoeuvre=np.unique(cells.manoeuvre, return_inverse=True)[1])
-        kept = ("prediction", "jacobian", "residual")
-        fit = replace(one.fit, cells=cells, **{name: getattr(one.fit, name)[rows] for name in kept})
+        prediction, jacobian = one.fit.prediction[rows], one.fit.jacobian[rows]
+        fit = replace(one.fit, cells=cells, prediction=prediction, jacobian=jacobian)
         columns = scatter_columns(cells, fit)
         white = _metric(cells, one.discrepancy, columns, one.floor.scatter)
         plain = UnweightedMetric.of(cells)
         blocks.append(replace(one, cells=cells, white=white, plain=plain, fit=fit, held=None))
     few_cells = base.cells.take(np.concatenate(chosen))
-    return replace(_together(blocks, few_cells), given=base.given)
+    return _together(blocks, few_cells)
 
 
 # ---- What a fit says: values with errors, correlations, bounds.

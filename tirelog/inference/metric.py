@@ -221,17 +221,12 @@ class Whitener:
     group_shrink: tuple[FloatArray, ...] = ()
 
     @property
-    def values(self) -> int:
-        """The number of values that count."""
-        return int((self.inverse_sd > 0).sum())
-
-    @property
-    def removed(self) -> float:
-        """Degrees of freedom that the shrinkage takes out of chi-square.
+    def freedom(self) -> float:
+        """The number of values that count, less those that the shrinkage takes out of chi-square.
 
         As the expectation under the covariance is one per value.
         """
-        return float((self.shrink > 0.999999).sum())
+        return float((self.inverse_sd > 0).sum() - (self.shrink > 0.999999).sum())
 
     def __call__(self, x: FloatArray) -> FloatArray:
         """Whitened x, shape (C, m) or (C, m, k); NaN in empty bins is allowed."""

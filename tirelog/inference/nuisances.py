@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells, SharedEffects
-from tirelog.inference.cells.joint import at_lever, model_of, named
+from tirelog.inference.cells.joint import linearised, model_of, named, predicted
 from tirelog.inference.fit.cells import LEAST_CHANGE, Fit, free_names
 from tirelog.inference.floor import load_derivative
 from tirelog.physics.effects import BY_ID
@@ -209,7 +209,7 @@ def form(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> Columns | Non
     shown = free_names(model, whole)
     names = tuple(name for name in names if name in shown)
     sd = np.array([prior[1] for n in names if (prior := model.parameters[n].prior) is not None])
-    return _slopes(cells, model, names), sd, names
+    return linearised(model, cells, names, {})[1], sd, names
 
 
 #: every nuisance, by the word of the model file
@@ -269,17 +269,14 @@ def moved_prediction(cells: Cells, model: Model, factors: Mapping[str, float]) -
 
     A pressure is a condition too, and so is a speed: it is an angle times the radius.
     """
-    conditions, model = cells.conditions, at_lever(model, cells.member)
-    return model.with_values({name: model.values[name] * x for name, x in factors.items()}).predict(
-        replace(
-            conditions,
-            speed_m_s=conditions.speed_m_s * factors.get(_RADIUS, 1.0),
-            inflation_pressure_Pa=conditions.inflation_pressure_Pa * factors.get(_PRESSURE, 1.0),
-        ),
-        surface=cells.surface,
-        observable=cells.observable,
-        **cells.angles,
+    c = cells.conditions
+    conditions = replace(
+        c,
+        speed_m_s=c.speed_m_s * factors.get(_RADIUS, 1.0),
+        inflation_pressure_Pa=c.inflation_pressure_Pa * factors.get(_PRESSURE, 1.0),
     )
+    moved = model.with_values({name: model.values[name] * x for name, x in factors.items()})
+    return predicted(moved, cells, conditions=conditions)
 
 
 def is_drift(shared: SharedEffects, amplitudes: FloatArray) -> bool:
@@ -456,22 +453,10 @@ def _along_log(cells: Cells, whole: Cells) -> tuple[FloatArray, bool]:
     return along, driven
 
 
-def _slopes(cells: Cells, model: Model, names: Sequence[str]) -> FloatArray:
-    """Change of the prediction per unit of each parameter, (C, m, k)."""
-    _, slopes = model.linearised(
-        cells.conditions,
-        names=names,
-        surface=cells.surface,
-        observable=cells.observable,
-        **cells.angles,
-    )
-    return np.asarray(np.moveaxis(slopes, 0, -1))
-
-
 def _relative_slopes(cells: Cells, model: Model, names: Sequence[str]) -> FloatArray:
     """Change of the prediction per relative change of each parameter, (C, m, k)."""
     values = np.array([model.values[name] for name in names])
-    return np.asarray(_slopes(cells, model, names) * values)
+    return np.asarray(linearised(model, cells, names, {})[1] * values)
 
 
 def _moved_slope(cells: Cells, model: Model, name: str) -> FloatArray | None:

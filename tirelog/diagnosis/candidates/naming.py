@@ -96,17 +96,16 @@ def _starts(base: Base, candidate: Variant) -> list[tuple[Model, dict[str, float
     }
     shape = dict(candidate.shape)
     models = [base.model]
-    given = {} if base.given is None else base.given.values
+    given = base.given.values
     within = {name: given[name] for name in base.fit.names if name in given}
-    if base.fit.held and base.given is not None:
+    if base.fit.held:
         # what drove the base to a bound may be the very effect: begin within, too
         models.append(base.model.with_values(within))
     begun = [(m, {**shape, **s}) for m in models for s in (linear, probes)]
     learnt = {n: p.prior[0] for n, p in base.model.parameters.items() if p.free and p.prior}
     if learnt:  # what a form has learnt may be the very effect
         bare = starts(base.model.with_values(learnt), base.fit.names)
-        if base.given is not None:  # and what it made of the other values with it
-            bare.append(bare[0].with_values(within))
+        bare.append(bare[0].with_values(within))  # and what it made of the others with it
         begun += [(m, {**shape, **linear}) for m in bare]
     return begun
 
@@ -159,7 +158,7 @@ def _moved(base: Base, model: Model) -> float:
 
     As shares of the larger of the two values, summed.
     """
-    given = (base.given or base.model).values
+    given = base.given.values
     pairs = [(given[name], model.values[name]) for name in base.fit.names if name in given]
     return float(sum(abs(a - b) / max(abs(a), abs(b), 1e-300) for a, b in pairs))
 

@@ -58,13 +58,12 @@ def groups_of(base: Base) -> tuple[str, ...]:
     """The nuisances that a base holds already."""
     shared = () if base.cells.shared is None else base.cells.shared.groups
     linear = [group for group in shared if group != ZERO]  # which no model names
-    given = base.given or base.model
     made_free = [
         n.name
         for n in base.model.nuisances
         if (names := frees(base.model, n.name))
         and _all_free(base.model, names)
-        and (n.use == "on" or n.name == FORM or not _all_free(given, names))
+        and (n.use == "on" or n.name == FORM or not _all_free(base.given, names))
     ]
     if FORM in made_free and "patch_law" in made_free:
         made_free.remove("patch_law")  # a part of the form
@@ -297,7 +296,7 @@ def _free_of_law(base: Base, groups: Sequence[str]) -> Model:
     """The base's model with the parameters of these nuisances free, of the others as given."""
     model = base.model
     for name in (n for n in groups_of(base) if frees(model, n) and n not in groups):
-        model = bound(model, base.given or base.model, name)
+        model = bound(model, base.given, name)
     return freed(model, groups)
 
 
@@ -391,7 +390,7 @@ def nuisances_found(base: Base) -> tuple[NuisanceFound, ...]:
 
 def _parameter(base: Base, nuisance: Nuisance) -> NuisanceFound:
     """A nuisance that is parameters of the model: their changes from the values given."""
-    given, parts = (base.given or base.model).values, []
+    given, parts = base.given.values, []
     for name in (n for n in frees(base.model, nuisance.name) if n in base.fit.names):
         fitted, usual = base.model.parameters[name], nuisance.sizes[0]
         own, ordinary = usual.name, usual.value

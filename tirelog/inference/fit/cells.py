@@ -238,19 +238,18 @@ AT_BOUND = 5e-3
 class Fit:
     """A model fitted to one block, alone or together with others, in the metric `white`.
 
-    Whitened residual (C, m) with the offsets taken out, Jacobian of the prediction (C, m, p) in the
-    observable's unit, prediction (C, m) without what is `beside` it: offset per log, amplitudes
-    (K,) of the cells' shared effects. Chi-square and degrees of freedom (blocks share what the
-    parameters take); `known`: the parameters' errors, of all blocks together; `cells` as they
-    were centred. `held`: parameters that stand at a bound and would leave it; `stuck`: what is left
-    looks like a step of the parameters that none of their values makes.
+    Jacobian of the prediction (C, m, p) in the observable's unit, prediction (C, m) without what is
+    `beside` it: offset per log, amplitudes (K,) of the cells' shared effects. Chi-square and
+    degrees of freedom (blocks share what the parameters take); `known`: the parameters' errors, of
+    all blocks together; `cells` as they were centred. `held`: parameters that stand at a bound and
+    would leave it; `stuck`: what is left looks like a step of the parameters that none of their
+    values makes.
     """
 
     model: Model
     names: tuple[str, ...]
     chi2: float
     freedom: float
-    residual: FloatArray
     prediction: FloatArray
     jacobian: FloatArray
     offsets: FloatArray
@@ -638,11 +637,7 @@ def finish(problem: Problem, model: Model, settled: bool) -> list[Fit]:
     slope = np.concatenate([problem.whitened([jacobian for _, jacobian in points]), of_beside])
     left = np.concatenate([residual, beside])
     ends = np.cumsum([cells.phi.size for cells in blocks])[:-1]
-    residuals = [
-        own.reshape(cells.phi.shape)
-        for own, cells in zip(np.split(residual, ends), blocks, strict=True)
-    ]
-    chi2 = [float((own**2).sum()) for own in residuals]
+    chi2 = [float((own**2).sum()) for own in np.split(residual, ends)]
     low, high = bounds(model, names)
     out = parameters_leaving(
         theta,
@@ -657,7 +652,7 @@ def finish(problem: Problem, model: Model, settled: bool) -> list[Fit]:
     moved = float(decided[~out].sum()) / len(blocks)
     chi2[0] += float((beside**2).sum())
     freedom = [
-        float(max(white.values - white.removed - level.taken - moved, 1.0))
+        float(max(white.freedom - level.taken - moved, 1.0))
         for white, level in zip(problem.whites, problem.levels, strict=True)
     ]
     known = errors_of(np.where(out, 0.0, slope), max(1.0, sum(chi2) / sum(freedom)))
@@ -672,7 +667,6 @@ def finish(problem: Problem, model: Model, settled: bool) -> list[Fit]:
             names,
             chi2[i],
             freedom[i],
-            residuals[i],
             *points[i],
             *taken[i],
             known,

@@ -424,16 +424,6 @@ def template(phi: FloatArray, values: FloatArray, knots: int = _TEMPLATE_POINTS)
     return mean_waveform(angle_sums(phi, values), knots)
 
 
-def knots_for(centre_s: FloatArray, rate_Hz: float) -> int:
-    """How many knots a template of turns with these passages (n,) may have.
-
-    No more than the samples of one of them can follow.
-    """
-    # share of the turns that may be shorter than the one whose samples are counted; twice as much
-    # counts the samples of a somewhat longer turn
-    return knots_of(rate_Hz * float(np.quantile(np.diff(centre_s), 0.05)))
-
-
 def knots_of(samples: float) -> int:
     """How many knots a mean waveform of turns with so many `samples` may have."""
     # knots of the matched filter's template per sample of a turn.  At a constant speed the odd
@@ -471,7 +461,10 @@ def refine_passages(samples: Samples, centre_s: FloatArray, rounds: int = 3) -> 
     A passage whose front cannot be fitted lies between its neighbours.
     """
     chunks = samples.chunks(centre_s, 0, centre_s.size)
-    knots = knots_for(centre_s, samples.channel.axis.rate_Hz)
+    # no more knots than the samples of a turn can follow, which a twentieth of the turns may be
+    # shorter than; twice as much counts the samples of a somewhat longer turn
+    shortest = float(np.quantile(np.diff(centre_s), 0.05))
+    knots = knots_of(samples.channel.axis.rate_Hz * shortest)
     for _ in range(rounds):
         angle = PassageAngle.through(centre_s)
         shift = _shifts(samples, chunks, angle, knots)
