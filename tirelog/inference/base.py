@@ -329,8 +329,8 @@ def _floor_of_all(
     baseline = [s.baseline_square / c**2 for s, c in zip(scatters, scales, strict=True)]
     rows = [[s.load for s in scatters], [s.load_square for s in scatters], baseline]
     scatter = Scatter(0.0, 0.0, 0.0, *map(np.concatenate, rows))
-    none = np.zeros(0)  # angles are each observable's own (`bases_by_observable`)
-    return Floor(float(within), float(between), none, scatter)
+    # by angle it is each observable's own (`bases_by_observable`)
+    return Floor(float(within), float(between), np.zeros(0), scatter)
 
 
 def bases_by_observable(base: Base, *, held_by_all: bool = False) -> tuple[Base, ...]:

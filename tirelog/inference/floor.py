@@ -355,6 +355,10 @@ def _load_of_revolutions(cells: Cells, load: FloatArray) -> FloatArray:
 # ---- The metric of size, the floor, and losses on manoeuvres left out.
 
 
+#: cells whose columns are worked on at a time, about
+_SOME_CELLS = 64
+
+
 @dataclass(frozen=True)
 class UnweightedMetric(Whitener):
     """The metric of size.
@@ -569,8 +573,7 @@ def _left_out_of(
     )
     made: list[list[Normal]] = [[] for _ in additions]
     last = np.searchsorted(np.sort(cells.manoeuvre), np.arange(cells.manoeuvres), side="right")
-    # cells whose columns are worked on at a time, about
-    cuts = np.flatnonzero(np.diff(last // 64)) + 1
+    cuts = np.flatnonzero(np.diff(last // _SOME_CELLS)) + 1
     for numbers in np.split(np.arange(cells.manoeuvres), cuts):
         rows = np.flatnonzero(np.isin(cells.manoeuvre, numbers))
         some, manoeuvre = metric.some(rows), cells.manoeuvre[rows] - numbers[0]

@@ -41,11 +41,10 @@ from tirelog.vocabulary.observables import OWN_ZERO, STRAIN, WAVEFORMS
 
 #: the model's parameter that the patch law is, if it has one: bent too much for a linear effect
 PATCH_LAW_PARAMETER = "patch_load_exponent"
-PRESSURE_LAW_PARAMETER = "patch_pressure_exponent"
 #: of each law the parameter, and the condition that it is a power of
 _LAWS = {
     "patch_law": (PATCH_LAW_PARAMETER, "load_N"),
-    "pressure_law": (PRESSURE_LAW_PARAMETER, "inflation_pressure_Pa"),
+    "pressure_law": ("patch_pressure_exponent", "inflation_pressure_Pa"),
 }
 #: standard deviation of the zero of a log's phase shift: a tenth of a degree, several times what
 #: the mean of thirty passages at 10 m/s is off by, and what the estimator tells otherwise of tires

@@ -325,7 +325,6 @@ _OTHER_LOGS: Mapping[str, tuple[str, float, float]] = {
     "inflation pressure": ("inflation_pressure_Pa", 0.7, 1.3),
     "tread age": ("distance_km", 0.3, 3.0),
 }
-_ORDER = ("first", "second", "third")
 
 
 @dataclass(frozen=True)
@@ -426,8 +425,9 @@ def _parts(
             number = float(np.hypot(value[i], value[s]))
             error = float(np.hypot(value[i] * se[i], value[s] * se[s]) / max(number, 1e-300))
             name, place = name.split(" cos ")
+            order = {"1": "first", "2": "second", "3": "third"}[place[0]]
             of_log = f" of{place[1:]}" if place[1:] else ""
-            said = f"{name} at the {_ORDER[int(place[0]) - 1]} harmonic{of_log}"
+            said = f"{name} at the {order} harmonic{of_log}"
         # the observable's for what adds to it, else a share
         unit = observed(base, name)[1] if _adds(name) else "1"
         parts.append(NuisancePart(said, number, error, unit, float(effects.sd[i])))

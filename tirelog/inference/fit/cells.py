@@ -42,11 +42,8 @@ from tirelog.vocabulary.arrays import FloatArray
 #: steps of a descent at most; twice as many only matter to fits that have not settled by then,
 #: which is said
 MOST_STEPS = 25
-#: a step that gains less than this share of the sum of squares, and less than this of it (1 is
-#: what a parameter costs that is off by its standard error), is the last; twice as much of the
-#: latter may leave a parameter off by 0.8 of its standard error
+#: a step that gains less than this share of the sum of squares is the last
 SETTLED = 1e-4
-_SETTLED_BY = 0.3
 
 
 class LeastSquares(Protocol):
@@ -124,7 +121,9 @@ def descend(
             problem.renewed()
         residual = problem.residual(theta)
         square = float((residual**2).sum())
-        if drop < settled * square and drop < _SETTLED_BY and not problem.renewed():
+        # and less than 0.3 of it (1 is what a parameter costs that is off by its standard error):
+        # twice as much may leave a parameter off by 0.8 of its standard error
+        if drop < settled * square and drop < 0.3 and not problem.renewed():
             return theta, square, True
     return theta, square, not theta.size
 
@@ -321,12 +320,12 @@ class Problem(LeastSquares):
         #: of its own among them
         sd: dict[str, float] = {}
         self.places: list[list[int]] = []
-        for number, (cells, _) in enumerate(blocks):
-            own = cells.shared.sd.tolist() if cells.shared is not None else []
-            names_of = cells.shared.names if cells.shared is not None else ()
-            keys = [name if cells.member else f"{number}: {name}" for name in names_of]
-            sd |= zip(keys, own, strict=True)
-            self.places.append([list(sd).index(key) for key in keys])
+        for number, cells in enumerate(self.cells):
+            own = cells.shared
+            sizes = {} if own is None else dict(zip(own.names, own.sd.tolist(), strict=True))
+            keyed = {n if cells.member else f"{number}: {n}": size for n, size in sizes.items()}
+            sd |= keyed
+            self.places.append([list(sd).index(key) for key in keyed])
         self.sd = np.array(list(sd.values()))
         if sd:
             self.basis, self.share, self.turn = shrinkage(self._columns() * self.sd)

@@ -41,8 +41,6 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 # (the template's) are added up chunk by chunk.
 
 
-#: samples per chunk, about: what a dozen arrays of it take stays near the processor
-CHUNK_SAMPLES = 1 << 16
 #: of the times of an axis every so many are kept, to find the others
 _STRIDE = 1 << 13
 #: a channel's step is looked for in so many of its samples, in so many runs from all over it;
@@ -112,11 +110,12 @@ class Samples:
     def chunks(self, centre_s: FloatArray, first: int, stop: int) -> list[TurnChunk]:
         """Turns [first, stop) of the run of passages `centre_s` (n,), chunk by chunk.
 
-        A chunk has about CHUNK_SAMPLES. The first turn's samples begin one period before its
+        The first turn's samples begin one period before its
         passage, the last one's end one after, if the run ends there.
         """
         spent = (centre_s[first:stop] - centre_s[first]) * self.channel.axis.rate_Hz
-        cuts = first + np.flatnonzero(np.diff(spent // CHUNK_SAMPLES)) + 1
+        # samples per chunk, about: what a dozen arrays of it take stays near the processor
+        cuts = first + np.flatnonzero(np.diff(spent // (1 << 16))) + 1
         edges = np.array([first, *cuts, stop])
         around = np.concatenate(
             [[2 * centre_s[0] - centre_s[1]], centre_s, [2 * centre_s[-1] - centre_s[-2]]]
@@ -302,6 +301,9 @@ def by_bin(
 
 #: bins round the turn of the matched filter's template, and its knots at most
 _TEMPLATE_POINTS = 512
+#: fewest chunks that processes share: less is done sooner than processes are begun; at twice as
+#: many a log of ten minutes is passed over
+_SHARED = 8
 
 
 @dataclass(frozen=True)
@@ -483,9 +485,7 @@ def _shifts(
     samples: Samples, chunks: Sequence[TurnChunk], angle: PassageAngle, knots: int
 ) -> FloatArray:
     """Shift [rad] of each passage (n,) against the mean waveform; NaN if it has no fit."""
-    # fewest chunks that processes share: less is done sooner than processes are begun; at twice as
-    # many a log of ten minutes is passed over
-    shared = len(chunks) >= 8 and readable_apart(samples.channel)
+    shared = len(chunks) >= _SHARED and readable_apart(samples.channel)
 
     def sums(number: int) -> FloatArray:
         return angle_sums(*turned(samples, angle, chunks[number])[1:])
