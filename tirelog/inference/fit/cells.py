@@ -340,9 +340,13 @@ class Problem(LeastSquares):
         """Those of all shared effects, whitened, offsets taken out, (N, K)."""
         columns = []
         for cells, places in zip(self.cells, self.places, strict=True):
+            own = cells.shared
+            if own is not None and places == list(range(self.sd.size)):
+                columns.append(own.columns)  # they may be many: without a copy
+                continue
             columns.append(np.zeros((*cells.phi.shape, self.sd.size)))
-            if cells.shared is not None:
-                columns[-1][..., places] = cells.shared.columns
+            if own is not None:
+                columns[-1][..., places] = own.columns
         return self._levelled(columns)
 
     def _levelled(self, each: Sequence[FloatArray]) -> FloatArray:
