@@ -15,6 +15,7 @@ from tests.diagnosis.toy import stack_of
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.compare import comparison_of, measured_pieces, start_from
+from tirelog.diagnosis.fitted import FitOfLogs, fit_channels_measured
 from tirelog.diagnosis.gratings import (
     MOST_SEARCHED,
     ROAD,
@@ -29,7 +30,7 @@ from tirelog.diagnosis.gratings import (
 )
 from tirelog.errors import UsageError
 from tirelog.inference.base import JointBase
-from tirelog.inference.cells.joint import JointStacks, ratio_name, ratio_of
+from tirelog.inference.cells.joint import ratio_name, ratio_of, without_ratios
 from tirelog.inference.measured import measured_gratings, several_channels
 from tirelog.inference.stacks.cut import Stacks, places_of
 from tirelog.physics import Model
@@ -81,6 +82,7 @@ def grating(
         conditions=conditions,
         manoeuvre=which,
         logs=("a.csv",),
+        place_rad=place,
     )
 
 
@@ -88,20 +90,27 @@ def three(
     *added: Added | None,
     truths: tuple[Model, ...] = (TRUTH,) * 3,
     grows: Callable[[FloatArray], FloatArray] | None = None,
-) -> JointStacks:
+) -> list[list[Stack]]:
     """Three gratings; what is added to each, or one thing to all, and how it grows with speed."""
     each = added * 3 if len(added) == 1 else added or (None,) * 3
-    parts = tuple(
+    return [
         [grating(i, truth, more, place, grows)]
         for i, (truth, more, place) in enumerate(zip(truths, each, PLACES, strict=True))
-    )
-    return JointStacks(parts, tuple(PLACES.tolist()))
+    ]
 
 
-def fitted(stacks: JointStacks, model: Model = MODEL) -> JointBase:
+def fitted(stacks: list[list[Stack]], model: Model = MODEL) -> JointBase:
     base = start_from(measured_pieces(stacks), model, several=False)
     assert isinstance(base, JointBase)
     return base
+
+
+def test_a_fit_gives_each_grating_its_own_lever_arm_too():
+    found, _ = fit_channels_measured([three()], MODEL)
+    assert found.reduced_chi2 < 1.15
+    assert found.model.values[ratio_name("g2")] == pytest.approx(RATIOS[1], rel=0.01)
+    answer = FitOfLogs(without_ratios(found.model), found)
+    assert answer.to_json()["parameters"][ratio_name("g2")]["value"] == found.values[-2]
 
 
 def bump(at: float, size: float = 8e-6, width: float = 0.15) -> Added:
@@ -153,9 +162,10 @@ def test_run_out_is_one_wave_that_each_grating_sees_from_its_place():
     wave = found["run-out cos 1"] - 1j * found["run-out sin 1"]
     assert wave == pytest.approx(2e-5 * np.exp(-0.7j), rel=0.05)
     assert base.reduced_chi2 < 1.2
-    turned = replace(
-        measured_pieces(three(run_out)), places=tuple((PLACES[::-1]).tolist())
-    )  # gratings that stand elsewhere see no one wave
+    turned = [  # gratings that stand elsewhere see no one wave
+        replace(part, place_rad=place)
+        for part, place in zip(measured_pieces(three(run_out)), PLACES[::-1], strict=True)
+    ]
     other = start_from(turned, on, several=False)
     assert other.reduced_chi2 > 3.0 * base.reduced_chi2
 
@@ -187,7 +197,7 @@ def test_a_shape_belongs_to_road_wheel_or_one_grating(added, grows, frame):
 def test_a_grating_that_no_other_agrees_with_is_left_out():
     asked = gathered(measured_pieces(three(None, bump(-1.5), None)), MODEL)
     assert asked.found.set_apart == ("g2",)
-    assert asked.found.asked == ("g1", "g3") == asked.pieces.members
+    assert asked.found.asked == ("g1", "g3") == tuple(part.member for part in asked.pieces)
     assert asked.base.reduced_chi2 < 1.2
     said = " ".join(asked.found.sentences())
     assert "g2 alone shows" in said
@@ -197,7 +207,7 @@ def test_a_grating_that_no_other_agrees_with_is_left_out():
 
 
 def test_of_two_gratings_none_is_left_out():
-    two = measured_pieces(three(None, bump(-1.5), None)).without(["g3"])
+    two = measured_pieces(three(None, bump(-1.5), None))[:2]
     asked = gathered(two, MODEL)
     assert asked.found.set_apart == ()
     assert "nothing tells which is right" in " ".join(asked.found.sentences())
@@ -228,12 +238,10 @@ def test_strengths_by_grating_and_whether_they_differ():
 
 def test_of_many_gratings_those_at_the_most_distant_angles_are_searched():
     angles = np.radians(np.arange(8) * 45.0)
-    parts = tuple([grating(i)] for i in range(8))
-    pieces = measured_pieces(JointStacks(parts, tuple(angles.tolist())))
-    some = spread_out(pieces)
-    assert some.members == ("g1", "g3", "g5", "g7")
-    assert len(some.members) == MOST_SEARCHED
-    seen = [set(part.manoeuvre.tolist()) for part in some.parts]
+    some = spread_out(measured_pieces([[grating(i, place=at)] for i, at in enumerate(angles)]))
+    assert [part.member for part in some] == ["g1", "g3", "g5", "g7"]
+    assert len(some) == MOST_SEARCHED
+    seen = [set(part.manoeuvre.tolist()) for part in some]
     assert set().union(*seen) == set(range(SPEEDS.size))
     few = measured_pieces(three())
     assert spread_out(few) is few
@@ -304,7 +312,8 @@ def test_the_setup_goes_before_the_passages_and_is_doubted(driven, given, stand,
     }
     log = replace(driven, setup=replace(driven.setup, channels=channels))
     found = measured_gratings([log], ("all",))
-    np.testing.assert_allclose(np.degrees(found.places), stand, atol=0.1)
+    angles = [part.outlines()[0].place_rad for part in (found.stacks, *found.beside)]
+    np.testing.assert_allclose(np.degrees(angles), stand, atol=0.1)
     notes = [note for note in found.notes if note.startswith("g2 stands")]
     assert len(notes) == (said is not None)
     assert said is None or re.match(said, notes[0])
@@ -316,7 +325,7 @@ def test_what_a_grating_showed_alone_is_asked_again_beside_a_named_effect():
     truths = (TRUTH.with_effect(name, offset=0.1),) * 3
     for added, alone in (((None,) * 3, ()), ((None, bump(-1.5), None), ("g2",))):
         pieces = measured_pieces(three(*added, truths=truths))
-        asked = gathered(pieces.without(["g2"]), model)
+        asked = gathered(pieces[::2], model)
         frame = Frame("g2", float(np.var(bump(-1.5)(PHI, 0.0, RATIOS[1]))) / NOISE**2, 1e-3)
         showed = replace(asked.found, frames=(frame,), names=("g1", "g2", "g3"))
         told = replace(asked, every=pieces, found=showed).with_strengths(asked.base, [name])

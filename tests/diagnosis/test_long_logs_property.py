@@ -35,7 +35,7 @@ def same(one, other):
             assert a.dtype == b.dtype, f.name
             np.testing.assert_array_equal(a, b, f.name)
         else:
-            assert a == b, f.name
+            np.testing.assert_equal(a, b, f.name)
 
 
 def with_added(recording, values):

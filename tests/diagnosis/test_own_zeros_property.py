@@ -4,7 +4,6 @@ from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from tests.diagnosis.toy import phase_shifts
@@ -66,17 +65,13 @@ def test_what_moves_along_a_log_is_told_beside_them():
 )
 def test_a_stand_in_is_tried_where_it_stands_for_nothing(observables, refused):
     """A trend with the speed also widens the patch, which no measured force tells."""
-    n = len(observables)
-    drive = Conditions.of(n, speed_m_s=20.0, longitudinal_force_N=100.0)
-    together = SimpleNamespace(observables=observables)
-    cells = SimpleNamespace(
-        together=together, observables=observables, part=np.arange(n), conditions=drive
-    )
+    drive = Conditions.of(1, speed_m_s=20.0, longitudinal_force_N=100.0)
+    blocks = [SimpleNamespace(observable=name, conditions=drive) for name in observables]
     model = Model.new("ring", observables[0], radius_m=0.305)
     model = replace(model, beside=observables[1:])
     said = pytest.raises(ModelError, match="stands for") if refused else nullcontext()
     with said:
-        refuse_stand_in(BY_ID["speed_trend"], model, cells)
+        refuse_stand_in(BY_ID["speed_trend"], model, blocks)
 
 
 def test_a_ladder_climbs_beside_them():

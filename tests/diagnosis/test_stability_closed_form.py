@@ -95,13 +95,13 @@ def several():
 
 def test_pieces_without_a_log_are_those_of_the_others():
     pieces = several()
-    rest = diagnosing.of_logs(pieces, ["c", "a"])
+    (rest,) = diagnosing.of_logs([pieces], ["c", "a"])
     assert rest.logs == ("a", "c")
     assert np.unique(rest.log).tolist() == [0, 1]
     assert np.unique(rest.manoeuvre).tolist() == list(range(16))
     assert np.array_equal(rest.values, pieces.values[pieces.log != 1], equal_nan=True)
     with pytest.raises(UsageError, match="no log is left"):
-        diagnosing.of_logs(pieces, [])
+        diagnosing.of_logs([pieces], [])
 
 
 @dataclass(frozen=True)
@@ -123,13 +123,14 @@ def test_each_log_is_left_out_once_and_of_one_none_can_be(monkeypatch):
     asked = []
 
     def found(pieces, model, effects=()):
-        asked.append(pieces.logs)
-        if pieces.logs == ("b", "c"):
+        (one,) = pieces
+        asked.append(one.logs)
+        if one.logs == ("b", "c"):
             raise ModelError("needs water_depth_mm")
-        return Said("missing", ("wear",)) if "b" in pieces.logs else Said("nothing_missing", ())
+        return Said("missing", ("wear",)) if "b" in one.logs else Said("nothing_missing", ())
 
     monkeypatch.setattr(diagnosing, "diagnose", found)
-    pieces = several()
+    pieces = [several()]
     whole, some = found(pieces, None), partial(diagnosing.of_logs, pieces)
     result = diagnosing.with_groups(whole, diagnosing.logs_of(pieces), some, None)
     assert asked[1:] == [("b", "c"), ("a", "c"), ("a", "b")]

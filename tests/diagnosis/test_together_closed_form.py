@@ -20,7 +20,7 @@ from tirelog.diagnosis.results import agreement_sentence, contributions
 from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import ModelError, UsageError
 from tirelog.inference.base import bases_by_observable, refit
-from tirelog.inference.cells.joint import JointStacks, one_drive
+from tirelog.inference.cells.joint import one_drive
 from tirelog.inference.cells.pieces import pieces_of
 from tirelog.inference.measured import measured_together
 from tirelog.physics import Model
@@ -71,8 +71,8 @@ def measured(observable: str, seed: int, truth: Model = TRUTH, repeats: int = 5)
     )
 
 
-def several(seed: int, *names: str, **truths: Model) -> JointStacks:
-    return JointStacks(tuple([measured(o, seed, truths.get(o, TRUTH))] for o in names or ALL))
+def several(seed: int, *names: str, **truths: Model) -> list[list[Stack]]:
+    return [[measured(o, seed, truths.get(o, TRUTH))] for o in names or ALL]
 
 
 def compared(stacks, model: Model):
@@ -189,11 +189,12 @@ def test_one_observable_above_its_floor_is_not_hidden_by_two_at_theirs():
     """A chi-square of 1.2 over all would pass for the floor; one has more than chance adds."""
     base = start_from(measured_pieces(several(12)), TRUTH, several=False)
     assert at_noise_floor(base, base.floor.square)
-    part = base.cells.part == 1
+    first, second, third = base.channels
     # what no parameter of the model can follow, other in each manoeuvre
-    wave = 0.35 * np.sin(9.0 * np.nan_to_num(base.cells.phi)) * part[:, None]
-    values = base.cells.values + wave * np.where(base.cells.manoeuvre % 2, 1.0, -1.0)[:, None]
-    worse = refit(replace(base, cells=replace(base.cells, values=values)), base.model)
+    wave = 0.35 * base.cells.scales[1] * np.sin(9.0 * second.cells.phi)
+    values = second.cells.values + wave * np.where(second.cells.manoeuvre % 2, 1, -1)[:, None]
+    second = replace(second, cells=replace(second.cells, values=values))
+    worse = refit(replace(base, channels=(first, second, third)), base.model)
     assert worse.reduced_chi2 < QUIET_CHI2
     strain, acceleration, _ = bases_by_observable(worse)
     limit = QUIET_CHI2 + 2.0 * np.sqrt(2.0 / acceleration.fit.freedom)

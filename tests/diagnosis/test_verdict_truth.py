@@ -142,7 +142,7 @@ def test_a_fit_short_of_a_bound_stands_at_it_and_leaving_data_out_does_not_help_
     near = tight.model.with_values(
         {"flexural_stiffness_N_m2": 99.8, "lever_arm_m": 1.3 * values["lever_arm_m"]}
     )
-    (fit,) = finish([Problem(tight.fit.cells, tight.white)], near, names, True)
+    (fit,) = finish(Problem([(tight.fit.cells, tight.white)], near, names), near, True)
     assert "flexural_stiffness_N_m2" in fit.held
     _, plain = held_out_losses(fit.cells, tight.white, tight.plain, fit)
     left = fit.cells.values - fit.prediction - fit.offsets[0]

@@ -38,6 +38,7 @@ from tirelog.diagnosis.propose import propose as proposing
 from tirelog.diagnosis.propose.propose import Proposal
 from tirelog.diagnosis.results import Comparison, Ladder
 from tirelog.errors import ModelError, UsageError, or_refusal
+from tirelog.inference.cells.joint import without_ratios
 from tirelog.inference.measured import MeasuredLogs, measured_for, motion_names
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
@@ -192,7 +193,8 @@ def fit(
         said.append(
             f"{', '.join(moving)}: told by obstacles alone; no log has a [road] in its setup: kept"
         )
-    return FitOfLogs(fitted if learned is None else learned.model, found, learned, tuple(said))
+    fitted = without_ratios(fitted if learned is None else learned.model)
+    return FitOfLogs(fitted, found, learned, tuple(said))
 
 
 def compare(measured: MeasuredLogs, model: Model) -> Comparison:
@@ -459,9 +461,9 @@ def _silent(text: str) -> None:
 
 def _one_grating(found: MeasuredLogs, question: str, do: str) -> None:
     """UsageError: several gratings were measured for one fit."""
-    if found.places:
+    if found.gratings:
         raise UsageError(
-            f"{len(found.places)} gratings in one",
+            f"{len(found.gratings)} gratings in one",
             allowed=f"{question} takes one grating; compare, diagnose, ladder and fit take several",
             do=do,
         )

@@ -387,14 +387,14 @@ def key_of(sha256: str, setup_text: str, tables: Any, version: str) -> str:
 
 
 _WORDS = ("observable", "channel", "surface", "radius_m", "logs", "notes")
+#: fields that are no arrays, and those that the pieces of one channel do not need
+_APART = (*_WORDS, "conditions", "member", "place_rad")
 
 
 def pieces_bytes(pieces: Pieces) -> bytes:
     """The content of a file that holds the pieces."""
     arrays: dict[str, Any] = {
-        f.name: getattr(pieces, f.name)
-        for f in fields(Pieces)
-        if f.name not in (*_WORDS, "conditions")
+        f.name: getattr(pieces, f.name) for f in fields(Pieces) if f.name not in _APART
     }
     arrays |= {
         f"conditions.{f.name}": getattr(pieces.conditions, f.name) for f in fields(Conditions)
@@ -412,7 +412,7 @@ def read_pieces(data: bytes) -> Pieces:
             words = json_value(str(arrays["words"]))
             words |= {name: tuple(words[name]) for name in ("logs", "notes")}
             given = {f.name: arrays[f"conditions.{f.name}"] for f in fields(Conditions)}
-            rest = (f.name for f in fields(Pieces) if f.name not in (*_WORDS, "conditions"))
+            rest = (f.name for f in fields(Pieces) if f.name not in _APART)
             rows = {name: arrays[name] for name in rest}
         return Pieces(**words, conditions=Conditions(**given), **rows)
     except (KeyError, TypeError, AttributeError, OSError, EOFError, BadZipFile) as problem:

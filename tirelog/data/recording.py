@@ -277,6 +277,7 @@ class Stack:
     regime        (n,)    'cruise', 'drive', 'coast' or 'brake'
     step, step_from       the channel's values are whole steps from `step_from`, SI; a step of 0
                           if they are not seen to be
+    place_rad             of one of several gratings its angle on the wheel, else NaN
     """
 
     observable: str
@@ -297,6 +298,12 @@ class Stack:
     logs: tuple[str, ...]
     step: float = 0.0
     step_from: float = 0.0
+    place_rad: float = float("nan")
+
+    @property
+    def member(self) -> str:
+        """The grating, if it is one of several."""
+        return self.channel if np.isfinite(self.place_rad) else ""
 
     def __len__(self) -> int:
         return int(self.values.shape[0])

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import PurePath
-from typing import Any, TypeVar
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,9 +45,8 @@ from tirelog.inference.base import (
 )
 from tirelog.inference.cells.cells import cells_of
 from tirelog.inference.cells.joint import (
-    JointPieces,
-    JointStacks,
     model_of,
+    one_drive,
     predicted,
     without_ratios,
 )
@@ -56,6 +55,7 @@ from tirelog.inference.fit.cells import centred
 from tirelog.inference.floor import UnweightedMetric, at_mean_speed, scatter_columns
 from tirelog.inference.measured import without_motion_parameters
 from tirelog.inference.nuisances import shared_by
+from tirelog.inference.stacks.cut import Stacks
 from tirelog.physics.model.file import unit_remarks
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray, IntArray
@@ -63,27 +63,32 @@ from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, STRAIN, together
 from tirelog.vocabulary.quality import Quality, marked, quality_text
 
-#: what every question is asked of: the stacks of all logs, or their pieces if the revolutions
-#: are too many to keep
-Measured = Sequence[Stack] | Pieces | JointStacks | JointPieces
+#: the stacks of each observable or grating, none if only the pieces are left
+Revolutions = Sequence[Sequence[Stack]]
+#: what every question is asked of: the stacks of all logs, of several observables or gratings those
+#: of each, or their pieces if the revolutions are too many to keep
+Measured = Sequence[Stack] | Revolutions | Pieces | Sequence[Pieces]
 
 
-def measured_pieces(measured: Measured) -> Pieces | JointPieces:
-    """The pieces of all logs.  UsageError: there is none."""
-    if not len(measured):
+def measured_pieces(measured: Measured) -> list[Pieces]:
+    """The pieces of each observable or grating.  UsageError: there is none."""
+    stacks = single_revolutions(measured)
+    if not len(measured) or not all(map(len, stacks)):
         raise UsageError(
             "no stack to compare with", allowed="at least one log is needed", do="give one"
         )
-    if isinstance(measured, JointStacks):
-        room = MOST_PIECES // len(measured.parts)
-        parts = [pieces_of_logs(part, room) for part in measured.parts]
-        return JointPieces.of(parts, measured.places)
-    return measured if isinstance(measured, Pieces | JointPieces) else pieces_of_logs(measured)
+    if not stacks:
+        return [measured] if isinstance(measured, Pieces) else list(cast(list[Pieces], measured))
+    return one_drive([pieces_of_logs(own, MOST_PIECES // len(stacks)) for own in stacks])
 
 
-def single_revolutions(measured: Measured) -> Sequence[Stack] | JointStacks:
-    """The stacks; none if only the pieces are left."""
-    return () if isinstance(measured, Pieces | JointPieces) else measured
+def single_revolutions(measured: Measured) -> Revolutions:
+    """The stacks of each observable or grating; none if only the pieces are left."""
+    if isinstance(measured, Stacks):
+        return [measured]
+    if isinstance(measured, Pieces) or not measured or isinstance(measured[0], Pieces):
+        return []
+    return cast(Revolutions, [measured] if isinstance(measured[0], Stack) else measured)
 
 
 def start(measured: Measured, model: Model) -> Base:
@@ -94,35 +99,31 @@ def start(measured: Measured, model: Model) -> Base:
     return start_from(measured_pieces(measured), model)
 
 
-def start_from(pieces: Pieces | JointPieces, model: Model, *, several: bool = True) -> Base:
+def start_from(pieces: Sequence[Pieces], model: Model, *, several: bool = True) -> Base:
     """The base of every question about these pieces."""
     if observables_of(pieces) != model.observables:
         raise other_observable(pieces, model)
     model = without_motion_parameters(model)
-    if not isinstance(pieces, JointPieces):
-        return prepare(cells_of(pieces), model, several=several)
-    places = pieces.places or (np.nan,) * len(pieces.parts)
-    cells = [
-        replace(cells_of(part), member=name, place_rad=place)
-        for part, name, place in zip(pieces.parts, pieces.members, places, strict=True)
-    ]
-    drive = [part.manoeuvre for part in pieces.parts]
+    cells = [cells_of(part) for part in pieces]
+    if len(cells) == 1:
+        return prepare(cells[0], model, several=several)
+    drive = [part.manoeuvre for part in pieces]
     return prepare_together(cells, drive, model, several=several)
 
 
-def observables_of(pieces: Pieces | JointPieces) -> tuple[str, ...]:
-    """What was measured."""
-    return pieces.observables if isinstance(pieces, JointPieces) else (pieces.observable,)
+def observables_of(pieces: Sequence[Pieces]) -> tuple[str, ...]:
+    """What was measured, each once."""
+    return tuple(dict.fromkeys(part.observable for part in pieces))
 
 
-def other_observable(pieces: Pieces | JointPieces, model: Model) -> UsageError:
+def other_observable(pieces: Sequence[Pieces], model: Model) -> UsageError:
     """The error that says that a model and a log do not fit together."""
     given = together(observables_of(pieces))
     return UsageError(
         f"the model predicts {together(model.observables)}, the log gives {given}",
         allowed="both must be the same",
         do=f"take a model for {given} (model new) or another log",
-        file=pieces.logs[0],
+        file=pieces[0].logs[0],
     )
 
 
@@ -143,19 +144,15 @@ def compare(measured: Measured, model: Model) -> Comparison:
     return replace(result, parameters=parameters_of(with_form), with_nuisances=errors)
 
 
-def comparison_of(base: Base, stacks: Sequence[Stack] | JointStacks = ()) -> Comparison:
+def comparison_of(base: Base, stacks: Revolutions = ()) -> Comparison:
     """Everything to show of a fitted base; of several observables of each, and in floors of all.
 
     The table by revolution is empty without the `stacks` that the base was made of.
     """
+    bases = bases_by_observable(base, held_by_all=True)
+    parts = tuple(map(_comparison_of_one, bases, stacks or [()] * len(bases)))
     if not isinstance(base, JointBase):
-        assert not isinstance(stacks, JointStacks)
-        return _comparison_of_one(base, stacks)
-    of_parts = stacks.parts if isinstance(stacks, JointStacks) else [()] * len(base.channels)
-    parts = tuple(
-        _comparison_of_one(part, own)
-        for part, own in zip(bases_by_observable(base, held_by_all=True), of_parts, strict=True)
-    )
+        return parts[0]
     known, cells, first = contributions(base), base.cells, parts[0]
     units = {name: p.unit for name, p in base.model.parameters.items()}
     word = "grating" if all(part.member for part in parts) else "observable"
@@ -470,31 +467,51 @@ def _of_each(model: Model, stack: Stack, angles: Mapping[str, Any]) -> FloatArra
 # ---- A fitted model against manoeuvres that nothing had touched: the one number to believe.
 
 
-Measurement = TypeVar("Measurement", Pieces, JointPieces, Pieces | JointPieces)
-
-
 def locked_away(
-    pieces: Measurement, first: int, every: int, least: float
-) -> tuple[Measurement, Measurement | None]:
+    pieces: list[Pieces], first: int, every: int, least: float
+) -> tuple[list[Pieces], list[Pieces]]:
     """(what a search may see, what nothing touches): each so many-th manoeuvre from the `first`.
 
     Nothing is locked away if fewer than `least` would be left.
     """
-    numbers = np.unique(pieces.manoeuvre)
+    numbers = manoeuvres_of(pieces)
     chosen = numbers[first::every]
     if numbers.size - chosen.size < least:
-        return pieces, None
-    mask = np.isin(pieces.manoeuvre, chosen)
-    return pieces.take(~mask), pieces.take(mask)
+        return pieces, []
+    masks = [np.isin(part.manoeuvre, chosen) for part in pieces]
+    seen = [part.take(~mask) for part, mask in zip(pieces, masks, strict=True)]
+    return seen, [part.take(mask) for part, mask in zip(pieces, masks, strict=True)]
 
 
-def _on_locked(after: Base, locked: Pieces | JointPieces) -> tuple[float, float]:
+def manoeuvres_of(pieces: Sequence[Pieces]) -> IntArray:
+    """The numbers of all manoeuvres, each once, ascending."""
+    return np.unique(np.concatenate([part.manoeuvre for part in pieces]))
+
+
+def _on_locked(after: Base, locked: Sequence[Pieces]) -> tuple[float, float]:
     """(rmse of the model on the locked manoeuvres, the floor there).
 
-    The offsets are as fitted on the others. Of several observables both are in floors.
+    Of several observables both are in floors: the root mean square over the observables, weighted
+    by their revolutions.
     """
-    if isinstance(locked, JointPieces):
-        return _on_locked_of_several(after, locked)
+    parts, scales = bases_by_observable(after), after.cells.scales
+    known = [
+        (_on_locked_of_one(part, own), scale, own.number.sum())
+        for part, own, scale in zip(parts, locked, scales, strict=True)
+        if len(own)
+    ]
+    squares = [np.square(errors) / scale**2 for errors, scale, _ in known]
+    weights = [float(number) for _, _, number in known]
+    rmse, floor = np.sqrt(np.average(squares, axis=0, weights=weights)).tolist()
+    return rmse, floor
+
+
+#: the same, or why the model has no error there
+untouched = or_refusal(_on_locked)
+
+
+def _on_locked_of_one(after: Base, locked: Pieces) -> tuple[float, float]:
+    """The same of one observable in its unit; its offsets are as fitted on the others."""
     cells = cells_of(locked)
     for _ in range(3):
         cells, _farthest = centred(cells, predicted(after.model, cells))
@@ -518,21 +535,3 @@ def _mean_within(plain: UnweightedMetric, within: FloatArray) -> float:
     """Mean square [unit^2] within manoeuvres, of that of each value (C, m)."""
     share = plain.weights**2
     return float((share * np.where(share > 0, within, 0.0)).sum() / plain.weight)
-
-
-#: the same, or why the model has no error there
-untouched = or_refusal(_on_locked)
-
-
-def _on_locked_of_several(after: Base, locked: JointPieces) -> tuple[float, float]:
-    """The root mean square over the observables, weighted by their revolutions."""
-    parts, scales = bases_by_observable(after), after.cells.scales
-    known = [
-        (_on_locked(part, own), scale, own.number.sum())
-        for part, own, scale in zip(parts, locked.parts, scales, strict=True)
-        if len(own)
-    ]
-    squares = [np.square(errors) / scale**2 for errors, scale, _ in known]
-    weights = [float(number) for _, _, number in known]
-    rmse, floor = np.sqrt(np.average(squares, axis=0, weights=weights)).tolist()
-    return rmse, floor

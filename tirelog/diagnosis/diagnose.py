@@ -28,7 +28,6 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.data.recording import Stack
 from tirelog.diagnosis.answer import (
     NUISANCES_SAID,
     PICTURES,
@@ -83,6 +82,7 @@ from tirelog.diagnosis.certainty import (
 )
 from tirelog.diagnosis.compare import (
     Measured,
+    Revolutions,
     comparison_of,
     measured_pieces,
     of_rounding,
@@ -115,8 +115,9 @@ from tirelog.diagnosis.rules import (
 )
 from tirelog.errors import TirelogError, UsageError
 from tirelog.inference.base import JointBase
-from tirelog.inference.cells.joint import JointPieces, JointStacks
+from tirelog.inference.cells.joint import one_drive
 from tirelog.inference.cells.pieces import Pieces
+from tirelog.inference.stacks.cut import outlines
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.observables import shown
@@ -156,7 +157,7 @@ class Diagnosis(AnswerRecord):
     notes: tuple[str, ...]
     next_command: str
     found: SearchResult
-    stacks: Sequence[Stack] | JointStacks
+    stacks: Revolutions
     gratings: GratingsFound | None = None
     inclusion: Mapping[str, Any] | None = None
     stability: Mapping[str, Any] | None = None
@@ -301,11 +302,10 @@ def diagnose(
     extra = tuple(effects)
     progress("fitting the model")
     pieces, stacks, gratings = measured_pieces(measured), single_revolutions(measured), None
-    if isinstance(pieces, JointPieces) and pieces.places:
+    if any(part.member for part in pieces):
         gratings = gathered(pieces, model)
-        whole = gratings.searched is gratings.pieces
-        if isinstance(stacks, JointStacks):
-            stacks = stacks.of_channels(gratings.pieces.members) if whole else ()
+        whole, left = gratings.searched is gratings.pieces, [p.member for p in gratings.pieces]
+        stacks = [own for own in stacks if whole and outlines(own)[0].member in left]
     base = start_from(pieces, model) if gratings is None else gratings.base
     progress(f"{len(base.cells)} cells of {base.cells.manoeuvres} manoeuvres; testing candidates")
     found = replace(search_effects(base, extra, progress), given=base)
@@ -313,9 +313,7 @@ def diagnose(
     return conclude(found, stacks, gratings)
 
 
-def conclude(
-    found: SearchResult, stacks: Sequence[Stack] | JointStacks, asked: Gathered | None = None
-) -> Diagnosis:
+def conclude(found: SearchResult, stacks: Revolutions, asked: Gathered | None = None) -> Diagnosis:
     """The verdict and everything that is said with it.
 
     `asked`: of several gratings what they had said before.
@@ -542,7 +540,7 @@ def _advice(found: SearchResult, verdict: str) -> tuple[list[dict[str, Any]], li
 
 
 #: the pieces of the logs of these names
-Some = Callable[[Sequence[str]], Pieces | JointPieces]
+Some = Callable[[Sequence[str]], Pieces | Sequence[Pieces]]
 
 
 def with_draws(found: Diagnosis, draws: int, effects: Iterable[Effect] = ()) -> Diagnosis:
@@ -629,26 +627,24 @@ def verdict_of_group(group: str, logs: Sequence[str], found: Diagnosis) -> Group
     )
 
 
-def logs_of(pieces: Pieces | JointPieces) -> dict[str, tuple[str, ...]]:
+def logs_of(pieces: Sequence[Pieces]) -> dict[str, tuple[str, ...]]:
     """Every log as a group of its own."""
-    return {log: (log,) for log in dict.fromkeys(pieces.logs)}
+    return {log: (log,) for part in pieces for log in part.logs}
 
 
-def of_logs(pieces: Pieces | JointPieces, logs: Iterable[str]) -> Pieces | JointPieces:
+def of_logs(pieces: Sequence[Pieces], logs: Iterable[str]) -> list[Pieces]:
     """The pieces of some of the logs; UsageError: there is none."""
     names = set(logs)
-    if not isinstance(pieces, JointPieces):
-        if (some := _of_logs(pieces, names)) is None:
-            raise UsageError("no log is left", allowed="one at least", do="give more logs")
-        return some
-    parts = [some for part in pieces.parts if (some := _of_logs(part, names)) is not None]
-    if len(parts) < len(pieces.parts):
+    parts = [some for part in pieces if (some := _of_logs(part, names)) is not None]
+    if not parts:
+        raise UsageError("no log is left", allowed="one at least", do="give more logs")
+    if len(parts) < len(pieces):
         raise UsageError(
             "a sensor is in none of the other logs",
             allowed="each observable and grating must be in one log at least",
             do="give more logs",
         )
-    return JointPieces.of(parts, pieces.places)
+    return one_drive(parts)
 
 
 def _of_logs(pieces: Pieces, names: set[str]) -> Pieces | None:

@@ -32,9 +32,9 @@ from tirelog.diagnosis.compare import (
 from tirelog.diagnosis.obstacles import FittedMotion
 from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import ModelError, UsageError
-from tirelog.inference.base import Base, FitResult, JointBase, fit_together, result_of
+from tirelog.inference.base import Base, FitResult, fit_together, result_of
 from tirelog.inference.cells.cells import cells_of, with_nuisances
-from tirelog.inference.cells.joint import JointPieces, model_of, without_ratios
+from tirelog.inference.cells.joint import model_of, with_ratios, without_ratios
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.fit.cells import Fit, bounds, inequalities
 from tirelog.inference.measured import without_motion_parameters
@@ -79,7 +79,8 @@ class FitOfLogs(AnswerRecord):
         """Values, standard errors (None: not determined) and units by name, and how good it is."""
         names = (*self.found.names, *(self.learned.names if self.learned else ()))
         errors = dict(zip(self.found.names, self.found.se, strict=True))
-        parameters = {name: self.model.parameters[name] for name in names}
+        known = {**self.found.model.parameters, **self.model.parameters}
+        parameters = {name: known[name] for name in names}
         return plain_fields(
             {
                 "observable": self.model.observable,
@@ -135,7 +136,7 @@ def fit_channels_measured(
     UsageError  there is nothing to fit, or it is not what the model predicts
     """
     given, said = [measured_pieces(channel) for channel in channels], list[str]()
-    pieces = [p for one in given for p in (one.parts if isinstance(one, JointPieces) else (one,))]
+    pieces = [part for one in given for part in one]
     _refuse(pieces, model)
     if len(pieces) > 1:
         said.append(
@@ -155,6 +156,7 @@ def fit_channels_measured(
         )
     if fitted is None:
         cells = [with_nuisances(cells_of(channel), nuisances) for channel in pieces]
+        start = with_ratios(start, cells)
         if "amplitude" in nuisances:
             # along the waveforms of the model fitted without free amplitudes: along the measured
             # ones, noise and all, a model that predicts nothing would fit best
@@ -176,7 +178,7 @@ def fit_channels_measured(
 
 
 def _with_form(
-    channels: Sequence[Pieces | JointPieces], model: Model
+    channels: Sequence[Sequence[Pieces]], model: Model
 ) -> tuple[Model, Sequence[Base] | None, list[str]]:
     """The model, with the tire's form if that earns its place, and what to say of it.
 
@@ -188,7 +190,7 @@ def _with_form(
         return model, None, []
     base = start_from(of_model[0], model)
     best = with_best_nuisances(base)
-    alone = [base] if len(channels) == 1 and not isinstance(base, JointBase) else None
+    alone = base.blocks if len(channels) == 1 else None
     if FORM not in groups_of(best) or FORM in groups_of(base):
         return model, alone, []
     factor, unit = shown(*observed(base))
@@ -215,7 +217,7 @@ def _refuse(channels: Sequence[Pieces], model: Model) -> None:
         allowed |= set(WAVEFORMS)
     for pieces in channels:
         if pieces.observable not in allowed:
-            raise other_observable(pieces, model)
+            raise other_observable([pieces], model)
         for log in np.unique(pieces.log):
             known = pieces.conditions.take(pieces.log == log)
             one = model_of(model, pieces.observable) if model.beside else model

@@ -22,18 +22,17 @@ from typing import Any, cast
 import numpy as np
 
 from tirelog.diagnosis.candidates.assessment import Scores, flip_test, hats
-from tirelog.diagnosis.compare import start_from
+from tirelog.diagnosis.compare import manoeuvres_of, start_from
 from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
 from tirelog.inference.base import Base, JointBase, bases_by_observable, fit_together
 from tirelog.inference.cells.cells import cells_of
 from tirelog.inference.cells.joint import (
     LEVER,
-    JointPieces,
     model_of,
-    own_rows,
     ratio_name,
     without_ratios,
 )
+from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.fit.cells import Problem, finish
 from tirelog.inference.metric import Normal, Offsets, Whitener
 from tirelog.inference.nuisances import shared_by, shared_effects
@@ -200,13 +199,14 @@ def members_of(base: JointBase) -> Iterator[Member]:
         rows = np.flatnonzero(cells.part == i)
         columns = np.zeros((*part.cells.phi.shape, 0))
         if shared is not None:
-            columns = own_rows(cells, i, shared.columns) * shared.sd
+            width = part.cells.phi.shape[1]
+            columns = shared.columns[rows, :width] * (shared.sd * cells.scales[i])
         own = replace(part.cells, manoeuvre=cells.manoeuvre[rows])
         wheel = shared is not None and WHEEL in shared.groups
         yield replace(part, cells=own), columns, wheel
 
 
-def members_held(pieces: JointPieces, fitted: JointBase) -> Iterator[Member]:
+def members_held(pieces: Sequence[Pieces], fitted: JointBase) -> Iterator[Member]:
     """More gratings than were fitted, one after the other, held to what the fit says.
 
     Its parameters and what its nuisances do are as they are; each grating has its own lever arm.
@@ -220,16 +220,13 @@ def members_held(pieces: JointPieces, fitted: JointBase) -> Iterator[Member]:
     held = model.with_parameters({name: model.parameters[name].fixed() for name in free})
     # means of like revolutions that each grating is asked on: thirty tell a twentieth of a squared
     # floor and take a third of a second; twice as many tell no more that matters
-    rows = [np.linspace(0, len(p) - 1, min(30, len(p))).round() for p in pieces.parts]
-    parts = [p.take(np.unique(r.astype(int))) for p, r in zip(pieces.parts, rows, strict=True)]
-    number = np.unique(replace(pieces, parts=tuple(parts)).manoeuvre, return_inverse=True)[1]
-    numbers = np.split(number, np.cumsum([len(part) for part in parts])[:-1])
-    for part, place, name, manoeuvre in zip(
-        parts, pieces.places, pieces.members, numbers, strict=True
-    ):
-        if not name:
+    rows = [np.linspace(0, len(p) - 1, min(30, len(p))).round() for p in pieces]
+    parts = [p.take(np.unique(r.astype(int))) for p, r in zip(pieces, rows, strict=True)]
+    numbers = manoeuvres_of(parts)
+    for part in parts:
+        if not part.member:
             continue
-        cells = replace(cells_of(part), place_rad=place)
+        cells = replace(cells_of(part), member="")  # its lever arm is the model's
         one = model_of(held, part.observable)
         (channel,) = fit_together([cells], one, several=False)
         beside = shared_by(channel.cells, channel.fit, groups)
@@ -240,8 +237,9 @@ def members_held(pieces: JointPieces, fitted: JointBase) -> Iterator[Member]:
         known = channel.model.parameters
         anew = channel.model.with_parameters({n: replace(known[n], free=True) for n in free})
         moved = tuple(n for n in (*free, LEVER) if n in anew.parameters)
-        (fit,) = finish([Problem(channel.cells, channel.white)], anew, moved, True)
-        own = replace(fit.cells, member=name, manoeuvre=manoeuvre)
+        (fit,) = finish(Problem([(channel.cells, channel.white)], anew, moved), anew, True)
+        number = np.searchsorted(numbers, part.manoeuvre)
+        own = replace(fit.cells, member=part.member, manoeuvre=number)
         yield replace(channel, fit=fit, cells=own), np.zeros((*own.phi.shape, 0)), WHEEL in groups
 
 
@@ -445,9 +443,9 @@ class Gathered:
     those with what others contradict.
     """
 
-    every: JointPieces
-    pieces: JointPieces
-    searched: JointPieces
+    every: list[Pieces]
+    pieces: list[Pieces]
+    searched: list[Pieces]
     base: JointBase
     found: GratingsFound
 
@@ -472,48 +470,48 @@ class Gathered:
         return replace(found, strengths=strengths_of(seen, result, selected))
 
 
-def gathered(pieces: JointPieces, model: Model) -> Gathered:
+def gathered(pieces: list[Pieces], model: Model) -> Gathered:
     """What is to be asked of several gratings: those that no other contradicts.
 
     A grating that shows what no other does is left out if most remain, two at least.
     """
 
     every, searched = pieces, spread_out(pieces)
-    names = tuple(name for name in pieces.members if name)
-    places = tuple(float(np.degrees(p) % 360.0) for p in pieces.places if np.isfinite(p))
+    names = tuple(part.member for part in pieces if part.member)
+    places = tuple(float(np.degrees(part.place_rad) % 360.0) for part in pieces if part.member)
     base = cast(JointBase, start_from(searched, model))
     frames = frames_of(members_of(base) if searched is pieces else members_held(pieces, base))
     found = GratingsFound(names, places, frames, ())
     out = found.alone
     if out and len(names) - len(out) >= max(2, len(out) + 1):
-        found, pieces = replace(found, set_apart=out), pieces.without(out)
+        found = replace(found, set_apart=out)
+        pieces = [part for part in pieces if part.member not in out]
         searched = spread_out(pieces)
         base = cast(JointBase, start_from(searched, model))
     found = replace(
         found,
         asked=tuple(name for name in names if name not in found.set_apart),
-        searched=() if searched is pieces else searched.members,
+        searched=() if searched is pieces else tuple(part.member for part in searched),
     )
     return Gathered(every, pieces, searched, base, found)
 
 
-def spread_out(pieces: JointPieces) -> JointPieces:
+def spread_out(pieces: list[Pieces]) -> list[Pieces]:
     """The pieces themselves if they are of few gratings; of more those at the most distant angles.
 
     Of each of these every other piece or so, in turn, so that each manoeuvre is seen by several.
     """
-    gratings = [i for i, name in enumerate(pieces.members) if name]
+    gratings = [i for i, part in enumerate(pieces) if part.member]
     if len(gratings) < MOST_SEARCHED:
         return pieces
-    place, chosen = np.array(pieces.places), gratings[:1]
+    place, chosen = np.array([part.place_rad for part in pieces]), gratings[:1]
     while len(chosen) < MOST_SEARCHED:
         off = np.abs(np.angle(np.exp(1j * (place[gratings][:, None] - place[chosen]))))
         chosen.append(gratings[int(off.min(axis=1).argmax())])
-    rest = [pieces.members[i] for i in gratings if i not in chosen]
-    some = pieces.without(rest) if rest else pieces
-    total = sum(len(part) for part in some.parts)
+    some = [part for i, part in enumerate(pieces) if i in chosen or not part.member]
     # means of like revolutions that a search of them takes, or as many as one grating has: a search
     # takes 0.2 to 0.4 s for each
-    every = int(np.clip(np.ceil(total / 80), 1, MOST_SEARCHED))
-    kept = [(np.arange(len(part)) + i) % every == 0 for i, part in enumerate(some.parts)]
-    return some.take(np.concatenate(kept)) if every > 1 else some
+    every = int(np.clip(np.ceil(sum(map(len, some)) / 80), 1, MOST_SEARCHED))
+    if every == 1:
+        return pieces if len(some) == len(pieces) else some
+    return [part.take((np.arange(len(part)) + i) % every == 0) for i, part in enumerate(some)]

@@ -29,6 +29,7 @@ from tirelog.diagnosis.candidates.search import Progress, SearchResult, search_e
 from tirelog.diagnosis.compare import (
     Measured,
     locked_away,
+    manoeuvres_of,
     measured_pieces,
     remarks_of,
     start,
@@ -41,8 +42,7 @@ from tirelog.diagnosis.results import Ladder, LadderStep
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base
-from tirelog.inference.cells.joint import JointPieces
-from tirelog.inference.fit.cells import Problem
+from tirelog.inference.cells.joint import linearised, of_all
 from tirelog.inference.metric import Normal, solve_scaled
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
@@ -68,11 +68,11 @@ def ladder(
     # with twice as many, logs of fewer than 27 manoeuvres have none locked
     seen, locked = locked_away(measured_pieces(measured), first=3, every=7, least=12)
     progress("fitting the model")
-    asked = gathered(seen, model) if isinstance(seen, JointPieces) and seen.places else None
+    asked = gathered(seen, model) if any(part.member for part in seen) else None
     if asked is not None:
         seen = asked.searched
-        if isinstance(locked, JointPieces):
-            locked = locked.without([n for n in locked.members if n not in asked.searched.members])
+        left = [part.member for part in seen]
+        locked = [part for part in locked if part.member in left]
     base = start(seen, model) if asked is None else asked.base
     effects = tuple(effects)
     found = search_effects(base, effects, progress)
@@ -98,13 +98,13 @@ def ladder(
                 after = after.with_scatter_estimated
                 steps.append(_removed(after, top, dropped))
             verdict = _reached(found.before, after)
-    on_locked = untouched(after, locked) if locked is not None else (None, None)
+    on_locked = untouched(after, locked) if locked else (None, None)
     fails = verdict != "at_the_floor" and not at_noise_floor(after, after.floor.square)
     untested = list(found.untested)
     if isinstance(on_locked, ModelError):
         untested.append(f"No error on the manoeuvres that nothing had touched: {on_locked.what}.")
         on_locked = None, None
-    kept_back = int(np.unique(locked.manoeuvre).size) if locked is not None else 0
+    kept_back = int(manoeuvres_of(locked).size) if locked else 0
     if kept_back:
         untested.append(
             f"{kept_back} of {base.cells.manoeuvres + kept_back} manoeuvres are locked away until "
@@ -224,7 +224,8 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
     """
     own = next(e for e in base.model.effects if e.id == effect)
     names = [f"{effect}.{name}" for name in own.effect.strength]
-    _, slopes = Problem(base.cells, base.white).linearised(base.model, names, {})
+    each = [linearised(base.model, one.cells, names, {})[1] for one in base.blocks]
+    slopes = of_all(base.cells, each)
     columns = np.concatenate([slopes, np.ones_like(base.cells.phi)[..., None]], axis=-1)
     residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside)
     normal = Normal.of(base.white(columns), base.white(residual), base.cells.log)

@@ -6,11 +6,11 @@ Stack, Model -> cells -> fit in the cells' own metric -> scatter between manoeuv
 Several channels of one tire are fitted together: each has its metric, its scatter and its offsets,
 all have the parameters.
 
-Several observables in one question (`prepare_together`) are one `JointBase`: cells under each
-other in floors (`cells.joint`), each with its own metric and floor, one fit. Whatever works on a
-Base works on it: candidates, nuisances, held-out losses. `bases_by_observable` gives the base of
-each observable in its own unit, at the parameters of the fit to all. The errors of one observable,
-and what is left of it, are those of its base.
+Several observables in one question (`prepare_together`) are one `JointBase`: a list of blocks, each
+in its own unit with its own metric and floor, in one fit; and their cells under each other in
+floors (`cells.joint`), so that whatever works on a Base works on it: candidates, nuisances,
+held-out losses. `bases_by_observable` gives the base of each observable at the parameters of the
+fit to all. The errors of one observable, and what is left of it, are those of its base.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.cells.cells import Cells
+from tirelog.inference.cells.cells import Cells, SharedEffects
 from tirelog.inference.cells.joint import (
     LEVER,
+    at_lever,
     in_bins,
     joined_cells,
-    parts_of,
+    of_all,
     predicted,
     with_ratios,
 )
@@ -36,10 +37,7 @@ from tirelog.inference.fit.cells import (
     MOST_STEPS,
     Errors,
     Fit,
-    Problem,
-    finish,
-    fit_channels,
-    fits_apart,
+    fit_blocks,
 )
 from tirelog.inference.floor import (
     Floor,
@@ -47,13 +45,14 @@ from tirelog.inference.floor import (
     UnweightedMetric,
     at_mean_speed,
     held_out_losses,
+    load_derivative,
     load_slopes,
     losses_of_errors,
     measure_floor,
     measure_scatter,
     scatter_columns,
 )
-from tirelog.inference.metric import Whitener, whitener
+from tirelog.inference.metric import Whitener, stacked, whitener
 from tirelog.inference.nuisances import (
     FORM,
     asked_for,
@@ -77,10 +76,6 @@ from tirelog.vocabulary.observables import STRAIN
 #                       -> less its columns times the amplitudes: the bend
 
 
-#: groups of nuisances that change parameters of the model
-_BENDING = ("drift", "rolling")
-
-
 def bends(cells: Cells, fit: Fit, whole: Cells | None = None) -> FloatArray:
     """What drift and rolling radius do to the cells of a fit beyond their columns, (C, m).
 
@@ -91,10 +86,11 @@ def bends(cells: Cells, fit: Fit, whole: Cells | None = None) -> FloatArray:
     shared, changes = cells.shared, relative_changes(cells, fit, whole)
     if shared is None or not changes:
         return bent
+    # groups of nuisances that change parameters of the model
     own = [
         i
         for i, (name, group) in enumerate(zip(shared.plain_names, shared.group, strict=True))
-        if group in _BENDING and not name.startswith("baseline")
+        if group in ("drift", "rolling") and not name.startswith("baseline")
     ]
     linear = shared.columns[..., own] @ fit.amplitudes[own]
     for c in range(len(cells)):
@@ -107,27 +103,6 @@ def bends(cells: Cells, fit: Fit, whole: Cells | None = None) -> FloatArray:
     return bent
 
 
-#: before anything is fitted the model may miss this share of the waveform's rms; it weighs
-#: channels and cells for the first fit alone: with twice as much, noisy and quiet ones count more
-#: alike in it
-_FIRST_DISCREPANCY = 0.03
-#: a discrepancy below this share of the floor is none; twice as much passes over up
-#: to 4 % of the floor's square
-_LEAST_DISCREPANCY = 0.02
-
-
-#: rounds of a fit and the scatter that it leaves, at most: scatter of 3 % takes five, none two;
-#: twice as many take longer only if none of them settles
-_MOST_ROUNDS = 7
-#: steps of a fit in one round, since the next measures the scatter anew; once it has settled, the
-#: fit is finished. Twice as many take longer and end at the same
-_STEPS_OF_ROUND = 3
-#: loads that move by less from round to round, relative, have settled: a waveform bends by the
-#: tenth part of that; with twice as much, chi-square is 0.02 more where loads scatter by 3 %
-_SAME_LOAD = 0.004
-#: mean square by which the bends move from round to round, over the floor's: settled below it;
-#: twice as much ends a round earlier, with bends off by up to a thirteenth of the floor
-_SAME_BEND = 0.003
 #: step of an angle's derivative [rad]; its error is the square of it over that of a pulse's width
 _STEP = 1e-3
 
@@ -149,12 +124,17 @@ class Base:
     fit: Fit
     discrepancy: float
     raw: Cells
-    given: Model | None = None
+    given: Model
     held: tuple[FloatArray, FloatArray] | None = None
 
     @property
     def model(self) -> Model:
         return self.fit.model
+
+    @property
+    def blocks(self) -> tuple[Base, ...]:
+        """What is fitted together, each in its unit: itself, of several observables each."""
+        return (self,)
 
     @property
     def noise(self) -> Whitener:
@@ -218,7 +198,8 @@ class Base:
         the parameters adds to the scatter of one manoeuvre and makes up for that of another.
         """
         missed = losses_of_errors(self.cells, self.white, self.plain, self.fit)
-        columns = scatter_columns(self.cells, self.fit)
+        slopes = of_all(self.cells, [load_derivative(one.cells, one.fit) for one in self.blocks])
+        columns = np.stack([slopes, np.ones_like(slopes)], axis=-1)
         square = self.floor.scatter.square(np.nan_to_num(columns))
         scattered = (self.plain.weights**2 * square).sum(axis=1)
         between = np.bincount(self.cells.manoeuvre, scattered, self.cells.manoeuvres)
@@ -240,22 +221,15 @@ class Base:
 
         Once an effect is in, less is taken for scatter.
         """
-        parts = bases_by_observable(self)
         anew = _with_scatter(
             [
                 replace(
-                    part,
-                    raw=replace(part.raw, phi=part.cells.phi, moved=part.cells.moved),
-                    fit=replace(part.fit, model=self.model),
-                    held=None,
+                    one, raw=replace(one.raw, phi=one.cells.phi, moved=one.cells.moved), held=None
                 )
-                for part in parts
+                for one in self.blocks
             ]
         )
-        if self.cells.parts:
-            drive = [self.cells.manoeuvre[self.cells.part == i] for i in range(len(parts))]
-            anew = [_joined(anew, self.cells.scales, drive)]
-        return replace(anew[0], given=self.given)
+        return _together(anew, self.cells)
 
 
 @dataclass(frozen=True)
@@ -264,20 +238,31 @@ class JointBase(Base):
 
     channels: tuple[Base, ...] = ()
 
+    @property
+    def blocks(self) -> tuple[Base, ...]:
+        return self.channels
+
     @cached_property
     def held_alone(self) -> tuple[Base, ...]:
         """`bases_by_observable`, once: it is asked for whenever a rule looks at each observable."""
-        return _apart(self, held_by_all=False)
+        return tuple(_of_one(self, i) for i in range(len(self.channels)))
 
     @cached_property
     def held_by_all(self) -> tuple[Base, ...]:
         """`bases_by_observable` with the manoeuvre left out of all observables, once."""
-        return _apart(self, held_by_all=True)
+        found = []
+        for i, own in enumerate(self.held_alone):
+            rows = self.cells.part == i
+            white, plain = held_out_losses(self.cells, self.white, self.plain, self.fit, of=rows)
+            seen = np.unique(self.cells.manoeuvre[rows])
+            held = white[seen], plain[seen] * self.cells.scales[i] ** 2
+            found.append(replace(own, held=held))
+        return tuple(found)
 
     @property
     def noise(self) -> Whitener:
         """Of each observable its own."""
-        return whiteners_joined([one.noise for one in bases_by_observable(self)], self.cells)
+        return whiteners_joined([one.noise for one in self.channels], self.cells)
 
 
 def prepare_together(
@@ -288,31 +273,50 @@ def prepare_together(
     drive  of each the manoeuvre of its rows, numbered through all observables
     ModelError if it cannot be computed at these speeds.
     """
-    conditions = Conditions.concatenate([own.conditions for own in cells])
-    model = with_ratios(model.resolved(conditions), cells)
-    channels = _fitted(cells, model, several)
+    channels = fit_together(cells, with_ratios(model, cells), several=several)
     scales = [float(np.sqrt(channel.floor.square)) for channel in channels]
-    return replace(_joined(channels, scales, drive), given=model)
+    return _joined(channels, scales, drive)
+
+
+def _together(blocks: Sequence[Base], before: Cells) -> Base:
+    """Blocks as one base, with the scales and the manoeuvres of the cells that it had `before`."""
+    if not before.parts:
+        return blocks[0]
+    drive = [before.manoeuvre[before.part == i] for i in range(len(blocks))]
+    return _joined(blocks, before.scales, drive)
 
 
 def _joined(
     channels: Sequence[Base], scales: Sequence[float], drive: Sequence[IntArray]
 ) -> JointBase:
     """Fitted channels as one base."""
-    first = channels[0].fit
     cells = joined_cells([channel.cells for channel in channels], scales, drive)
     white = whiteners_joined([channel.white for channel in channels], cells)
-    if cells.shared is None or not any(channel.cells.member for channel in channels):
-        (fit,) = finish([Problem(cells, white)], first.model, first.names, first.settled)
-    else:  # each grating had amplitudes of its own so far, of what is one to all
-        (fit,) = fit_channels([(cells, white)], first.model, several=False)
-        cells = fit.cells
     plain = UnweightedMetric.of(cells)
     missed = sum(c.discrepancy / s**2 * len(c.cells) for c, s in zip(channels, scales, strict=True))
     floor = _floor_of_all([channel.floor for channel in channels], scales, plain, cells.part)
-    raw = joined_cells([channel.raw for channel in channels], scales, drive)
-    own = cells, white, plain, floor, fit, missed / len(cells), raw
+    fit = _fit_of_all(cells, [channel.fit for channel in channels])
+    own = cells, white, plain, floor, fit, missed / len(cells), cells, channels[0].given
     return JointBase(*own, channels=tuple(channels))
+
+
+def _fit_of_all(cells: Cells, fits: Sequence[Fit]) -> Fit:
+    """The fits of blocks as one of all their `cells`, in floors."""
+    known = [(fit.cells.shared, fit.amplitudes) for fit in fits]
+    found = {n: a for own, x in known if own for n, a in zip(own.names, x, strict=True)}
+    names = () if cells.shared is None else cells.shared.names
+    levels = [fit.levels / s for fit, s in zip(fits, cells.scales, strict=True)]
+    first = np.unique(cells.log, return_index=True)[1]
+    return replace(
+        fits[0],
+        chi2=sum(fit.chi2 for fit in fits),
+        freedom=sum(fit.freedom for fit in fits),
+        prediction=of_all(cells, [fit.prediction for fit in fits], np.nan),
+        jacobian=of_all(cells, [fit.jacobian for fit in fits]),
+        offsets=np.concatenate(levels)[first],
+        amplitudes=np.array([found[name] for name in names]),
+        cells=cells,
+    )
 
 
 def _floor_of_all(
@@ -325,8 +329,8 @@ def _floor_of_all(
     baseline = [s.baseline_square / c**2 for s, c in zip(scatters, scales, strict=True)]
     rows = [[s.load for s in scatters], [s.load_square for s in scatters], baseline]
     scatter = Scatter(0.0, 0.0, 0.0, *map(np.concatenate, rows))
-    none = np.zeros(0)  # angles are each observable's own (`bases_by_observable`)
-    return Floor(float(within), float(between), none, scatter)
+    # by angle it is each observable's own (`bases_by_observable`)
+    return Floor(float(within), float(between), np.zeros(0), scatter)
 
 
 def bases_by_observable(base: Base, *, held_by_all: bool = False) -> tuple[Base, ...]:
@@ -340,43 +344,36 @@ def bases_by_observable(base: Base, *, held_by_all: bool = False) -> tuple[Base,
     return base.held_by_all if held_by_all else base.held_alone
 
 
-def _apart(base: JointBase, held_by_all: bool) -> tuple[Base, ...]:
-    fits = fits_apart(replace(base.fit, cells=base.cells))
-    found = []
-    for i, (channel, raw, fit) in enumerate(
-        zip(base.channels, parts_of(base.raw), fits, strict=True)
-    ):
-        more = (len(fit.names) - len(channel.fit.names)) / len(fits)
-        own = replace(fit.cells, cell=channel.cells.cell)
-        fit = replace(fit, freedom=max(channel.fit.freedom - more, 1.0), cells=own)
-        held, given = None, base.given
-        if held_by_all:
-            rows = base.cells.part == i
-            losses = held_out_losses(base.cells, base.white, base.plain, base.fit, of=rows)
-            seen = np.unique(base.cells.manoeuvre[rows])
-            held = losses[0][seen], losses[1][seen] * base.cells.scales[i] ** 2
-        if given is not None:
-            given = replace(given, observable=fit.model.observable, beside=fit.model.beside)
-        found.append(replace(channel, cells=own, fit=fit, raw=raw, held=held, given=given))
-    return tuple(found)
+def _of_one(base: JointBase, number: int) -> Base:
+    """The base of one observable, with the model as that sees it."""
+    one = base.channels[number]
+    own = one.cells.observable
+    others = tuple(name for name in base.model.observables if name != own)
+    seen = at_lever(replace(base.model, observable=own, beside=others), one.cells.member)
+    given = replace(base.given, observable=own, beside=others)
+    return replace(one, fit=replace(one.fit, model=seen), given=given)
 
 
 def whiteners_joined(whites: Sequence[Whitener], cells: Cells) -> Whitener:
     """The metrics of several observables as one on all their cells; none couples two of them."""
-    C, width = cells.phi.shape
-    most = max(white.basis.shape[2] for white in whites)
-    inverse, basis, shrink = np.zeros((C, width)), np.zeros((C, width, most)), np.zeros((C, most))
-    groups, group_basis = [], []
+    width, most = cells.phi.shape[1], max(white.basis.shape[2] for white in whites)
+    inverse, basis, shrink, groups, group_basis = [], [], [], [], []
     for i, (white, scale) in enumerate(zip(whites, cells.scales, strict=True)):
-        rows, (_, m, k) = np.flatnonzero(cells.part == i), white.basis.shape
-        inverse[rows, :m] = white.inverse_sd * scale
-        basis[rows, :m, :k], shrink[rows, :k] = white.basis, white.shrink
-        for group, angles in zip(white.groups, white.group_basis, strict=True):
-            groups.append(rows[group])
-            wide = in_bins(angles.reshape(group.size, m, -1), width, 0.0)
-            group_basis.append(wide.reshape(-1, angles.shape[-1]))
-    group_shrink = tuple(one for white in whites for one in white.group_shrink)
-    return Whitener(inverse, basis, shrink, tuple(groups), tuple(group_basis), group_shrink)
+        m, more = white.inverse_sd.shape[1], (0, most - white.basis.shape[2])
+        inverse.append(in_bins(white.inverse_sd * scale, width, 0.0))
+        basis.append(in_bins(np.pad(white.basis, ((0, 0), (0, 0), more)), width, 0.0))
+        shrink.append(np.pad(white.shrink, ((0, 0), more)))
+        groups += [np.flatnonzero(cells.part == i)[group] for group in white.groups]
+        angles = [one.reshape(-1, m, one.shape[-1]) for one in white.group_basis]
+        group_basis += [stacked(in_bins(one, width, 0.0)) for one in angles]
+    return Whitener(
+        np.concatenate(inverse),
+        np.concatenate(basis),
+        np.concatenate(shrink),
+        tuple(groups),
+        tuple(group_basis),
+        tuple(one for white in whites for one in white.group_shrink),
+    )
 
 
 def prepare(cells: Cells, model: Model, *, several: bool = True) -> Base:
@@ -384,34 +381,31 @@ def prepare(cells: Cells, model: Model, *, several: bool = True) -> Base:
 
     ModelError if it cannot be computed at these speeds.
     """
-    model = model.resolved(cells.conditions)
-    return replace(_fitted([cells], model, several)[0], given=model)
+    return fit_together([cells], model, several=several)[0]
 
 
 def fit_together(channels: Sequence[Cells], model: Model, *, several: bool = True) -> list[Base]:
-    """The model fitted to all channels at once; of one channel the fit of `prepare`.
+    """The model fitted to all channels at once, each with its floor and its scatter.
 
     ModelError if it cannot be computed at these speeds.
     """
-    conditions = Conditions.concatenate([cells.conditions for cells in channels])
-    return _fitted(channels, model.resolved(conditions), several)
-
-
-def _fitted(channels: Sequence[Cells], model: Model, several: bool) -> list[Base]:
-    """The channels with their scatter."""
     keep_freed()
-    rough = [_FIRST_DISCREPANCY**2 * float(np.nanmean(cells.values**2)) for cells in channels]
-    whites = [whitener(cells, missed) for cells, missed in zip(channels, rough, strict=True)]
     conditions = Conditions.concatenate([cells.conditions for cells in channels])
-    always = asked_for(model, conditions)
-    model = freed(model, always)
-    fits = fit_channels(list(zip(channels, whites, strict=True)), model, several=several)
+    given = model.resolved(conditions)
+    # before anything is fitted the model may miss this share of the waveform's rms; it weighs
+    # channels and cells for the first fit alone: with twice as much, noisy and quiet ones count
+    # more alike in it
+    rough = [0.03**2 * float(np.nanmean(cells.values**2)) for cells in channels]
+    whites = [whitener(cells, missed) for cells, missed in zip(channels, rough, strict=True)]
+    always = asked_for(given, conditions)
+    blocks = list(zip(channels, whites, strict=True))
+    fits = fit_blocks(blocks, freed(given, always), several=several)
     begun = []
     for white, fit, missed in zip(whites, fits, rough, strict=True):
         raw = replace(fit.cells, shared=shared_by(fit.cells, fit, always))
         unknown = Floor(0.0, 0.0, np.zeros(0), Scatter(0.0, 0.0, 0.0, *np.zeros((3, len(raw)))))
         plain = UnweightedMetric.of(raw)
-        begun.append(Base(raw, white, plain, unknown, fit, missed, raw))
+        begun.append(Base(raw, white, plain, unknown, fit, missed, raw, given))
     return _with_scatter(begun)
 
 
@@ -424,10 +418,14 @@ def _with_scatter(known: Sequence[Base]) -> list[Base]:
     """
     known = [replace(one, cells=at_mean_speed(one.raw, one.fit)) for one in known]
     values = [one.cells.values for one in known]
-    for number in range(_MOST_ROUNDS):
+    # rounds of a fit and the scatter that it leaves, at most: scatter of 3 % takes five, none two;
+    # twice as many take longer only if none of them settles
+    for number in range(7):
         before, known = known, list(map(_in_scatter, known, values))
         settled = number > 0 and all(map(_unmoved, known, before))
-        known = _fitted_again(known, _STEPS_OF_ROUND)
+        # steps of a fit in one round, since the next measures the scatter anew; once it has
+        # settled, the fit is finished. Twice as many take longer and end at the same
+        known = _fitted_again(known, 3)
         if settled:
             break
     return known if known[0].fit.settled else _fitted_again(known, MOST_STEPS)
@@ -436,7 +434,7 @@ def _with_scatter(known: Sequence[Base]) -> list[Base]:
 def _fitted_again(channels: Sequence[Base], steps: int) -> list[Base]:
     """The channels with the model fitted to all of them from where it is, in so many steps."""
     in_metric = [(one.cells, one.white) for one in channels]
-    fits = fit_channels(in_metric, channels[0].model, several=False, steps=steps)
+    fits = fit_blocks(in_metric, channels[0].model, several=False, steps=steps)
     return [replace(one, cells=fit.cells, fit=fit) for one, fit in zip(channels, fits, strict=True)]
 
 
@@ -444,7 +442,11 @@ def _unmoved(now: Base, then: Base) -> bool:
     """Have loads, and what they and the nuisances bend, settled since the round before?"""
     moved = np.abs(now.floor.scatter.load - then.floor.scatter.load).max()
     turned = (now.plain(now.cells.values - then.cells.values) ** 2).sum() / now.plain.weight
-    return bool(moved < _SAME_LOAD and turned < _SAME_BEND * now.floor.square)
+    # loads that move by less from round to round, relative, have settled: a waveform bends by the
+    # tenth part of that; with twice as much, chi-square is 0.02 more where loads scatter by 3 %
+    # mean square by which the bends move from round to round, over the floor's: settled below it;
+    # twice as much ends a round earlier, with bends off by up to a thirteenth of the floor
+    return bool(moved < 0.004 and turned < 0.003 * now.floor.square)
 
 
 def _in_scatter(base: Base, values: FloatArray) -> Base:
@@ -468,7 +470,9 @@ def _in_scatter(base: Base, values: FloatArray) -> Base:
     floor = measure_floor(cells, plain, columns, scatter)
     left = np.nan_to_num(cells.values - fit.prediction - fit.beside)
     beyond = plain.mean_square((plain(left) ** 2).sum()) - floor.between
-    missed = beyond if beyond > _LEAST_DISCREPANCY * floor.square else 0.0
+    # a discrepancy below this share of the floor is none; twice as much passes over up to 4 % of
+    # the floor's square
+    missed = beyond if beyond > 0.02 * floor.square else 0.0
     white = _metric(cells, missed, columns, scatter)
     return replace(base, cells=cells, white=white, floor=floor, discrepancy=missed)
 
@@ -480,7 +484,7 @@ def _with_shift_of(fit: Fit, cells: Cells) -> Cells:
     misses, and a form would shift its patch by the difference.
     """
     formed = any(effect.id == FORM for effect in fit.model.effects)
-    if not formed or cells.phi.shape[1] == 1 or cells.parts:
+    if not formed or cells.phi.shape[1] == 1:
         return cells
     up, down = (
         predicted(fit.model, replace(cells, phi=cells.phi + step)) for step in (_STEP, -_STEP)
@@ -495,10 +499,11 @@ def _metric(cells: Cells, missed: float, columns: FloatArray, scatter: Scatter) 
     )
 
 
-def change_to(base: Base, model: Model) -> FloatArray | ModelError:
+@or_refusal
+def change_to(base: Base, model: Model) -> FloatArray:
     """What another model predicts beyond the fitted one, (C, m), or why it cannot be computed."""
-    there = or_refusal(predicted)(model, base.cells)
-    return there if isinstance(there, ModelError) else there - base.fit.prediction
+    there = [predicted(model, one.cells) for one in base.blocks]
+    return of_all(base.cells, there, np.nan) - base.fit.prediction
 
 
 @or_refusal
@@ -508,14 +513,34 @@ def refit_without(base: Base, *effects: str) -> Base | ModelError:
 
 
 @or_refusal
-def refit(base: Base, model: Model, *, several: bool = False) -> Base:
+def refit(
+    base: Base,
+    model: Model,
+    *,
+    several: bool = False,
+    shared: Sequence[SharedEffects | None] | None = None,
+) -> Base:
     """Another model on the same cells, metric and floor, or why it cannot be computed.
 
-    It may have an effect more, or other start values.
+    It may have an effect more, or other start values; `shared`: of each block the effects beside
+    it, if these are others than so far.
     """
-    model = model.resolved(base.cells.conditions)
-    (fit,) = fit_channels([(base.cells, base.white)], model, several=several)
-    return replace(base, cells=fit.cells, fit=fit, held=None)
+    model, cells = model.resolved(base.cells.conditions), [one.cells for one in base.blocks]
+    if shared is not None:
+        cells = [replace(own, shared=new) for own, new in zip(cells, shared, strict=True)]
+    whites = [one.white for one in base.blocks]
+    return with_fits(base, fit_blocks(list(zip(cells, whites)), model, several=several))
+
+
+def with_fits(
+    base: Base, fits: Sequence[Fit], held: tuple[FloatArray, FloatArray] | None = None
+) -> Base:
+    """The base with a fit of each of its blocks, in the metric and with the floor that it has."""
+    anew = []
+    for one, fit in zip(base.blocks, fits, strict=True):
+        raw = replace(one.raw, shared=fit.cells.shared)
+        anew.append(replace(one, cells=fit.cells, raw=raw, fit=fit, held=None))
+    return replace(_together(anew, base.cells), held=held)
 
 
 def with_fewer_cells(base: Base, most: int) -> Base:
@@ -523,37 +548,28 @@ def with_fewer_cells(base: Base, most: int) -> Base:
 
     The cells span logs, manoeuvres and speeds; no observable goes without.
     """
-    cells, fit = base.cells, base.fit
-    if len(cells) <= most:
+    if len(base.cells) <= most:
         return base
-    chosen = []
-    for i in range(len(cells.members)):
-        own = np.flatnonzero(cells.part == i)
-        few = max(2, round(most * own.size / len(cells)))
-        chosen.append(own[np.unique(np.linspace(0, own.size - 1, few).round().astype(int))])
-    rows = np.concatenate(chosen)
-    cells = cells.take(rows)
-    cells = replace(cells, manoeuvre=np.unique(cells.manoeuvre, return_inverse=True)[1])
-    kept = {name: getattr(fit, name)[rows] for name in ("prediction", "jacobian", "residual")}
-    fit = replace(fit, cells=cells, **kept)
-    channels = base.channels if isinstance(base, JointBase) else (base,)
-    whites = [
-        _metric(own.cells, one.discrepancy, scatter_columns(own.cells, own), one.floor.scatter)
-        for own, one in zip(fits_apart(fit), channels, strict=True)
-    ]
-    white = whiteners_joined(whites, cells) if cells.parts else whites[0]
-    plain = UnweightedMetric.of(cells)
-    return replace(base, cells=cells, white=white, plain=plain, fit=fit, held=None)
+    blocks, chosen = [], []
+    for number, one in enumerate(base.blocks):
+        few = max(2, round(most * len(one.cells) / len(base.cells)))
+        rows = np.unique(np.linspace(0, len(one.cells) - 1, few).round().astype(int))
+        chosen.append(np.flatnonzero(base.cells.part == number)[rows])
+        cells = one.cells.take(rows)
+        cells = replace(cells, manoeuvre=np.unique(cells.manoeuvre, return_inverse=True)[1])
+        prediction, jacobian = one.fit.prediction[rows], one.fit.jacobian[rows]
+        fit = replace(one.fit, cells=cells, prediction=prediction, jacobian=jacobian)
+        columns = scatter_columns(cells, fit)
+        white = _metric(cells, one.discrepancy, columns, one.floor.scatter)
+        plain = UnweightedMetric.of(cells)
+        blocks.append(replace(one, cells=cells, white=white, plain=plain, fit=fit, held=None))
+    few_cells = base.cells.take(np.concatenate(chosen))
+    return _together(blocks, few_cells)
 
 
 # ---- What a fit says: values with errors, correlations, bounds.
 #
 # And combinations that the data do not determine.
-
-
-#: correlations beyond this are said: a combination of the two is known far better than each; 3.2
-#: times better at 0.9, and 4.5 times at 0.95
-CORRELATED = 0.9
 
 
 @dataclass(frozen=True)
@@ -644,7 +660,9 @@ def _correlated(names: Sequence[str], known: Errors) -> tuple[tuple[str, str, fl
     for i in range(len(names)):
         for j in range(i):
             r = float(known.covariance[i, j] / (se[i] * se[j]))
-            if abs(r) > CORRELATED:
+            # correlations beyond this are said: a combination of the two is known far better than
+            # each; 3.2 times better at 0.9, and 4.5 times at 0.95
+            if abs(r) > 0.9:
                 pairs.append((names[j], names[i], r))
     return tuple(pairs)
 

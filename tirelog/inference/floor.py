@@ -51,29 +51,12 @@ from tirelog.vocabulary.observables import STRAIN
 #: relative step of the load for its derivatives; the error of a central difference is its square:
 #: four times as large with twice the step
 _STEP = 0.01
-#: degrees of freedom of cells within manoeuvres that a wander of the load is told from; twice as
-#: many would leave short logs without it
-FEWEST_WANDERING = 8.0
-#: standard deviations of chi-square by which it must be told: nulls stay below 2, a wander of 3 %
-#: shows with 18 and more; below it, what the model's shape lacks would pass for a wander; twice as
-#: many would leave wanders of up to 2 % unsaid
-SURE_SIGMAS = 4.0
 #: probability with which manoeuvres that only scatter look as if they followed something: below it
 #: they do, and what follows is no scatter. Effects of two floors follow with 1e-8 and less; loads
 #: that wander are alike in neighbours, which looks like 1e-3
 _FOLLOWS_P = 1e-4
-#: of a load that follows the speed within manoeuvres: if cells were a sample, it surely does with
-#: the first (misfits do with 1e-6 to 1e-31), and a wander, alike in neighbours, looks like 1e-5;
-#: between that and _FOLLOWS_P it does if manoeuvres agree by chance with the second at most
-_SURELY_FOLLOWS_P, _AGREE_P = 1e-6, 0.01
 #: flips of signs: 2,000 tell a probability of 0.01 to a fifth; twice as many tell it to a sixth
 _FLIPS = 2000
-#: a load that is estimated farther off than this is not what scatters; twice as much would take a
-#: fault of the fit for a load
-_MOST_LOAD = 0.2
-#: nor do loads scatter by more than themselves: what asks for that is a model that is wrong in
-#: size, and as scatter it would hide every misfit. Half and twice say the same of all logs seen
-_MOST_SCATTER = 1.0
 
 
 @dataclass(frozen=True)
@@ -150,7 +133,9 @@ def measure_scatter(
     white = whitener(cells, missed, wander_sd * columns[..., 0])
     (load_sd, load), (baseline_sd, baseline) = scatter_between(cells, white, fit, used, columns)
     own = load[cells.manoeuvre]
-    deviation = np.where(np.abs(own + wander) < _MOST_LOAD, own + wander, 0.0)
+    # a load that is estimated farther off than this is not what scatters; twice as much would take
+    # a fault of the fit for a load
+    deviation = np.where(np.abs(own + wander) < 0.2, own + wander, 0.0)
     return Scatter(
         load_sd,
         baseline_sd,
@@ -218,7 +203,9 @@ def scatter_between(
         _deviations(values[:, i], noise[:, i], hat, _taken(cells, other, seen[..., i]))
         for i in range(2)
     )
-    if load[0] > _MOST_SCATTER:  # the baseline takes the other part of such a misfit
+    # nor do loads scatter by more than themselves: what asks for that is a model that is wrong in
+    # size, and as scatter it would hide every misfit. Half and twice say the same of all logs seen
+    if load[0] > 1.0:  # the baseline takes the other part of such a misfit
         load = baseline = 0.0, np.zeros(cells.manoeuvres)
     return load, baseline
 
@@ -303,16 +290,24 @@ def wander_within(
     rest = float(weight.size - np.trace(hat_followed))
     with_speed = _left_beside(root[:, None] * level[known], root * speed[known])[1]
     p = _chance_of_following(float(left @ left), float(left_followed @ left_followed), more, rest)
-    if p <= _SURELY_FOLLOWS_P or (
+    # if cells were a sample, a load surely follows the speed with the first probability (misfits do
+    # with 1e-6 to 1e-31), and a wander, alike in neighbours, looks like 1e-5; between the two it
+    # does if manoeuvres agree by chance with the last at most
+    if p <= 1e-6 or (
         p <= _FOLLOWS_P
-        and agreement(with_speed * left, cells.manoeuvre[known], cells.log[known]) <= _AGREE_P
+        and agreement(with_speed * left, cells.manoeuvre[known], cells.log[known]) <= 0.01
     ):
         hat, left = hat_followed, left_followed
     freedom = float(weight.size - np.trace(hat))
-    if freedom < FEWEST_WANDERING:
+    # degrees of freedom of cells within manoeuvres that a wander of the load is told from; twice as
+    # many would leave short logs without it
+    if freedom < 8.0:
         return none
     spread = float((weight * (1.0 - np.diag(hat))).sum())
-    if float(left @ left) < freedom + SURE_SIGMAS * np.sqrt(2.0 * freedom):
+    # standard deviations of chi-square by which it must be told: nulls stay below 2, a wander of 3
+    # % shows with 18 and more; below it, what the model's shape lacks would pass for a wander;
+    # twice as many would leave wanders of up to 2 % unsaid
+    if float(left @ left) < freedom + 4.0 * np.sqrt(2.0 * freedom):
         return none
     deviations = np.zeros(len(cells))
     deviations[known] = left / root

@@ -24,7 +24,6 @@ from scipy.ndimage import uniform_filter1d
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import RoadSetup
 from tirelog.errors import UsageError, nearest
-from tirelog.inference.cells.joint import JointStacks
 from tirelog.inference.shared_samples import once_each
 from tirelog.inference.stacks.align import PassageAngle, split_turns, template
 from tirelog.inference.stacks.cut import (
@@ -32,6 +31,7 @@ from tirelog.inference.stacks.cut import (
     Stacks,
     joined,
     observe_channel,
+    outlines,
     outward,
     places_of,
     stacks_from_logs,
@@ -66,21 +66,9 @@ from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 #: A hit is compared for this long [s] after the obstacle was reached. Twice as long takes more
 #: revolutions after each hit from the steady ones.
 WINDOW_S = 0.5
-#: Mean square over this time [s] that is so many times its median is no steady rolling. Twice as
-#: many leave obstacles in the steady rolling that stand out 1.4 times as far.
-_SMOOTH_S, _STANDS_OUT = 0.01, 8.0
-#: Outbursts that are taken for hits at most, evenly over the log. Twice as many take twice as
-#: long.
-_MOST_HITS = 12
 #: A hit closer than this [s] to an end of the log cannot be compared. Twice as much passes over
 #: hits that are as near to an end.
 _ROOM_S = 0.1
-#: Revolutions without a passage that may be counted by the speed, and by how much of one the count
-#: may be off. Twice as far, 0.5, any number of turns fits.
-_LONGEST_GAP, _PLAIN = 20.0, 0.25
-#: Steady rolling nearest to a hit that it is compared with [s]. Twice as much averages over twice
-#: as many turns, and over twice as much of a speed that changes.
-_STEADY_S = 4.0
 #: Turns before and after a hit whose passages may be disturbed. Twice as far leaves fewer passages
 #: to know the wheel's angle by.
 DISTURBED = (-0.3, 1.2)
@@ -192,7 +180,9 @@ def _numbered(stack: Stack) -> tuple[FloatArray, FloatArray]:
     time = stack.conditions.time_s
     rate = stack.conditions.speed_m_s / (2.0 * np.pi * stack.radius_m)
     passed = np.diff(time) * 0.5 * (rate[1:] + rate[:-1])
-    plain = (np.abs(passed - np.round(passed)) < _PLAIN) & (passed < _LONGEST_GAP)
+    # revolutions without a passage are counted by the speed, up to so many, if the count is off by
+    # no more than this share of one: twice as far, 0.5, any number of turns fits
+    plain = (np.abs(passed - np.round(passed)) < 0.25) & (passed < 20.0)
     runs = np.split(np.arange(time.size), np.flatnonzero(~plain) + 1)
     longest = max(runs, key=len)
     steps = np.round(passed[longest[:-1]])
@@ -228,8 +218,10 @@ def around(log: TransientLog, time_s: float) -> TransientLog:
     What speed and torque are there, the steady waveform knows.
     """
     calm = np.flatnonzero(log.calm)
+    # Steady rolling nearest to a hit that it is compared with [s]. Twice as much averages over
+    # twice as many turns, and over twice as much of a speed that changes.
     nearest = np.argsort(np.abs(log.time_s[calm] - time_s), kind="stable")[
-        : round(_STEADY_S * log.rate_Hz)
+        : round(4.0 * log.rate_Hz)
     ]
     near = np.zeros(log.time_s.size, bool)
     near[calm[nearest]] = True
@@ -290,8 +282,10 @@ def _hits(log: TransientLog) -> FloatArray:
             do="give time_s or position_m, or leave [road] out",
             file=log.log,
         )
+    # Outbursts that are taken for hits at most, evenly over the log. Twice as many take twice as
+    # long.
     kept: FloatArray = found[
-        np.unique(np.linspace(0, found.size - 1, min(found.size, _MOST_HITS)).round().astype(int))
+        np.unique(np.linspace(0, found.size - 1, min(found.size, 12)).round().astype(int))
     ]
     return kept
 
@@ -301,7 +295,9 @@ def _outbursts(log: TransientLog) -> FloatArray:
 
     There their mean square off it begins to stand out; the strongest stretches are taken.
     """
-    width = max(round(_SMOOTH_S * log.rate_Hz), 3)
+    # mean square over 10 ms that is eight times its median is no steady rolling. Twice as many
+    # leave obstacles in the steady rolling that stand out 1.4 times as far
+    width = max(round(0.01 * log.rate_Hz), 3)
     power = uniform_filter1d(log.off() ** 2, width)
     # where the sensor passes the patch more is off, also when nothing happens
     phase = (split_turns(log.wheel.theta(log.time_s))[1] + np.pi) * (64 / (2.0 * np.pi))
@@ -312,7 +308,7 @@ def _outbursts(log: TransientLog) -> FloatArray:
     above = power / np.maximum(usual, np.median(usual) * 0.1)[bins]
     times: list[float] = []
     quiet_until = -np.inf
-    threshold = max(_STANDS_OUT, 0.02 * float(above.max()))
+    threshold = max(8.0, 0.02 * float(above.max()))
     for index in np.flatnonzero(above > threshold):
         if log.time_s[index] >= quiet_until:
             times.append(float(log.time_s[index]))
@@ -333,22 +329,23 @@ def steady_revolutions(stack: Stack, hits_s: FloatArray) -> Stack:
 class MeasuredLogs:
     """Steady revolutions of all logs; beside them the logs that met an obstacle.
 
-    `beside`: those of further observables, or gratings, which are fitted together with the first;
-    `places`: of gratings the angle of each on the wheel [rad]. `notes`: what a reader must know of
-    them.
+    `beside`: those of further observables, or gratings, which are fitted together with the first.
+    `notes`: what a reader must know of them.
     """
 
     stacks: Stacks
     obstacles: tuple[TransientLog, ...] = ()
     beside: tuple[Stacks, ...] = ()
-    places: tuple[float, ...] = ()
 
     @property
-    def revolutions(self) -> Stacks | JointStacks:
-        """What a question is asked of: the stacks, of several observables those of each."""
-        if not self.beside:
-            return self.stacks
-        return JointStacks((self.stacks, *self.beside), self.places)
+    def revolutions(self) -> tuple[Sequence[Stack], ...]:
+        """What a question is asked of: the stacks of each observable or grating."""
+        return (self.stacks, *self.beside)
+
+    @property
+    def gratings(self) -> tuple[str, ...]:
+        """The gratings, if there are several."""
+        return tuple(one[0].member for own in self.revolutions if (one := outlines(own))[0].member)
 
     def __repr__(self) -> str:
         found = ", ".join(
@@ -440,8 +437,10 @@ def measured_gratings(
         )
     first, *others = found.values()
     angles, said = places_of(found, given)
+    for stacks, angle in zip(found.values(), angles, strict=True):
+        stacks.place(angle)
     first.note(*said)
-    return MeasuredLogs(first, (), tuple(others), angles)
+    return MeasuredLogs(first, (), tuple(others))
 
 
 def measured_together(

@@ -205,13 +205,6 @@ def _inverse(gram: FloatArray) -> FloatArray:
 # removes a direction. Empty bins become zero.
 
 
-#: prior sd of what is taken out of a cell. Shift [rad]: free against what the matched filter
-#: leaves. Amplitude, relative: gains differ by less; doubling it doubles the lever arm's error, and
-#: no other's. Offset, relative to the waveform's rms: anything; 1e8 would cost the others their
-#: digits
-_FREE_SD = {"shift": 0.05, "amplitude": 0.1, "offset": 1e4}
-
-
 @dataclass(frozen=True)
 class Whitener:
     """What whitens cells: noise, and shrinkage along correlated errors.
@@ -228,17 +221,12 @@ class Whitener:
     group_shrink: tuple[FloatArray, ...] = ()
 
     @property
-    def values(self) -> int:
-        """The number of values that count."""
-        return int((self.inverse_sd > 0).sum())
-
-    @property
-    def removed(self) -> float:
-        """Degrees of freedom that the shrinkage takes out of chi-square.
+    def freedom(self) -> float:
+        """The number of values that count, less those that the shrinkage takes out of chi-square.
 
         As the expectation under the covariance is one per value.
         """
-        return float((self.shrink > 0.999999).sum())
+        return float((self.inverse_sd > 0).sum() - (self.shrink > 0.999999).sum())
 
     def __call__(self, x: FloatArray) -> FloatArray:
         """Whitened x, shape (C, m) or (C, m, k); NaN in empty bins is allowed."""
@@ -308,7 +296,13 @@ def whitener(
     )
     scale, vectors = np.linalg.eigh(cells.random_cov)
     root = vectors * np.sqrt(np.maximum(scale, 0.0))[:, None, :]
-    prior = np.array([_FREE_SD[name] for name in cells.free])
+    # prior sd of what is taken out of a cell. Shift [rad]: free against what the matched filter
+    # leaves. Amplitude, relative: gains differ by less; doubling it doubles the lever arm's error,
+    # and no other's. Offset, relative to the waveform's rms: anything; 1e8 would cost the others
+    # their digits
+    prior = np.array(
+        [{"shift": 0.05, "amplitude": 0.1, "offset": 1e4}[name] for name in cells.free]
+    )
     columns = np.concatenate([cells.random @ root, prior * cells.taken], axis=-1)
     if scattered is not None:
         columns = np.concatenate([columns, scattered[..., None]], axis=-1)
@@ -316,9 +310,18 @@ def whitener(
     return Whitener(inverse, basis, 1.0 - 1.0 / np.sqrt(1.0 + size**2))
 
 
-#: columns of which this share of the norm is left beside the offsets are offsets; twice as much
-#: takes for offsets what is seen to 0.06 % beside them
-_NOTHING = 3e-4
+def shrinkage(columns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """What random effects take, of whitened columns (N, K), each as large as its deviation.
+
+    An orthonormal basis (N, r), the shares (r,) taken along it, and (K, r) the amplitudes in
+    standard deviations from what lies along it.
+    """
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    keep = values > RANK * max(float(values[-1]), 1e-300)
+    values, vectors = values[keep], vectors[:, keep]
+    root = np.sqrt(values)
+    basis = columns @ (vectors / root)
+    return basis, 1.0 - 1.0 / np.sqrt(1.0 + values), vectors * (root / (1.0 + values))
 
 
 @dataclass(frozen=True)
@@ -329,8 +332,6 @@ class Offsets:
     log        (C,) 0 ... `count` - 1;  norm (count,)
     spans      of each an orthonormal basis (N, r) and the shares (r,) that are taken along it: of
                shared effects what their size allows, of others all
-    turn       (K, r) the amplitudes of shared effects in standard deviations, from what lies along
-               their basis
 
     With columns B, as large as their standard deviations, the covariance I + B B' has the inverse
     root I - Q (1 - 1/sqrt(1 + D)) Q', Q D Q' = B B'.
@@ -340,7 +341,6 @@ class Offsets:
     log: IntArray
     norm: FloatArray
     spans: tuple[tuple[FloatArray, FloatArray | None], ...] = ()
-    turn: FloatArray | None = None
 
     @classmethod
     def of(cls, cells: Cells, white: Callable[[FloatArray], FloatArray]) -> Offsets:
@@ -352,19 +352,16 @@ class Offsets:
         if cells.shared is None or not len(cells.shared):
             return offsets
         flat = stacked(offsets.without(white(cells.shared.columns) * cells.shared.sd))
-        values, vectors = np.linalg.eigh(flat.T @ flat)
-        keep = values > RANK * max(float(values[-1]), 1e-300)
-        values, vectors = values[keep], vectors[:, keep]
-        root = np.sqrt(values)
-        span = flat @ (vectors / root), 1.0 - 1.0 / np.sqrt(1.0 + values)
-        return replace(offsets, spans=(span,), turn=vectors * (root / (1.0 + values)))
+        return replace(offsets, spans=(shrinkage(flat)[:2],))
 
     def beside(self, columns: FloatArray) -> Offsets:
         """With the span of other whitened `columns` (C, m, k), which are used up."""
         before = np.linalg.norm(stacked(columns), axis=0)
         left = self.without(columns)
         del columns
-        left[..., np.linalg.norm(stacked(left), axis=0) <= _NOTHING * before] = 0.0
+        # columns of which this share of the norm is left beside the offsets are offsets; twice as
+        # much takes for offsets what is seen to 0.06 % beside them
+        left[..., np.linalg.norm(stacked(left), axis=0) <= 3e-4 * before] = 0.0
         return replace(self, spans=(*self.spans, (orthonormal(left), None)))
 
     @property
@@ -390,13 +387,6 @@ class Offsets:
         for basis, share in self.spans:
             left = projected_out(basis, left, share)
         return left
-
-    def amplitudes(self, x: FloatArray) -> FloatArray:
-        """Amplitudes (K,) of the shared effects in standard deviations, of whitened x (C, m)."""
-        if self.turn is None:
-            return np.zeros(0)
-        levelled = replace(self, spans=()).without(x)
-        return np.asarray(self.turn @ (self.spans[0][0].T @ levelled.ravel()), dtype=np.float64)
 
     def of_logs(self, x: FloatArray) -> FloatArray:
         """The offset of each log (count,) that is nearest to the whitened x (C, m)."""

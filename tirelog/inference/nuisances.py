@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells, SharedEffects
-from tirelog.inference.cells.joint import at_lever, joined_effects, model_of, parts_of
-from tirelog.inference.fit.cells import LEAST_CHANGE, Fit, fits_apart, free_names
+from tirelog.inference.cells.joint import linearised, model_of, named, predicted
+from tirelog.inference.fit.cells import LEAST_CHANGE, Fit, free_names
 from tirelog.inference.floor import load_derivative
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import BY_NAME, Model, Nuisance
@@ -41,11 +41,10 @@ from tirelog.vocabulary.observables import OWN_ZERO, STRAIN, WAVEFORMS
 
 #: the model's parameter that the patch law is, if it has one: bent too much for a linear effect
 PATCH_LAW_PARAMETER = "patch_load_exponent"
-PRESSURE_LAW_PARAMETER = "patch_pressure_exponent"
 #: of each law the parameter, and the condition that it is a power of
 _LAWS = {
     "patch_law": (PATCH_LAW_PARAMETER, "load_N"),
-    "pressure_law": (PRESSURE_LAW_PARAMETER, "inflation_pressure_Pa"),
+    "pressure_law": ("patch_pressure_exponent", "inflation_pressure_Pa"),
 }
 #: standard deviation of the zero of a log's phase shift: a tenth of a degree, several times what
 #: the mean of thirty passages at 10 m/s is off by, and what the estimator tells otherwise of tires
@@ -54,24 +53,12 @@ ZERO, ZERO_SD_RAD = "zero", 2e-3
 #: harmonics of the wheel that rims, mounting and uniformity of a tire show; twice as many are as
 #: narrow as 30 degrees, and take what belongs to the patch
 _HARMONICS = (1, 2, 3)
-#: the size of run-out in another unit than strain, as a share of the waveform's rms; a size that
-#: is likely before anything is measured: twice as much lets twice the run-out pass at the same
-#: price
-_RUNOUT_SHARE = 0.1
-#: a temperature that varies by more than this [K] within a log is what drifts follow there; with
-#: twice as much, logs that warm by 3 K drift with the time instead
-_WARMS_K = 2.0
 #: speed [m/s] up to which the size of a change of the rolling radius counts; twice as much makes a
 #: quarter of the growth likely
 _RADIUS_SPEED = 25.0
 #: relative step of a derivative; the error of a central difference is its square: four times as
 #: large with twice the step
 _STEP = 0.005
-#: values that the columns of a nuisance have at most if each log has its own: 64 MB
-_MOST_VALUES = 8_000_000
-#: size of the bend of a drift over that of its slope; twice as much lets a drift bend twice as far
-#: at the same price
-_BEND = 0.3
 #: size of the difference of its mean between logs over that of its slope: logs that warm by 20 K
 #: differ by up to half of that in the mean
 _LEVEL = 0.3
@@ -101,7 +88,10 @@ def wheel(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> Columns | No
     waves = np.concatenate([np.cos(phi), np.sin(phi)], axis=-1)
     load = load_derivative(cells, fit)
     strain = cells.observable == STRAIN
-    runout = known.size("run_out") if strain else _RUNOUT_SHARE * _rms(fit)
+    # the size of run-out in another unit than strain, as a share of the waveform's rms; a size that
+    # is likely before anything is measured: twice as much lets twice the run-out pass at the same
+    # price
+    runout = known.size("run_out") if strain else 0.1 * _rms(fit)
     names = [f"{wave} {k}" for wave in ("cos", "sin") for k in _HARMONICS]
     parts = _parts(cells, whole, 2 * len(names))
     columns = np.concatenate([waves, load[..., None] * waves], axis=-1)
@@ -150,7 +140,9 @@ def _drifts(
     # whatever of it the model has: what is fitted and what is said of it ask alike
     parts = _parts(cells, whole, 3 * (len(_DRIFTING) + 2))
     # warming slows down: a straight line and a bend about it; and one log is warmer than another
-    factors = {"along": (along, 1.0), "bend along": (4.0 * along**2 - 0.5, _BEND)}
+    # size of the bend of a drift over that of its slope; twice as much lets a drift bend twice as
+    # far at the same price
+    factors = {"along": (along, 1.0), "bend along": (4.0 * along**2 - 0.5, 0.3)}
     if len(parts) > 1:
         factors["level in"] = (np.ones(len(cells)), _LEVEL)
     words = _DRIFTING | {_PRESSURE: "inflation pressure", _BASELINE: "baseline"}
@@ -216,7 +208,7 @@ def form(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> Columns | Non
     shown = free_names(model, whole)
     names = tuple(name for name in names if name in shown)
     sd = np.array([prior[1] for n in names if (prior := model.parameters[n].prior) is not None])
-    return _slopes(cells, model, names), sd, names
+    return linearised(model, cells, names, {})[1], sd, names
 
 
 #: every nuisance, by the word of the model file
@@ -237,18 +229,9 @@ def shared_effects(
 
     `whole`: the cells that it is known from, if these are others of the same logs.
     """
-    if cells.parts:
-        fits = [
-            replace(f, model=model_of(f.model, f.cells.observable, f.cells.member))
-            for f in fits_apart(replace(fit, cells=cells))
-        ]
-        known_from = [f.cells for f in fits] if whole is None else parts_of(whole)
-        found_by = [
-            shared_effects(f.cells, f, name, w) for f, w in zip(fits, known_from, strict=True)
-        ]
-        return joined_effects(cells, found_by)
-    if cells.member:
-        fit = replace(fit, model=at_lever(fit.model, cells.member))
+    model = fit.model
+    if model.beside or cells.member:
+        fit = replace(fit, model=model_of(model, cells.observable, cells.member))
     known = next((n for n in fit.model.nuisances if n.name == name), None)
     if known is None or cells.phi.shape[1] == 1:
         return None
@@ -258,7 +241,7 @@ def shared_effects(
     columns, sd, names = found
     columns = np.where(np.isfinite(cells.values)[..., None], columns, 0.0)
     effects = SharedEffects(columns, sd, tuple(names), (name,) * len(names))
-    return effects if np.isfinite(columns).all() else None
+    return named(effects, model, cells) if np.isfinite(columns).all() else None
 
 
 def relative_changes(cells: Cells, fit: Fit, whole: Cells | None = None) -> dict[str, FloatArray]:
@@ -285,17 +268,14 @@ def moved_prediction(cells: Cells, model: Model, factors: Mapping[str, float]) -
 
     A pressure is a condition too, and so is a speed: it is an angle times the radius.
     """
-    conditions, model = cells.conditions, at_lever(model, cells.member)
-    return model.with_values({name: model.values[name] * x for name, x in factors.items()}).predict(
-        replace(
-            conditions,
-            speed_m_s=conditions.speed_m_s * factors.get(_RADIUS, 1.0),
-            inflation_pressure_Pa=conditions.inflation_pressure_Pa * factors.get(_PRESSURE, 1.0),
-        ),
-        surface=cells.surface,
-        observable=cells.observable,
-        **cells.angles,
+    c = cells.conditions
+    conditions = replace(
+        c,
+        speed_m_s=c.speed_m_s * factors.get(_RADIUS, 1.0),
+        inflation_pressure_Pa=c.inflation_pressure_Pa * factors.get(_PRESSURE, 1.0),
     )
+    moved = model.with_values({name: model.values[name] * x for name, x in factors.items()})
+    return predicted(moved, cells, conditions=conditions)
 
 
 def is_drift(shared: SharedEffects, amplitudes: FloatArray) -> bool:
@@ -386,8 +366,8 @@ def shared_by(
     found = [
         shared_effects(cells, fit, name, whole) for name in names if not frees(fit.model, name)
     ]
-    effects = [x for x in (*found, zeros(cells)) if x is not None]
-    return SharedEffects.joined(effects) if effects else None
+    joined = SharedEffects.joined([*found, zeros(cells)])
+    return joined and named(joined, fit.model, cells)
 
 
 def _parts(cells: Cells, whole: Cells, columns: int) -> dict[str, NDArray[np.bool_]]:
@@ -396,7 +376,8 @@ def _parts(cells: Cells, whole: Cells, columns: int) -> dict[str, NDArray[np.boo
     Between two logs a tire may have been mounted anew, and a day has passed.
     """
     logs = np.unique(whole.log)
-    if logs.size == 1 or logs.size * columns * whole.phi.size > _MOST_VALUES:
+    # values that the columns of a nuisance have at most if each log has its own: 64 MB
+    if logs.size == 1 or logs.size * columns * whole.phi.size > 8_000_000:
         return {"": np.ones(len(cells), bool)}
     return {f"log {log + 1}": cells.log == log for log in logs}
 
@@ -460,7 +441,9 @@ def _along_log(cells: Cells, whole: Cells) -> tuple[FloatArray, bool]:
         own, rows = whole.log == log, cells.log == log
         name = "temperature_K"
         driver = getattr(whole.conditions, name)[own]
-        if not np.isfinite(driver).all() or np.ptp(driver) < _WARMS_K:
+        # a temperature that varies by more than this [K] within a log is what drifts follow there;
+        # with twice as much, logs that warm by 3 K drift with the time instead
+        if not np.isfinite(driver).all() or np.ptp(driver) < 2.0:
             name = "time_s"
             driver = whole.conditions.time_s[own]
         if np.isfinite(driver).all() and np.ptp(driver) > 0.0:
@@ -469,22 +452,10 @@ def _along_log(cells: Cells, whole: Cells) -> tuple[FloatArray, bool]:
     return along, driven
 
 
-def _slopes(cells: Cells, model: Model, names: Sequence[str]) -> FloatArray:
-    """Change of the prediction per unit of each parameter, (C, m, k)."""
-    _, slopes = model.linearised(
-        cells.conditions,
-        names=names,
-        surface=cells.surface,
-        observable=cells.observable,
-        **cells.angles,
-    )
-    return np.asarray(np.moveaxis(slopes, 0, -1))
-
-
 def _relative_slopes(cells: Cells, model: Model, names: Sequence[str]) -> FloatArray:
     """Change of the prediction per relative change of each parameter, (C, m, k)."""
     values = np.array([model.values[name] for name in names])
-    return np.asarray(_slopes(cells, model, names) * values)
+    return np.asarray(linearised(model, cells, names, {})[1] * values)
 
 
 def _moved_slope(cells: Cells, model: Model, name: str) -> FloatArray | None:

@@ -22,10 +22,6 @@ from tirelog.vocabulary.observables import OBSERVABLES
 _SPREAD = np.uint64(0x9E3779B97F4A7C15)
 #: samples of a window: as many values with noise are never the same by chance
 _WINDOW = 64
-#: of the bits of a sample's hash so many are zero where a window begins: one sample in 256
-_ZERO_BITS = np.uint64(8)
-#: windows in common from which logs share a stretch: some thousand samples
-_FEWEST = 4
 
 
 def once_each(
@@ -57,7 +53,8 @@ def once_each(
                 )
             for log, others in parts.items():
                 common = np.intersect1d(windows, others).size
-                if common >= _FEWEST:
+                # windows in common from which logs share a stretch: some thousand samples
+                if common >= 4:
                     notes.append(
                         f"{recording.log}: {100 * common / windows.size:.0f} % of its samples are "
                         f"in {log} too and count twice: probabilities come out too small; give "
@@ -74,7 +71,8 @@ def fingerprint(channel: Channel) -> tuple[str, np.ndarray]:
     for _, values in channel.blocks():
         digest.update(np.ascontiguousarray(values).data)
         bits = np.ascontiguousarray(values).view(np.uint64) * _SPREAD
-        starts = np.flatnonzero(bits[: max(bits.size - _WINDOW + 1, 0)] >> (64 - _ZERO_BITS) == 0)
+        # of the bits of a sample's hash so many are zero where a window begins: one sample in 256
+        starts = np.flatnonzero(bits[: max(bits.size - _WINDOW + 1, 0)] >> (64 - np.uint64(8)) == 0)
         if starts.size:
             ranges = sliding_window_view(values, _WINDOW)[starts]
             varied = ranges.max(axis=1) > ranges.min(axis=1)  # not at rest, and nothing lost

@@ -30,7 +30,7 @@ from tirelog.diagnosis.rules import (
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to
 from tirelog.inference.cells.cells import Cells
-from tirelog.inference.cells.joint import embedded, lacking, rows_by_observable
+from tirelog.inference.cells.joint import embedded, lacking
 from tirelog.inference.floor import held_out_losses_with
 from tirelog.inference.metric import Offsets, per_group, side_by_side, stacked
 from tirelog.inference.nuisances import FORM
@@ -149,9 +149,10 @@ def with_candidate(model: Model, effect: Effect, values: Mapping[str, float]) ->
 def signatures_of(base: Base, effect: Effect) -> list[Variant] | ModelError:
     """All variants of one candidate, or why it cannot be tested on these cells."""
     cells, model = base.cells, base.model
-    if missing := lacking(effect, model, cells):
+    blocks = [one.cells for one in base.blocks]
+    if missing := dict.fromkeys(name for own in blocks for name in lacking(effect, model, own)):
         raise ModelError(f"needs {', '.join(missing)}")
-    refuse_stand_in(effect, model, cells)
+    refuse_stand_in(effect, model, blocks)
     own, result = {p.name: p for p in effect.parameters}, []
     size = float(np.nanmax(np.abs(base.fit.prediction)))
     for shape in variants(effect):
@@ -182,29 +183,27 @@ def signatures_of(base: Base, effect: Effect) -> list[Variant] | ModelError:
     return result
 
 
-def refuse_stand_in(effect: Effect, model: Model, cells: Cells) -> None:
+def refuse_stand_in(effect: Effect, model: Model, blocks: Sequence[Cells]) -> None:
     """ModelError if the effect stands for what is measured, in all observables that it acts on."""
-    by_observable = rows_by_observable(cells).items()
-    acted_on = {name: rows for name, rows in by_observable if model.acts_on(effect, name)}
-    stands_for = {name: effect.stands_for.get(name, ()) for name in acted_on}
+    acted_on = [cells for cells in blocks if model.acts_on(effect, cells.observable)]
+    stands_for = [effect.stands_for.get(cells.observable, ()) for cells in acted_on]
     measured = all(
-        np.isfinite(getattr(cells.conditions, name)[rows]).all()
-        for observable, rows in acted_on.items()
-        for name in stands_for[observable]
+        np.isfinite(getattr(cells.conditions, name)).all()
+        for cells, own in zip(acted_on, stands_for, strict=True)
+        for name in own
     )
-    if acted_on and all(stands_for.values()) and measured:
-        names = dict.fromkeys(name for own in stands_for.values() for name in own)
+    if acted_on and all(stands_for) and measured:
+        names = dict.fromkeys(name for own in stands_for for name in own)
         raise ModelError(f"stands for {' and '.join(names)}, which is measured")
 
 
 def _moves_zeros_alone(cells: Cells, change: FloatArray) -> bool:
     """True if a change (C, m) is the same all along each log, of what has a zero of its own."""
     moved = change.copy()
-    for observable, rows in rows_by_observable(cells).items():
-        if observable in OWN_ZERO:
-            for log in np.unique(cells.log[rows]):
-                own = rows[cells.log[rows] == log]
-                moved[own] -= np.nanmean(change[own])
+    for log in np.unique(cells.log):  # of several observables each numbers its logs apart
+        own = cells.log == log
+        if cells.observables[cells.part[own][0]] in OWN_ZERO:
+            moved[own] -= np.nanmean(change[own])
     # what differs by less than this share of a change within a log is its zero; a tenth of it is
     # what a pressure moves while the tire warms in a minute, and twice as much decides nothing
     return bool(np.nanmax(np.abs(moved)) < 0.05 * np.nanmax(np.abs(change)))

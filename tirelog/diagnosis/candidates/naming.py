@@ -58,9 +58,11 @@ from tirelog.inference.base import (
     refit,
     refit_without,
     with_fewer_cells,
+    with_fits,
 )
-from tirelog.inference.fit.cells import NULL, Fit, Problem, descend_together, free_names, starts
+from tirelog.inference.fit.cells import NULL, Fit, descended, free_names, starts
 from tirelog.inference.floor import held_out_losses_with
+from tirelog.inference.metric import Offsets, stacked
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.process_pool import made_apart
@@ -77,8 +79,8 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: a model with a candidate where its trial ended, and chi-square there
 Trial = tuple[Model, float]
-#: a refit as it comes from another process: fit and held-out losses
-_Again = tuple[Fit, tuple[FloatArray, FloatArray]]
+#: a refit as it comes from another process: the fit of each block, and held-out losses
+_Again = tuple[list[Fit], tuple[FloatArray, FloatArray]]
 
 
 def _starts(base: Base, candidate: Variant) -> list[tuple[Model, dict[str, float]]]:
@@ -94,17 +96,16 @@ def _starts(base: Base, candidate: Variant) -> list[tuple[Model, dict[str, float
     }
     shape = dict(candidate.shape)
     models = [base.model]
-    given = {} if base.given is None else base.given.values
+    given = base.given.values
     within = {name: given[name] for name in base.fit.names if name in given}
-    if base.fit.held and base.given is not None:
+    if base.fit.held:
         # what drove the base to a bound may be the very effect: begin within, too
         models.append(base.model.with_values(within))
     begun = [(m, {**shape, **s}) for m in models for s in (linear, probes)]
     learnt = {n: p.prior[0] for n, p in base.model.parameters.items() if p.free and p.prior}
     if learnt:  # what a form has learnt may be the very effect
         bare = starts(base.model.with_values(learnt), base.fit.names)
-        if base.given is not None:  # and what it made of the other values with it
-            bare.append(bare[0].with_values(within))
+        bare.append(bare[0].with_values(within))  # and what it made of the others with it
         begun += [(m, {**shape, **linear}) for m in bare]
     return begun
 
@@ -116,10 +117,11 @@ def _trial(
     """Where a start leads on `few` cells."""
     start = with_candidate(model, candidate.effect, values)
     start = start.resolved(base.cells.conditions)
-    names, problem = free_names(start, few.cells), Problem(few.cells, few.white)
+    blocks = [(one.cells, one.white) for one in few.blocks]
+    names = free_names(start, *(cells for cells, _ in blocks))
     # starts of a candidate are tried on so many cells, so many steps, before the best is finished
     # on all cells; the time goes with both
-    return descend_together([problem], start, names, steps=12)[:2]
+    return descended(blocks, start, names, steps=12)[1:3]
 
 
 def refit_candidate(base: Base, candidate: Variant, trials: Sequence[Trial]) -> Base:
@@ -148,7 +150,7 @@ def refit_candidate(base: Base, candidate: Variant, trials: Sequence[Trial]) -> 
 def _again(base: Base, candidate: Variant, trials: Sequence[Trial]) -> _Again:
     """The same without what the base has already: it goes from process to process."""
     found = refit_candidate(base, candidate, trials)
-    return found.fit, (found.held_white, found.held_plain)
+    return [one.fit for one in found.blocks], (found.held_white, found.held_plain)
 
 
 def _moved(base: Base, model: Model) -> float:
@@ -156,7 +158,7 @@ def _moved(base: Base, model: Model) -> float:
 
     As shares of the larger of the two values, summed.
     """
-    given = (base.given or base.model).values
+    given = base.given.values
     pairs = [(given[name], model.values[name]) for name in base.fit.names if name in given]
     return float(sum(abs(a - b) / max(abs(a), abs(b), 1e-300) for a, b in pairs))
 
@@ -172,9 +174,7 @@ def refits(base: Base, candidates: Sequence[Variant]) -> list[Base | ModelError]
     trials = [[end for of, end in good if of is one] for one in candidates]
     jobs = [partial(_again, base, *pair) for pair in zip(candidates, trials, strict=True)]
     return [
-        again
-        if isinstance(again, ModelError)
-        else replace(base, cells=again[0].cells, fit=again[0], held=again[1])
+        again if isinstance(again, ModelError) else with_fits(base, *again)
         for again in made_apart(jobs)
     ]
 
@@ -312,7 +312,7 @@ def strength_sigmas(base: Base, effect_id: str) -> float:
     """
     fit, own = base.fit, next(e.effect for e in base.model.effects if e.id == effect_id)
     strengths = [f"{effect_id}.{name}" for name in own.strength]
-    columns = Problem(base.cells, base.white).whitened(fit.moving)
+    columns = stacked(Offsets.of(base.cells, base.white).without(base.white(fit.moving)))
     norm = np.linalg.norm(columns, axis=0)
     seen = norm > 0.0
     names, norm, unit = np.array(fit.names)[seen], norm[seen], columns[:, seen] / norm[seen]

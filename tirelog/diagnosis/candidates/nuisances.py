@@ -34,7 +34,7 @@ from tirelog.inference.base import (
     refit,
 )
 from tirelog.inference.cells.cells import SharedEffects
-from tirelog.inference.cells.joint import without_ratios
+from tirelog.inference.cells.joint import joined_effects, without_ratios
 from tirelog.inference.floor import held_out_losses_with, scatter_columns
 from tirelog.inference.metric import Offsets, stacked
 from tirelog.inference.nuisances import (
@@ -58,13 +58,12 @@ def groups_of(base: Base) -> tuple[str, ...]:
     """The nuisances that a base holds already."""
     shared = () if base.cells.shared is None else base.cells.shared.groups
     linear = [group for group in shared if group != ZERO]  # which no model names
-    given = base.given or base.model
     made_free = [
         n.name
         for n in base.model.nuisances
         if (names := frees(base.model, n.name))
         and _all_free(base.model, names)
-        and (n.use == "on" or n.name == FORM or not _all_free(given, names))
+        and (n.use == "on" or n.name == FORM or not _all_free(base.given, names))
     ]
     if FORM in made_free and "patch_law" in made_free:
         made_free.remove("patch_law")  # a part of the form
@@ -93,7 +92,7 @@ def alarming_nuisances(base: Base, allowed: Iterable[str]) -> list[tuple[SharedE
     what scatters takes it for its own before.
     """
     held = groups_of(base)
-    found = [shared_effects(base.cells, base.fit, name) for name in allowed if name not in held]
+    found = [_effects_of(base, name) for name in allowed if name not in held]
     effects = [x for x in found if x is not None]
     if not effects:
         return []
@@ -113,6 +112,12 @@ def alarming_nuisances(base: Base, allowed: Iterable[str]) -> list[tuple[SharedE
     return sorted(alarming, key=lambda pair: -pair[1])
 
 
+def _effects_of(base: Base, name: str) -> SharedEffects | None:
+    """What a nuisance does to all cells of a base; None if none shows it."""
+    each = [shared_effects(one.cells, one.fit, name) for one in base.blocks]
+    return joined_effects(base.cells, each)
+
+
 #: a base with one nuisance more, refitted, and how many amplitudes that has
 Rival = tuple[int, Base]
 
@@ -130,7 +135,7 @@ def rival_nuisances(base: Base, allowed: Iterable[str], least: float = 0.0) -> t
     ]
     # alarming nuisances that are fitted in full, the best first; twice as many take twice as many
     # fits of the whole model
-    tried = [(effects, with_nuisance(base, effects)) for effects in alarming[:2]]
+    tried = [(effects, with_nuisance(base, *effects.groups)) for effects in alarming[:2]]
     return tuple(
         (len(effects), refitted)
         for effects, refitted in tried
@@ -249,18 +254,21 @@ def _drifts(base: Base) -> bool:
     return is_drift(held.of_groups(["drift"]), base.fit.amplitudes[own])
 
 
-def with_nuisance(base: Base, effects: SharedEffects) -> Base | ModelError:
+def with_nuisance(base: Base, name: str) -> Base | ModelError:
     """The base with a nuisance beside its model, fitted again, or why that cannot be."""
-    (name,) = effects.groups
     if frees(base.model, name):
         return refit(base, freed(base.model, [name]), several=name == FORM)
-    held = [] if base.cells.shared is None else [base.cells.shared]
-    return _beside(base, SharedEffects.joined([*held, effects]), base.model)
+    shared = [
+        SharedEffects.joined([one.cells.shared, shared_effects(one.cells, one.fit, name)])
+        for one in base.blocks
+    ]
+    return refit(base, base.model, shared=shared)
 
 
 def with_nuisances(base: Base, groups: Sequence[str]) -> Base | ModelError:
     """The base with these nuisances and no other beside its model, fitted again, or why not."""
-    return _beside(base, shared_by(base.cells, base.fit, groups), _free_of_law(base, groups))
+    shared = [shared_by(one.cells, one.fit, groups) for one in base.blocks]
+    return refit(base, _free_of_law(base, groups), shared=shared)
 
 
 def needed_nuisances(base: Base) -> tuple[str, ...]:
@@ -273,8 +281,9 @@ def needed_nuisances(base: Base) -> tuple[str, ...]:
     always = [n.name for n in base.model.nuisances if n.use == "on"]
     for group in [g for g in groups if g not in always]:
         kept = [g for g in groups if g != group]
-        shared = base.cells.shared.of_groups(kept) if base.cells.shared else None
-        less = _beside(base, shared, _free_of_law(base, kept))
+        held = [one.cells.shared for one in base.blocks]
+        shared = [own.of_groups(kept) if own else None for own in held]
+        less = refit(base, _free_of_law(base, kept), shared=shared)
         if isinstance(less, ModelError) or worth_it(less, base):
             continue
         gain, error = gain_and_error(less.held_white, base.held_white)
@@ -287,13 +296,8 @@ def _free_of_law(base: Base, groups: Sequence[str]) -> Model:
     """The base's model with the parameters of these nuisances free, of the others as given."""
     model = base.model
     for name in (n for n in groups_of(base) if frees(model, n) and n not in groups):
-        model = bound(model, base.given or base.model, name)
+        model = bound(model, base.given, name)
     return freed(model, groups)
-
-
-def _beside(base: Base, shared: SharedEffects | None, model: Model) -> Base | ModelError:
-    raw = None if base.raw is None else replace(base.raw, shared=shared)
-    return refit(replace(base, cells=replace(base.cells, shared=shared), raw=raw), model)
 
 
 def with_nuisances_on(base: Base) -> Model:
@@ -321,7 +325,6 @@ _OTHER_LOGS: Mapping[str, tuple[str, float, float]] = {
     "inflation pressure": ("inflation_pressure_Pa", 0.7, 1.3),
     "tread age": ("distance_km", 0.3, 3.0),
 }
-_ORDER = ("first", "second", "third")
 
 
 @dataclass(frozen=True)
@@ -377,7 +380,7 @@ def nuisances_found(base: Base) -> tuple[NuisanceFound, ...]:
         ]
     others = [n.name for n in base.model.nuisances if n.name not in groups and n.use != "off"]
     for name in others:
-        effects = shared_effects(base.cells, base.fit, name)
+        effects = _effects_of(base, name)
         if effects is not None:
             parts = _parts(base, effects, name, *_amplitudes(base, effects))
             found.append(NuisanceFound(name, False, parts))
@@ -386,7 +389,7 @@ def nuisances_found(base: Base) -> tuple[NuisanceFound, ...]:
 
 def _parameter(base: Base, nuisance: Nuisance) -> NuisanceFound:
     """A nuisance that is parameters of the model: their changes from the values given."""
-    given, parts = (base.given or base.model).values, []
+    given, parts = base.given.values, []
     for name in (n for n in frees(base.model, nuisance.name) if n in base.fit.names):
         fitted, usual = base.model.parameters[name], nuisance.sizes[0]
         own, ordinary = usual.name, usual.value
@@ -422,8 +425,9 @@ def _parts(
             number = float(np.hypot(value[i], value[s]))
             error = float(np.hypot(value[i] * se[i], value[s] * se[s]) / max(number, 1e-300))
             name, place = name.split(" cos ")
+            order = {"1": "first", "2": "second", "3": "third"}[place[0]]
             of_log = f" of{place[1:]}" if place[1:] else ""
-            said = f"{name} at the {_ORDER[int(place[0]) - 1]} harmonic{of_log}"
+            said = f"{name} at the {order} harmonic{of_log}"
         # the observable's for what adds to it, else a share
         unit = observed(base, name)[1] if _adds(name) else "1"
         parts.append(NuisancePart(said, number, error, unit, float(effects.sd[i])))

@@ -183,7 +183,7 @@ def _or_form(plain: SearchResult) -> SearchResult:
         return plain  # one number that does the same throughout is the cause
     gained = float((before.held_white - named.base.held_white).sum())
     forms = [x for x, gain in alarming_nuisances(before, [FORM]) if gain > TWINS**2 * gained]
-    rivals = [with_nuisance(before, effects) for effects in forms]
+    rivals = [with_nuisance(before, *effects.groups) for effects in forms]
     alike = [r for r in rivals if not isinstance(r, ModelError) and _as_much(before, r, named)]
     return replace(plain, alike=(*plain.alike, *[(FORM, named.id)] * len(alike)))
 

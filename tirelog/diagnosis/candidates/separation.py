@@ -31,9 +31,9 @@ from tirelog.diagnosis.candidates.search import SearchResult
 from tirelog.diagnosis.rules import LIKE
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, JointBase, bases_by_observable
-from tirelog.inference.cells.joint import model_of
-from tirelog.inference.fit.cells import Problem, free_names
-from tirelog.inference.metric import orthonormal, projected_out, stacked
+from tirelog.inference.cells.joint import linearised, model_of, predicted
+from tirelog.inference.fit.cells import free_names
+from tirelog.inference.metric import Offsets, orthonormal, projected_out, stacked
 from tirelog.inference.nuisances import freed, frees, shared_by
 from tirelog.inference.stacks.manoeuvres import CRUISE_M_S2
 from tirelog.physics.model.model import Model
@@ -161,12 +161,12 @@ def separations(
     groups = tuple(dict.fromkeys((*held, *beside)))
     cells = replace(base.cells, shared=None)
     shared = shared_by(cells, base.fit, groups)
-    problem = Problem(cells, base.white)
-    mine, _ = problem.linearised(first, (), {})
-    theirs, jacobian = problem.linearised(second, names, {})
+    mine = predicted(first, cells)
+    theirs, jacobian = linearised(second, cells, names, {})
     parts = [np.nan_to_num(mine - theirs)[..., None], jacobian]
     parts += [] if shared is None else [shared.columns]
-    old = problem.whitened(np.concatenate(parts, axis=-1))
+    taken = Offsets.of(cells, base.white)
+    old = stacked(taken.without(base.white(np.concatenate(parts, axis=-1))))
     if shared is not None:  # how large an amplitude is before anything is measured
         ordinary = np.diag(1.0 / shared.sd)
         old = np.vstack([old, np.pad(ordinary, ((0, 0), (old.shape[1] - len(shared), 0)))])

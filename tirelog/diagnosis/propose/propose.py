@@ -5,7 +5,7 @@ Proposal, Term, FoundFormula: what it gives, with its sentences and JSON
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -33,7 +33,14 @@ from tirelog.diagnosis.candidates.nuisances import (
 )
 from tirelog.diagnosis.candidates.search import Progress, SearchResult, search_effects
 from tirelog.diagnosis.candidates.separation import advise, by_the_minute
-from tirelog.diagnosis.compare import Measured, locked_away, measured_pieces, start, untouched
+from tirelog.diagnosis.compare import (
+    Measured,
+    locked_away,
+    manoeuvres_of,
+    measured_pieces,
+    start,
+    untouched,
+)
 from tirelog.diagnosis.diagnose import Diagnosis, conclude
 from tirelog.diagnosis.propose.formulas import (
     Choice,
@@ -62,7 +69,6 @@ from tirelog.diagnosis.rules import (
 )
 from tirelog.errors import ModelError, UsageError, or_refusal
 from tirelog.inference.base import Base, refit
-from tirelog.inference.cells.joint import JointPieces
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
@@ -277,15 +283,15 @@ def propose(
             do="take one; for numbers `tirelog diagnose` tells what they follow",
         )
     pieces = measured_pieces(measured)
-    if isinstance(pieces, JointPieces):
+    if len(pieces) > 1:
         raise UsageError(
             f"a model of {' and '.join(model.observables)}",
             allowed="allowed is a model of one waveform",
             do="propose with a model of one of them, and compare the result on all",
         )
     seen, locked = locked_away(pieces, 1, LOCK_EVERY, FEWEST_MANOEUVRES)
-    if locked is None:
-        number = int(np.unique(pieces.manoeuvre).size)
+    if not locked:
+        number = int(manoeuvres_of(pieces).size)
         left = (n for n in range(1, 100) if n - len(range(1, n, LOCK_EVERY)) >= FEWEST_MANOEUVRES)
         reason = (
             f"{number} manoeuvres are too few: a third is locked away before anything is looked "
@@ -296,7 +302,7 @@ def propose(
     base = start(seen, model)
     progress(
         f"{len(base.cells)} cells of {base.cells.manoeuvres} manoeuvres seen, "
-        f"{np.unique(locked.manoeuvre).size} locked away; testing candidates"
+        f"{manoeuvres_of(locked).size} locked away; testing candidates"
     )
     found = search_effects(base, tuple(effects), progress)
     diagnosis = conclude(found, ())
@@ -446,7 +452,7 @@ def _matters(without: Base, base: Base) -> bool:
 def _proposal(
     climb: _Climb,
     diagnosis: Diagnosis,
-    locked: Pieces,
+    locked: Sequence[Pieces],
     shape_wanted: bool,
     progress: Progress,
 ) -> Proposal:
@@ -502,7 +508,7 @@ def _proposal(
     )
 
 
-def _on_locked(base: Base, after: Base, locked: Pieces) -> dict[str, Any] | str:
+def _on_locked(base: Base, after: Base, locked: Sequence[Pieces]) -> dict[str, Any] | str:
     """The errors on the locked manoeuvres, or why what was found is not claimed."""
     there, before = untouched(after, locked), untouched(base, locked)
     unknown = "of the manoeuvres that were locked away nothing is known"
@@ -512,7 +518,7 @@ def _on_locked(base: Base, after: Base, locked: Pieces) -> dict[str, Any] | str:
         return f"{unknown}: {before.what}."
     square = there[1] ** 2
     excess, left = before[0] ** 2 - square, max(there[0] ** 2 - square, 0.0)
-    share, number = 1.0 - left / excess if excess > 0.0 else None, np.unique(locked.manoeuvre).size
+    share, number = 1.0 - left / excess if excess > 0.0 else None, manoeuvres_of(locked).size
     # what is chance removes nothing; with twice the share only what is right to the floor is said
     if share is not None and share >= 0.5:
         return {

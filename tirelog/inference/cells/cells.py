@@ -13,7 +13,7 @@ moves both.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from typing import Any, Self
@@ -50,13 +50,16 @@ class SharedEffects:
     group: tuple[str, ...]
 
     @classmethod
-    def joined(cls, parts: Sequence[SharedEffects]) -> SharedEffects:
-        """All effects of the parts, which are on the same cells."""
+    def joined(cls, parts: Iterable[SharedEffects | None]) -> SharedEffects | None:
+        """All effects of the parts, which are on the same cells; None if no part has any."""
+        known = [part for part in parts if part is not None]
+        if not known:
+            return None
         return cls(
-            np.concatenate([part.columns for part in parts], axis=-1),
-            np.concatenate([part.sd for part in parts]),
-            tuple(name for part in parts for name in part.names),
-            tuple(name for part in parts for name in part.group),
+            np.concatenate([part.columns for part in known], axis=-1),
+            np.concatenate([part.sd for part in known]),
+            tuple(name for part in known for name in part.names),
+            tuple(name for part in known for name in part.group),
         )
 
     @property
@@ -93,9 +96,6 @@ class SharedEffects:
 # ---- How well means of numbers per revolution are known: their scatter, how alike neighbours are.
 
 
-#: a piece's scatter below this share of the usual one is taken as that for what all pieces say:
-#: values may be alike by rounding; half as much lets one such piece count for the more
-_LEAST_SCATTER = 0.1
 #: degrees of freedom that all pieces together stand for beside one, at most: then they are alike to
 #: a tenth; twice as many, to 7 %
 _MOST_PRIOR = 200.0
@@ -121,7 +121,9 @@ def scatter_of_numbers(pieces: Pieces, alike: float = 1.0) -> FloatArray:
     usual = float(np.median(own[known])) if known.any() else np.nan
     if not usual > 0.0:
         return np.full(pieces.scatter.shape, usual)
-    size = np.maximum(own[known], _LEAST_SCATTER * usual)
+    # a piece's scatter below this share of the usual one is taken as that for what all pieces say:
+    # values may be alike by rounding; half as much lets one such piece count for the more
+    size = np.maximum(own[known], 0.1 * usual)
     half = 0.5 * freedom[known]
     log = 2.0 * np.log(size) - digamma(half) + np.log(half)
     differ = float(np.sum((log - log.mean()) ** 2) / max(log.size - 1, 1))
@@ -191,8 +193,6 @@ ComplexArray = NDArray[np.complex128]
 #: harmonics of the staircase: the others are 2 % of a step's variance without noise, and nothing
 #: with 0.1 steps of it
 _HARMONICS = np.arange(1.0, 9.0)
-#: a wave of this size [steps] is none: its mean square is 1e-7 of a single rounding's 1/12
-_LEAST_WAVE = 1e-4
 #: variance of noise [step^2] from which on a mean moves with its value by half of it everywhere,
 #: and so tells its place between two steps: 0.26 steps of noise.  Doubling it takes the mean square
 #: over all places for what is known, half tells places that are not
@@ -227,7 +227,6 @@ class Cells(Means):
                    its values are divided by [its unit]
     free           which NUISANCES are taken out of each cell
     shared         random effects that all manoeuvres share; none unless asked for
-    member         the grating, if they are of one of several; place_rad its angle on the wheel
     """
 
     sd: FloatArray = field(metadata=binned(1, np.inf))
@@ -241,8 +240,6 @@ class Cells(Means):
     shared: SharedEffects | None = None
     parts: tuple[Cells, ...] = ()
     scales: tuple[float, ...] = (1.0,)
-    member: str = ""
-    place_rad: float = np.nan
 
     def take(self, which: NDArray[Any]) -> Self:
         """Some of the cells (mask or indices)."""
@@ -373,7 +370,9 @@ def _standing_steps(still: ComplexArray, count: FloatArray, noise: FloatArray) -
         total = np.zeros(place.shape)
         for harmonic, own in zip(_HARMONICS, left, strict=True):
             damped = _damped(variance, harmonic)
-            if damped.max() < _LEAST_WAVE:
+            # a wave of this size [steps] is none: its mean square is 1e-7 of a single rounding's
+            # 1/12
+            if damped.max() < 1e-4:
                 break
             total += damped * own * np.sin(2.0 * np.pi * harmonic * place) / (np.pi * harmonic)
         return total

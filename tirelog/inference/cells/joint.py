@@ -7,7 +7,9 @@ Several gratings are members of one fit like several observables, each with a le
         rows     those of one observable after the other; `part` says whose a row is
         angles   as many as the observable with most; the others' last bins are empty
         values   over the observable's scale: "noise floors", so that sizes may be added up
-    --parts_of--> the Cells of each observable again, in its own unit
+
+A question asked of all of them is asked of these; what is fitted, and what is each one's own, is
+asked of the cells of each (`base.JointBase.channels`), which stay as they are.
 
 What is one in physics is one here: the parameters, and the manoeuvre. A stretch of driving is one
 replicate however many sensors saw it: leaving it out, or flipping its sign, is done to all of them
@@ -21,13 +23,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.data.recording import Conditions, Stack
+from tirelog.data.recording import Conditions
 from tirelog.inference.cells.cells import Cells, SharedEffects
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.physics.effects import Effect
@@ -101,85 +103,6 @@ def at_lever(model: Model, member: str) -> Model:
     own = replace(lever, value=value, min=min(lever.min, value), max=max(lever.max, value))
     one = replace(model.parameters[ratio_name(member)], value=1.0, se=None)
     return model.with_parameters({LEVER: own, one.name: one})
-
-
-#: amplitudes whose names begin so are a grating's own; all others are the tire's or the wheel's
-_OF_GRATING = "baseline"
-
-
-@dataclass(frozen=True)
-class JointStacks:
-    """The revolutions of several observables, in the order of the model's.
-
-    `places` (n,): of several gratings the angle of each on the wheel [rad], NaN for what is none.
-    """
-
-    parts: tuple[Sequence[Stack], ...]
-    places: tuple[float, ...] = ()
-
-    def of_channels(self, names: Sequence[str]) -> JointStacks:
-        """The revolutions of some gratings alone, or of what is none ("")."""
-        kept = [
-            i
-            for i, (part, place) in enumerate(zip(self.parts, self.places, strict=True))
-            if (part[0].channel if np.isfinite(place) else "") in names
-        ]
-        return JointStacks(tuple(self.parts[i] for i in kept), tuple(self.places[i] for i in kept))
-
-    def __len__(self) -> int:
-        return min(len(part) for part in self.parts)
-
-
-@dataclass(frozen=True)
-class JointPieces:
-    """The pieces of several observables, which have their manoeuvres in common.
-
-    `places` as of `JointStacks`.
-    """
-
-    parts: tuple[Pieces, ...]
-    places: tuple[float, ...] = ()
-
-    @classmethod
-    def of(cls, parts: Sequence[Pieces], places: tuple[float, ...] = ()) -> JointPieces:
-        return cls(tuple(one_drive(parts)), places)
-
-    @property
-    def observables(self) -> tuple[str, ...]:
-        """What was measured, each once."""
-        return tuple(dict.fromkeys(part.observable for part in self.parts))
-
-    @property
-    def members(self) -> tuple[str, ...]:
-        """Of several gratings the name of each, "" for what is none."""
-        places = self.places or (np.nan,) * len(self.parts)
-        return tuple(
-            part.channel if np.isfinite(place) else ""
-            for part, place in zip(self.parts, places, strict=True)
-        )
-
-    def without(self, members: Sequence[str]) -> JointPieces:
-        """The pieces without those of some gratings."""
-        kept = [i for i, name in enumerate(self.members) if name not in members]
-        return JointPieces(tuple(self.parts[i] for i in kept), tuple(self.places[i] for i in kept))
-
-    @property
-    def logs(self) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(log for part in self.parts for log in part.logs))
-
-    @property
-    def manoeuvre(self) -> IntArray:
-        """The manoeuvre of each piece, of all observables."""
-        return np.concatenate([part.manoeuvre for part in self.parts])
-
-    def take(self, which: NDArray[np.bool_]) -> JointPieces:
-        """Some of the pieces, (P,) of all observables."""
-        ends = np.cumsum([len(part) for part in self.parts])[:-1]
-        kept = zip(self.parts, np.split(which, ends), strict=True)
-        return JointPieces(tuple(part.take(mine) for part, mine in kept), self.places)
-
-    def __len__(self) -> int:
-        return min(len(part) for part in self.parts)
 
 
 def one_drive(parts: Sequence[Pieces]) -> list[Pieces]:
@@ -260,37 +183,11 @@ def joined_cells(
     return replace(cells, shared=joined_effects(cells, [part.shared for part in parts]))
 
 
-def parts_of(cells: Cells) -> tuple[Cells, ...]:
-    """The cells of each member, in its unit, manoeuvres and logs numbered anew."""
-    if not cells.parts:
-        return (cells,)
-    found = []
-    for i, part in enumerate(cells.parts):
-        own = cells.take(np.flatnonzero(cells.part == i))
-        rows: dict[str, Any] = {
-            f.name: own_rows(cells, i, getattr(cells, f.name), f.metadata["power"])
-            if f.metadata["empty"] is not None
-            else getattr(own, f.name)
-            for f in fields(Cells)
-            if f.metadata
-        }
-        numbers = {name: number for number, name in enumerate(part.logs)}
-        log = np.array([numbers.get(name, 0) for name in cells.log_names])
-        rows |= {
-            "log": log[own.drive],
-            "manoeuvre": np.unique(own.manoeuvre, return_inverse=True)[1],
-            "part": np.zeros(len(own), np.int64),
-        }
-        shared = None if cells.shared is None else _own_effects(cells.shared, cells, i)
-        found.append(replace(part, conditions=own.conditions, shared=shared, **rows))
-    return tuple(found)
-
-
-def own_rows(cells: Cells, part: int, x: FloatArray, power: int = 1) -> FloatArray:
-    """Of x (C, m) or (C, m, k) of all cells what is of one observable's, in its unit to a power."""
-    width = cells.members[part].phi.shape[1]
-    rows: FloatArray = x[cells.part == part][:, :width] * cells.scales[part] ** power
-    return rows
+def of_all(cells: Cells, each: Sequence[FloatArray], empty: float = 0.0) -> FloatArray:
+    """What is of each observable's cells, in its unit, (c, m) or (c, m, k), of all cells as one."""
+    width = cells.phi.shape[1]
+    rows = [in_bins(x / s, width, empty) for x, s in zip(each, cells.scales, strict=True)]
+    return rows[0] if len(rows) == 1 else np.concatenate(rows)
 
 
 def in_bins(x: FloatArray, width: int, empty: float) -> FloatArray:
@@ -310,61 +207,35 @@ def embedded(cells: Cells, part: int, x: FloatArray) -> FloatArray:
 
 
 def joined_effects(cells: Cells, effects: Sequence[SharedEffects | None]) -> SharedEffects | None:
-    """The shared effects of each member's cells as those of all, each with its own sizes."""
-    return _tied(
-        [
-            replace(
-                own,
-                columns=embedded(cells, i, own.columns),
-                names=_names(own, cells, i),
-            )
-            for i, own in enumerate(effects)
-            if own is not None
-        ]
+    """The shared effects of each member's cells as those of all, those of one name as one."""
+    if not cells.parts:
+        return effects[0]
+    joined = SharedEffects.joined(
+        None if own is None else replace(own, columns=embedded(cells, i, own.columns))
+        for i, own in enumerate(effects)
     )
-
-
-def _prefixes(cells: Cells, part: int) -> tuple[str, str]:
-    """What names of shared effects begin with: of a member alone, of all of its observable."""
-    member = cells.members[part]
-    return f"{member.label}: ", f"{member.observable}: "
-
-
-def _names(own: SharedEffects, cells: Cells, part: int) -> tuple[str, ...]:
-    """The names of a member's shared effects among all: whose they are, unless all gratings'."""
-    mine, of_all = _prefixes(cells, part)
-    if len(set(cells.observables)) == 1:
-        of_all = ""
-    grating = cells.members[part].member
-
-    def named(name: str) -> str:
-        if ": " in name:
-            return name
-        return f"{of_all if grating and not name.startswith(_OF_GRATING) else mine}{name}"
-
-    return tuple(named(name) for name in own.names)
-
-
-def _tied(placed: Sequence[SharedEffects]) -> SharedEffects | None:
-    """All of them, those of one name as one amplitude."""
-    if not placed:
+    if joined is None:
         return None
-    joined = SharedEffects.joined(placed)
     kept = [joined.names.index(name) for name in dict.fromkeys(joined.names)]
     of_name = np.equal.outer(joined.names, [joined.names[k] for k in kept]).astype(np.float64)
     return replace(joined.of(kept), columns=joined.columns @ of_name)
 
 
-def _own_effects(shared: SharedEffects, cells: Cells, part: int) -> SharedEffects | None:
-    """Those of the shared effects that one observable has, on its cells and in its unit."""
-    own = shared.of(own_amplitudes(shared, cells, part).tolist())
-    return replace(own, columns=own_rows(cells, part, own.columns)) if len(own) else None
+def named(effects: SharedEffects, model: Model, cells: Cells) -> SharedEffects:
+    """The shared effects of one observable's cells, by names that tell whose they are.
 
+    What a grating alone has is its own; all else is the tire's or the wheel's, and one to all
+    gratings. Those of an observable that is alone have no name before theirs.
+    """
 
-def own_amplitudes(shared: SharedEffects, cells: Cells, part: int) -> IntArray:
-    """Which of the shared effects one member has, its own and those of all gratings."""
-    begins = _prefixes(cells, part)
-    return np.flatnonzero([name.startswith(begins) or ": " not in name for name in shared.names])
+    def own(name: str) -> str:
+        # amplitudes whose names begin so are a grating's own
+        of_one = not cells.member or name.startswith("baseline")
+        before = cells.label if of_one else cells.observable
+        alone = not model.beside and not (cells.member and of_one)
+        return name if alone or ": " in name else f"{before}: {name}"
+
+    return replace(effects, names=tuple(map(own, effects.names)))
 
 
 # ---- what a model says of them -------------------------------------------------------------------
@@ -377,14 +248,15 @@ def predicted(
     conditions: Conditions | None = None,
     values: Mapping[str, float] | None = None,
 ) -> FloatArray:
-    """What a model predicts of the cells, (C, m), under their conditions or others."""
-    conditions = cells.conditions if conditions is None else conditions
-    result = np.full(cells.phi.shape, np.nan)
-    for rows, scale, one, member, where in _each(model, cells):
-        own = _own(model, one, member, values or {})
-        there = one.predict(conditions.take(rows), values=own, **where)
-        result[rows, : there.shape[1]] = there / scale
-    return result
+    """What a model predicts of one observable's cells, (C, m), under their conditions or others."""
+    one = _seen_by(model, cells)
+    return one.predict(
+        cells.conditions if conditions is None else conditions,
+        values=_own(model, one, cells.member, values or {}),
+        surface=cells.surface,
+        observable=cells.observable,
+        **cells.angles,
+    )
 
 
 def linearised(
@@ -396,22 +268,27 @@ def linearised(
     rough: bool = False,
 ) -> tuple[FloatArray, FloatArray]:
     """Prediction (C, m) and Jacobian (C, m, p), `rough` as of `Model.linearised`."""
-    prediction = np.full(cells.phi.shape, np.nan)
+    one = _seen_by(model, cells)
+    asked = _slopes_asked(model, one, cells.member, names, values)
+    prediction, slopes = one.linearised(
+        cells.conditions,
+        names=[name for _, name, _ in asked],
+        values=_own(model, one, cells.member, values),
+        rough=rough,
+        surface=cells.surface,
+        observable=cells.observable,
+        **cells.angles,
+    )
     jacobian = np.zeros((*cells.phi.shape, len(names)))
-    for rows, scale, one, member, where in _each(model, cells):
-        own = _own(model, one, member, values)
-        asked = _slopes_asked(model, one, member, names, values)
-        there, slopes = one.linearised(
-            cells.conditions.take(rows),
-            names=[name for _, name, _ in asked],
-            values=own,
-            rough=rough,
-            **where,
-        )
-        prediction[rows, : there.shape[1]] = there / scale
-        for (k, _, factor), slope in zip(asked, slopes, strict=True):
-            jacobian[rows, : there.shape[1], k] = slope * (factor / scale)
+    for (k, _, factor), slope in zip(asked, slopes, strict=True):
+        jacobian[..., k] = slope * factor
     return prediction, jacobian
+
+
+def _seen_by(model: Model, cells: Cells) -> Model:
+    """The model as the observable or grating of these cells sees it."""
+    several = model.beside or cells.member
+    return model_of(model, cells.observable, cells.member) if several else model
 
 
 def _own(model: Model, one: Model, member: str, values: Mapping[str, float]) -> dict[str, float]:
@@ -442,39 +319,10 @@ def _slopes_asked(
     return asked
 
 
-def _each(model: Model, cells: Cells) -> Any:
-    """(rows, scale, its own model, its grating, arguments of its prediction) of each member."""
-    if not cells.parts:
-        where: dict[str, Any] = {"surface": cells.surface, "observable": cells.observable}
-        several = model.beside or cells.member
-        one = model_of(model, cells.observable, cells.member) if several else model
-        yield slice(None), 1.0, one, cells.member, where | cells.angles
-        return
-    for i, part in enumerate(cells.parts):
-        rows, width = np.flatnonzero(cells.part == i), part.phi.shape[1]
-        if not rows.size:
-            continue
-        where = {"surface": part.surface, "observable": part.observable, "phi_rad": None}
-        if width > 1:
-            where["phi_rad"] = cells.phi[rows, :width]
-            where["phi_variance"] = cells.phi_variance[rows, :width]
-        one = model_of(model, part.observable, part.member)
-        yield rows, cells.scales[i], one, part.member, where
-
-
 def lacking(effect: Effect, model: Model, cells: Cells) -> list[str]:
     """What an effect needs to be known, and some revolution that it acts on does not know."""
-    alone = not cells.parts and not model.beside
-    missing: dict[str, None] = {}
-    for i, observable in enumerate(cells.observables):
-        if alone or model.acts_on(effect, observable):
-            missing |= dict.fromkeys(effect.missing(cells.conditions.take(cells.part == i)))
-    return list(missing)
-
-
-def rows_by_observable(cells: Cells) -> dict[str, NDArray[np.int64]]:
-    """The rows of each observable."""
-    return {name: np.flatnonzero(cells.part == i) for i, name in enumerate(cells.observables)}
+    acts = not model.beside or model.acts_on(effect, cells.observable)
+    return effect.missing(cells.conditions) if acts else []
 
 
 def model_of(model: Model, observable: str, member: str = "") -> Model:

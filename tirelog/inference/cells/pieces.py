@@ -54,30 +54,9 @@ def scatter_about_line(values: FloatArray) -> float:
 
 ComplexArray = NDArray[np.complex128]
 
-#: width [m/s] of a cell's band of speed: what the waveform does over it is taken to second order
-#: (`floor.at_mean_speed`); twice as wide leaves eight times the third order
-BAND_M_S = 1.6
-#: fewest revolutions in a band (two would tell a scatter by one difference), most bands in a
-#: manoeuvre: what later steps take grows with the bands; twice as many revolutions make half as
-#: many bands of short manoeuvres, which average over more of the speed; twice as many bands take
-#: twice the time
+#: fewest revolutions in a band: two would tell a scatter by one difference; twice as many make half
+#: as many bands of short manoeuvres, which average over more of the speed
 FEWEST = 3
-MOST_BANDS = 6
-#: rounds of coefficients out, mean anew: the second round's mean is free of the first's; twice as
-#: many take twice as long
-_ROUNDS = 2
-#: neighbouring knots of a cell's curve are at least this share of a bin apart: noise over a gap is
-#: a slope, and 0.3 makes it three times what a whole bin does; doubling it begins to blur edges
-#: where angles are spread evenly
-CLOSEST = 0.3
-#: a bin with less than this share of the samples of the middle one joins a neighbour within so many
-#: bins; doubling changes nothing seen
-LEAST_COUNT = 0.1
-_NEIGHBOUR = 1.5
-_FEWEST_KNOTS = 8
-#: noise of one sample, in steps, from which on rounding errors average out to 2e-8 steps^2; half of
-#: it would leave 0.002
-DITHERED = 0.6
 
 
 #: marks a field with a value per row
@@ -102,6 +81,7 @@ class Means:
     conditions     means;  log, manoeuvre, regime (n,)
     cell           the row of each revolution of the stack, empty if only the rows are left
     notes          sentences on what was set apart, taken together or left out of the logs
+    member         the grating, if they are of one of several; place_rad its angle on the wheel
     """
 
     observable: str
@@ -122,6 +102,8 @@ class Means:
     cell: IntArray
     logs: tuple[str, ...]
     notes: tuple[str, ...] = ()
+    member: str = ""
+    place_rad: float = np.nan
 
     def __len__(self) -> int:
         return int(self.values.shape[0])
@@ -217,9 +199,10 @@ def assign_pieces(stack: Stack) -> IntArray:
         rows = np.flatnonzero(stack.manoeuvre == manoeuvre)
         speed = stack.conditions.speed_m_s[rows]
         low, spread = speed.min(), np.ptp(speed)
-        bands = int(
-            np.clip(np.ceil(spread / BAND_M_S), 1, max(1, min(MOST_BANDS, rows.size // FEWEST)))
-        )
+        # width [m/s] of a cell's band of speed: what the waveform does over it is taken to second
+        # order (`floor.at_mean_speed`); twice as wide leaves eight times the third order. What
+        # later steps take grows with the bands: twice as many as six take twice the time
+        bands = int(np.clip(np.ceil(spread / 1.6), 1, max(1, min(6, rows.size // FEWEST))))
         band = np.clip(((speed - low) / max(spread, 1e-9) * bands).astype(int), 0, bands - 1)
         _, band = np.unique(_merge_small(band), return_inverse=True)
         cell[rows] = first + band
@@ -281,6 +264,8 @@ def pieces_of(stack: Stack) -> Pieces:
         regime=stack.regime[first],
         cell=cell,
         logs=stack.logs,
+        member=stack.member,
+        place_rad=stack.place_rad,
         **rows,
     )
 
@@ -313,13 +298,18 @@ def _curve(
     points = np.stack([phi[full], values[full], count[full]])
     if knots is not None:
         return nearest_curve(points[0], points[1], points[2], knots)
-    few = LEAST_COUNT * np.median(points[2])
+    # a bin with less than this share of the samples of the middle one joins a neighbour within one
+    # and a half bins; doubling changes nothing seen
+    few = 0.1 * np.median(points[2])
     width = 2.0 * np.pi / phi.size
-    while points.shape[1] > _FEWEST_KNOTS:
+    while points.shape[1] > 8:
         x, _, n = points
         gap = np.diff(np.append(x, x[0] + 2.0 * np.pi))  # to the next one
         lone = np.minimum(n, np.roll(n, -1)) < few
-        close = gap / width < np.where(lone, _NEIGHBOUR, CLOSEST)
+        # neighbouring knots of a cell's curve are at least this share of a bin apart: noise over a
+        # gap is a slope, and 0.3 makes it three times what a whole bin does; doubling it begins to
+        # blur edges where angles are spread evenly
+        close = gap / width < np.where(lone, 1.5, 0.3)
         if not close.any():
             break
         points = _merged(points, int(np.argmin(np.where(close, gap, np.inf))))
@@ -377,7 +367,9 @@ def one_waveform(
     count = np.where(np.isfinite(values), count, 0).astype(float)
     knots = _knots(count)
     corrected = values
-    for _ in range(_ROUNDS):
+    # rounds of coefficients out, mean anew: the second round's mean is free of the first's; twice
+    # as many take twice as long
+    for _ in range(2):
         mean, angle, spread, total = _bin_means(corrected, phi, variance, count)
         curve = _curve(angle, mean, total, knots)
         columns = _columns(curve, np.where(count > 0, phi, 0.0))
@@ -395,7 +387,9 @@ def one_waveform(
     fitted = count * np.einsum("kmi,kij,kmj->km", columns, np.linalg.inv(gram), columns)
     residual_ss, freedom = _scatter(residual, count, speed, fitted)
     still = np.zeros(mean.size, np.complex128)
-    if step > 0.0 and np.any(residual_ss < (DITHERED**2 + 1.0 / 12.0) * step**2 * freedom):
+    # noise of one sample, in steps, from which on rounding errors average out to 2e-8 steps^2; half
+    # of it would leave 0.002
+    if step > 0.0 and np.any(residual_ss < (0.6**2 + 1.0 / 12.0) * step**2 * freedom):
         still = _still(
             np.where(count > 0, values - residual - step_from, 0.0),
             columns[..., 2] ** 2 * variance,
@@ -516,9 +510,6 @@ def _one_number(values: FloatArray) -> PieceRow:
 #: verdict asks for, and what it calls too small to matter does not shrink with more of them.
 #: Twice as many take up to twice the time, and tell strengths to 0.7 of their errors
 LOG_PIECES = 160
-#: a side of a condition's range with less than this share of the manoeuvres has a share of its own;
-#: twice as much shares out halves, which are used alike without
-RARE = 0.25
 #: pieces that all logs together may have, in `diagnose` as in campaigns: a diagnosis takes 0.35 MB
 #: for each beside 240 MB, so it stays below 1 GB, and twice as many would take 1.5 GB
 MOST_PIECES = 1800
@@ -689,7 +680,9 @@ def _rare(mean: FloatArray) -> NDArray[np.bool_]:
         return known
     high: NDArray[np.bool_] = known & (mean > 0.5 * (mean[known].min() + mean[known].max()))
     for side in (high, known & ~high):
-        if np.count_nonzero(side) < RARE * np.count_nonzero(known):
+        # a side of a condition's range with less than this share of the manoeuvres has a share of
+        # its own; twice as much shares out halves, which are used alike without
+        if np.count_nonzero(side) < 0.25 * np.count_nonzero(known):
             return side
     return np.zeros(mean.size, np.bool_)
 

@@ -1,14 +1,14 @@
 """A model's parameters from cells.
 
-Damped least squares in whitened space, several starts, one free offset per log and channel.
+Damped least squares in whitened space, several starts, one free offset per log and block.
 
-    Cells of each channel, Model -> residual r = W (y - f), Jacobian J = W df/dtheta (C, m, p),
-                                    offsets o = W 1 (C, m), each log's its own
-        --descent over all channels--> one Fit per channel, in the same parameters
+    blocks (the cells of an observable, a grating or a channel, and their metric), Model
+        -> residuals r = W (y - f), Jacobians J = W df/dtheta (C, m, p), what is beside the model
+        --descent over all blocks--> one Fit per block, in the same parameters
 
-Offsets are projected out of r and J (they are linear).
+Offsets and shared effects are projected out of r and J (they are linear).
 
-One start may end in a local minimum: `fit_channels` tries several on a few cells and takes the best
+One start may end in a local minimum: `fit_blocks` tries several on a few cells and takes the best
 two on to all of them.
 """
 
@@ -24,16 +24,8 @@ from numpy.typing import NDArray
 
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells
-from tirelog.inference.cells.joint import (
-    at_lever,
-    lacking,
-    linearised,
-    own_amplitudes,
-    own_rows,
-    parts_of,
-    predicted,
-)
-from tirelog.inference.metric import RANK, Offsets, Whitener, stacked
+from tirelog.inference.cells.joint import lacking, linearised, predicted
+from tirelog.inference.metric import RANK, Offsets, Whitener, projected_out, shrinkage
 from tirelog.physics.effects.form import BY_LOAD
 from tirelog.physics.model.model import Model
 from tirelog.physics.spectral import Parameter
@@ -50,16 +42,8 @@ from tirelog.vocabulary.arrays import FloatArray
 #: steps of a descent at most; twice as many only matter to fits that have not settled by then,
 #: which is said
 MOST_STEPS = 25
-#: a step that gains less than this share of the sum of squares, and less than this of it (1 is
-#: what a parameter costs that is off by its standard error), is the last; twice as much of the
-#: latter may leave a parameter off by 0.8 of its standard error
+#: a step that gains less than this share of the sum of squares is the last
 SETTLED = 1e-4
-_SETTLED_BY = 0.3
-#: slopes of an earlier point are made anew after a step that gains less than this share of what
-#: they let hope for; twice as much makes them anew more often
-_POOR = 0.1
-#: dampings tried for one step; twice as many damp further down before a step is given up
-_TRIALS = 8
 
 
 class LeastSquares(Protocol):
@@ -116,7 +100,8 @@ def descend(
         slope = problem.slopes(theta, size)
         gram, gradient = slope.T @ slope, slope.T @ residual
         free = ~parameters_leaving(theta, low, high, gradient)
-        for _ in range(_TRIALS):
+        # dampings tried for one step; twice as many damp further down before a step is given up
+        for _ in range(8):
             new = np.clip(theta + _damped(gram, gradient, free, damping) * size, low, high)
             reached = problem.square(new)
             if reached < square:
@@ -130,11 +115,15 @@ def descend(
         moved = (new - theta) / size
         hoped = float(moved @ (2.0 * gradient - gram @ moved))
         drop, theta, damping = square - reached, new, damping / 10.0
-        if drop < _POOR * hoped:
+        # slopes of an earlier point are made anew after a step that gains less than this share of
+        # what they let hope for; twice as much makes them anew more often
+        if drop < 0.1 * hoped:
             problem.renewed()
         residual = problem.residual(theta)
         square = float((residual**2).sum())
-        if drop < settled * square and drop < _SETTLED_BY and not problem.renewed():
+        # and less than 0.3 of it (1 is what a parameter costs that is off by its standard error):
+        # twice as much may leave a parameter off by 0.8 of its standard error
+        if drop < settled * square and drop < 0.3 and not problem.renewed():
             return theta, square, True
     return theta, square, not theta.size
 
@@ -239,38 +228,27 @@ FORM_STARTS: tuple[Mapping[str, float], ...] = (
 _STIFFER: tuple[Mapping[str, float], ...] = tuple(
     {"flexural_stiffness_N_m2": 4.0**i, "foundation_stiffness_N_m2": 4.0**i} for i in range(5)
 )
-#: a shift below this is left to the linear nuisance [rad]; most centrings in a row; twice as much
-#: is still less than a bin of the angle, 0.025; the rounds end earlier as a rule
-_CENTRED = 1e-3
-_CENTRINGS = 8
 #: a fit that ends within this share of a bound, and would leave it, stands at it: steps along a
 #: valley shrink before they arrive; doubling changes nothing seen
 AT_BOUND = 5e-3
-#: a fit is stuck if the tangent at its point would take this share of chi-square by a step beyond
-#: the bounds: the way there is bent. Where a descent has settled it is below 1e-3; half and twice
-#: the share say the same of all logs seen
-_STUCK = 0.3
-#: cells that a start is judged on; twice as many judge a start better and take twice as long
-_FEW = 12
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A model fitted to one channel, alone or together with others, in the metric `white`.
+    """A model fitted to one block, alone or together with others, in the metric `white`.
 
-    Whitened residual (C, m) with the offsets taken out, Jacobian of the prediction (C, m, p) in the
-    observable's unit, prediction (C, m) without what is `beside` it: offset per log, amplitudes
-    (K,) of the cells' shared effects. Chi-square and degrees of freedom (channels share what the
-    parameters take); `known`: the parameters' errors, of all channels together; `cells` as they
-    were centred. `held`: parameters that stand at a bound and would leave it; `stuck`: what is left
-    looks like a step of the parameters that none of their values makes.
+    Jacobian of the prediction (C, m, p) in the observable's unit, prediction (C, m) without what is
+    `beside` it: offset per log, amplitudes (K,) of the cells' shared effects. Chi-square and
+    degrees of freedom (blocks share what the parameters take); `known`: the parameters' errors, of
+    all blocks together; `cells` as they were centred. `held`: parameters that stand at a bound and
+    would leave it; `stuck`: what is left looks like a step of the parameters that none of their
+    values makes.
     """
 
     model: Model
     names: tuple[str, ...]
     chi2: float
     freedom: float
-    residual: FloatArray
     prediction: FloatArray
     jacobian: FloatArray
     offsets: FloatArray
@@ -286,12 +264,14 @@ class Fit:
         return self.chi2 / self.freedom
 
     @property
+    def levels(self) -> FloatArray:
+        """The offset of each cell, (C,), which is its log's."""
+        return self.offsets[np.searchsorted(np.unique(self.cells.log), self.cells.log)]
+
+    @property
     def beside(self) -> FloatArray:
         """What is measured beside the prediction, (C, m): offsets and shared effects."""
-        beside = np.zeros(self.prediction.shape)
-        if self.offsets.size:
-            log = np.searchsorted(np.unique(self.cells.log), self.cells.log)
-            beside += self.offsets[log][:, None]
+        beside = np.zeros(self.prediction.shape) + self.levels[:, None]
         if self.cells.shared is not None:
             beside += self.cells.shared.columns @ self.amplitudes
         return beside
@@ -309,73 +289,155 @@ class Fit:
         return np.where(np.isin(self.names, self.held), 0.0, self.jacobian)
 
 
-def free_names(model: Model, cells: Cells) -> tuple[str, ...]:
-    """What the fit moves: the free parameters, less those that nothing in these cells can show."""
+def free_names(model: Model, *blocks: Cells) -> tuple[str, ...]:
+    """What the fit moves: the free parameters, less those that some of the cells cannot show."""
     held = set()
-    for effect in model.effects:
-        if lacking(effect.effect, model, cells):
-            held |= {f"{effect.id}.{p.name}" for p in effect.parameters}
-    load = cells.conditions.load_N
-    if not np.ptp(load) > LEAST_CHANGE * load.mean():
-        held |= {f"form.{name}" for name in BY_LOAD}
+    for cells in blocks:
+        for effect in model.effects:
+            if lacking(effect.effect, model, cells):
+                held |= {f"{effect.id}.{p.name}" for p in effect.parameters}
+        load = cells.conditions.load_N
+        if not np.ptp(load) > LEAST_CHANGE * load.mean():
+            held |= {f"form.{name}" for name in BY_LOAD}
     return tuple(name for name in model.free if name not in held)
 
 
-class Problem:
-    """One channel's data: cells in a metric, offsets taken out."""
+#: the cells of an observable, a grating or a channel, and their metric
+Block = tuple[Cells, Whitener]
 
-    def __init__(self, cells: Cells, white: Whitener) -> None:
-        self.cells, self.white = cells, white
-        self.offsets = Offsets.of(cells, white)
-        self._last: tuple[tuple[Cells, Model, dict[str, float]], FloatArray] | None = None
 
-    def centre(self, model: Model, values: Mapping[str, float]) -> None:
-        """Moves the cells' angles to the model's patch centre.
+class Problem(LeastSquares):
+    """The least squares of blocks of cells in the parameters `names` of one model.
+
+    What is beside the model is taken out of residuals and slopes: the offset of each log, each
+    block's own, and shared effects, of which those of one name are one to all gratings.
+    """
+
+    def __init__(self, blocks: Sequence[Block], model: Model, names: Sequence[str]) -> None:
+        self.cells, self.whites = [cells for cells, _ in blocks], [white for _, white in blocks]
+        self.levels = [Offsets.of(replace(cells, shared=None), white) for cells, white in blocks]
+        #: standard deviations of all shared effects by whose they are, and of each block the places
+        #: of its own among them
+        sd: dict[str, float] = {}
+        self.places: list[list[int]] = []
+        for number, cells in enumerate(self.cells):
+            own = cells.shared
+            sizes = {} if own is None else dict(zip(own.names, own.sd.tolist(), strict=True))
+            keyed = {n if cells.member else f"{number}: {n}": size for n, size in sizes.items()}
+            sd |= keyed
+            self.places.append([list(sd).index(key) for key in keyed])
+        self.sd = np.array(list(sd.values()))
+        if sd:
+            self.basis, self.share, self.turn = shrinkage(self._columns() * self.sd)
+        self.model, self.names = model, tuple(names)
+        self.low, self.high = bounds(model, names)
+        self.known = priors(model, names)[1] > 0.0
+        self._last: dict[int, tuple[Cells, dict[str, float], FloatArray]] = {}
+        self._kept: FloatArray | None = None
+        self._stale = False
+
+    def _columns(self) -> FloatArray:
+        """Those of all shared effects, whitened, offsets taken out, (N, K)."""
+        columns = []
+        for cells, places in zip(self.cells, self.places, strict=True):
+            own = cells.shared
+            if own is not None and places == list(range(self.sd.size)):
+                columns.append(own.columns)  # they may be many: without a copy
+                continue
+            columns.append(np.zeros((*cells.phi.shape, self.sd.size)))
+            if own is not None:
+                columns[-1][..., places] = own.columns
+        return self._levelled(columns)
+
+    def _levelled(self, each: Sequence[FloatArray]) -> FloatArray:
+        """Of each block x (C, m) or (C, m, k), whitened, offsets taken out; all as (N, k)."""
+        flat = [
+            level.without(white(x)).reshape(x.shape[0] * x.shape[1], -1)
+            for level, white, x in zip(self.levels, self.whites, each, strict=True)
+        ]
+        return flat[0] if len(flat) == 1 else np.concatenate(flat)
+
+    def whitened(self, each: Sequence[FloatArray]) -> FloatArray:
+        """The same without what is beside the model, (N, k)."""
+        flat = self._levelled(each)
+        return projected_out(self.basis, flat, self.share) if self.sd.size else flat
+
+    def measured_less(self, predictions: Sequence[FloatArray]) -> FloatArray:
+        """Whitened residual (N,) without what is beside the model."""
+        pairs = zip(self.cells, predictions, strict=True)
+        return self.whitened([cells.values - there for cells, there in pairs])[:, 0]
+
+    def predictions(self, theta: FloatArray) -> list[FloatArray]:
+        """Of each block (C, m); of a point that was tried they are not made again to go on from."""
+        values = self.values(theta)
+        for i, cells in enumerate(self.cells):
+            known = self._last.get(i)
+            if known is None or known[0] is not cells or known[1] != values:
+                self._last[i] = cells, values, predicted(self.model, cells, values=values)
+        return [self._last[i][2] for i in range(len(self.cells))]
+
+    def values(self, theta: FloatArray) -> dict[str, float]:
+        return dict(zip(self.names, theta.tolist(), strict=True))
+
+    def sizes(self, theta: FloatArray) -> FloatArray:
+        own = [self.model.parameters[name] for name in self.names]
+        usual = [0.3 * abs(p.probe) if p.prior is None else p.prior[1] for p in own]
+        return np.maximum(np.maximum(np.abs(theta), usual), 1e-12)
+
+    def residual(self, theta: FloatArray) -> FloatArray:
+        """`left`, the cells' angles moved to the model's patch centre.
 
         A lag or a lopsided load shifts its waveform beyond what is linear.
         """
-        for _ in range(_CENTRINGS):
-            self.cells, farthest = centred(self.cells, self.predict(model, values))
-            if farthest < _CENTRED:
-                return
+        # a shift below this is left to the linear nuisance [rad]: twice as much is still less than
+        # a bin of the angle, 0.025; the rounds end earlier than after the last as a rule
+        for _ in range(8):
+            pairs = zip(self.cells, self.predictions(theta), strict=True)
+            moved = [centred(cells, there) for cells, there in pairs]
+            self.cells = [cells for cells, _ in moved]
+            if max(farthest for _, farthest in moved) < 1e-3:
+                break
+        return self.left(theta)
 
-    def measured_less(self, prediction: FloatArray) -> FloatArray:
-        """Whitened residual (C, m), offsets taken out."""
-        return self.offsets.without(self.white(self.cells.values - prediction))
+    def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
+        """Those of numbers with a prior, which are many, are kept from point to point."""
+        values, many = self.values(theta), self.known
+        asked = np.full(many.size, self._kept is None) | ~many
+        names = [name for name, wanted in zip(self.names, asked, strict=True) if wanted]
+        found = [linearised(self.model, c, names, values, rough=True)[1] for c in self.cells]
+        made = self.whitened(found)
+        slopes = np.empty((len(made), many.size))
+        slopes[:, asked] = made
+        self._stale = not asked.all()
+        if self._kept is not None:
+            slopes[:, many] = self._kept
+        self._kept = slopes[:, many]
+        return np.concatenate([slopes, prior_rows(self.model, self.names, theta)[1]]) * size
 
-    def predict(self, model: Model, values: Mapping[str, float]) -> FloatArray:
-        """The prediction (C, m); a point that was tried is not computed again to go on from."""
-        if self._last is not None:
-            (cells, of, at), prediction = self._last
-            if cells is self.cells and of is model and at == values:
-                return prediction
-        prediction = predicted(model, self.cells, values=values)
-        self._last = (self.cells, model, dict(values)), prediction
-        return prediction
+    def renewed(self) -> bool:
+        """Drops what is kept if the last slopes held some of it, and says so."""
+        if self._stale:
+            self._kept = None
+        return self._stale
 
-    def linearised(
-        self,
-        model: Model,
-        names: Sequence[str],
-        values: Mapping[str, float],
-        *,
-        rough: bool = False,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Prediction (C, m) and Jacobian (C, m, p) in the observable's unit."""
-        return linearised(model, self.cells, names, values, rough=rough)
+    def left(self, theta: FloatArray) -> FloatArray:
+        """What is left of the cells, and how far each parameter is from its prior's mean."""
+        left = self.measured_less(self.predictions(theta))
+        return np.concatenate([left, prior_rows(self.model, self.names, theta)[0]])
 
-    def whitened(self, jacobian: FloatArray) -> FloatArray:
-        """A Jacobian (C, m, p) in the metric, offsets taken out, (N, p)."""
-        return stacked(self.offsets.without(self.white(jacobian)))
-
-    def beside(self, prediction: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Offset of each log (logs,) and amplitudes of the shared effects (K,)."""
-        cells = self.cells
-        amplitudes = self.offsets.amplitudes(self.white(cells.values - prediction))
-        if cells.shared is not None:
-            amplitudes = amplitudes * cells.shared.sd
-            prediction = prediction + cells.shared.columns @ amplitudes
-        return self.offsets.of_logs(self.white(cells.values - prediction)), amplitudes
+    def beside(self, predictions: Sequence[FloatArray]) -> list[tuple[FloatArray, FloatArray]]:
+        """Of each block the offset of each log (logs,) and amplitudes of its shared effects."""
+        left = [cells.values - there for cells, there in zip(self.cells, predictions, strict=True)]
+        amplitudes = np.zeros(0)
+        if self.sd.size:
+            amplitudes = self.sd * (self.turn @ (self.basis.T @ self._levelled(left)[:, 0]))
+        found = []
+        for i, cells in enumerate(self.cells):
+            mine, rest = amplitudes[self.places[i]], left[i]
+            if cells.shared is not None:
+                rest = rest - cells.shared.columns @ mine
+            found.append((self.levels[i].of_logs(self.whites[i](rest)), mine))
+        return found
 
 
 def centred(cells: Cells, prediction: FloatArray) -> tuple[Cells, float]:
@@ -387,12 +449,7 @@ def centred(cells: Cells, prediction: FloatArray) -> tuple[Cells, float]:
         return cells, 0.0
     weight = np.where(np.isfinite(cells.values) & np.isfinite(cells.sd), cells.shift, 0.0)
     left = np.nan_to_num(cells.values - prediction)
-    if not cells.parts:
-        left = left - left.mean(axis=1, keepdims=True)
-    else:
-        held = np.isfinite(cells.phi)
-        mean = left.sum(axis=1, keepdims=True) / np.maximum(held.sum(axis=1, keepdims=True), 1)
-        left = np.where(held, left - mean, 0.0)
+    left = left - left.mean(axis=1, keepdims=True)
     shift = np.clip(
         (weight * left).sum(axis=1) / np.maximum((weight**2).sum(axis=1), 1e-300), -0.03, 0.03
     )
@@ -453,73 +510,24 @@ def inequalities(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatA
     return rows, floor
 
 
-class _Together(LeastSquares):
-    """The least squares of several channels in the parameters `names` of one model."""
-
-    def __init__(self, problems: Sequence[Problem], model: Model, names: Sequence[str]) -> None:
-        self.problems, self.model, self.names = problems, model, tuple(names)
-        self.low, self.high = bounds(model, names)
-        self.known = priors(model, names)[1] > 0.0
-        self._kept: FloatArray | None = None
-        self._stale = False
-
-    def values(self, theta: FloatArray) -> dict[str, float]:
-        return dict(zip(self.names, theta, strict=True))
-
-    def sizes(self, theta: FloatArray) -> FloatArray:
-        own = [self.model.parameters[name] for name in self.names]
-        usual = [0.3 * abs(p.probe) if p.prior is None else p.prior[1] for p in own]
-        return np.maximum(np.maximum(np.abs(theta), usual), 1e-12)
-
-    def residual(self, theta: FloatArray) -> FloatArray:
-        values = self.values(theta)
-        for problem in self.problems:
-            problem.centre(self.model, values)
-        return self.left(theta)
-
-    def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
-        """Those of numbers with a prior, which are many, are kept from point to point."""
-        values, many = self.values(theta), self.known
-        asked = np.full(many.size, self._kept is None) | ~many
-        names = [name for name, wanted in zip(self.names, asked, strict=True) if wanted]
-        found = [
-            p.whitened(p.linearised(self.model, names, values, rough=True)[1])
-            for p in self.problems
-        ]
-        slopes = np.empty((sum(len(one) for one in found), many.size))
-        slopes[:, asked] = np.concatenate(found)
-        self._stale = not asked.all()
-        if self._kept is not None:
-            slopes[:, many] = self._kept
-        self._kept = slopes[:, many]
-        return np.concatenate([slopes, prior_rows(self.model, self.names, theta)[1]]) * size
-
-    def renewed(self) -> bool:
-        """Drops what is kept if the last slopes held some of it, and says so."""
-        if self._stale:
-            self._kept = None
-        return self._stale
-
-    def left(self, theta: FloatArray) -> FloatArray:
-        """What is left of the cells, and how far each parameter is from its prior's mean."""
-        values = self.values(theta)
-        left = [p.measured_less(p.predict(self.model, values)).ravel() for p in self.problems]
-        return np.concatenate([*left, prior_rows(self.model, self.names, theta)[0]])
+#: where a descent of blocks ended: the problem as it was centred, the model there, chi-square,
+#: whether it settled
+End = tuple[Problem, Model, float, bool]
 
 
-def descend_together(
-    problems: Sequence[Problem], model: Model, names: Sequence[str], steps: int = MOST_STEPS
-) -> tuple[Model, float, bool]:
-    """The best model over all channels, its chi-square, whether the descent settled.
+def descended(
+    blocks: Sequence[Block], model: Model, names: Sequence[str], steps: int = MOST_STEPS
+) -> End:
+    """The best model over all blocks, from the model's values on.
 
-    The descent starts from the model's values. A point that the physics refuses is a step too far;
-    ModelError only if the start itself is refused.
+    A point that the physics refuses is a step too far; ModelError only if the start itself is
+    refused.
     """
-    together = _Together(problems, model, names)
+    problem = Problem(blocks, model, names)
     theta, square, settled = descend(
-        together, np.array([model.values[n] for n in names]), steps=steps
+        problem, np.array([model.values[n] for n in names]), steps=steps
     )
-    return model.with_values(together.values(theta)), square, settled
+    return problem, model.with_values(problem.values(theta)), square, settled
 
 
 def starts(
@@ -539,62 +547,42 @@ def starts(
     return result
 
 
-#: the cells of a channel and their metric
-CellsInMetric = tuple[Cells, Whitener]
-
-
-def fit_channels(
-    channels: Sequence[CellsInMetric],
+def fit_blocks(
+    blocks: Sequence[Block],
     model: Model,
     *,
     several: bool = True,
     steps: int = MOST_STEPS,
 ) -> list[Fit]:
-    """The model fitted to all channels at once.  ModelError if no start can be computed."""
-    names = tuple(
-        name
-        for name in model.free
-        if all(name in free_names(model, cells) for cells, _ in channels)
-    )
+    """The model fitted to all blocks at once.  ModelError if no start can be computed."""
+    names = free_names(model, *(cells for cells, _ in blocks))
     tried: list[End | ModelError] = []
-    for begins in _begins(channels, names, model) if several else ([model],):
-        tried += [or_refusal(_end)(channels, names, begin, steps) for begin in begins]
+    for begins in _begins(blocks, names, model) if several else ([model],):
+        tried += [or_refusal(descended)(blocks, begin, names, steps) for begin in begins]
         ends = [end for end in tried if not isinstance(end, ModelError)]
         if ends:
             break
     else:
         raise next(end for end in reversed(tried) if isinstance(end, ModelError))
-    fits = _finished(ends, names)
-    return _from_within(channels, model, fits) if several and fits[0].held else fits
+    fits = _finished(ends)
+    return _from_within(blocks, model, fits) if several and fits[0].held else fits
 
 
-#: a start's end: the problems as the descent centred them, the model there, chi-square, settled
-End = tuple[list["Problem"], Model, float, bool]
-
-
-def _end(channels: Sequence[CellsInMetric], names: Sequence[str], begin: Model, steps: int) -> End:
-    """Where the descent from a start ends.  ModelError if the start cannot be computed."""
-    problems = [Problem(*channel) for channel in channels]  # which a descent centres
-    return problems, *descend_together(problems, begin, names, steps)
-
-
-def _finished(ends: Sequence[End], names: Sequence[str]) -> list[Fit]:
+def _finished(ends: Sequence[End]) -> list[Fit]:
     """The fit at the best end."""
-    problems, best, _, settled = min(ends, key=lambda end: end[2])
-    return finish(problems, best, names, settled)
+    problem, best, _, settled = min(ends, key=lambda end: end[2])
+    return finish(problem, best, settled)
 
 
-def _begins(
-    channels: Sequence[CellsInMetric], names: Sequence[str], model: Model
-) -> Iterator[list[Model]]:
+def _begins(blocks: Sequence[Block], names: Sequence[str], model: Model) -> Iterator[list[Model]]:
     """Where to begin: the most promising starts; if none can be computed all, then stiffer ones."""
     every = starts(model, names)
-    yield _promising(channels, names, every) if len(every) > 1 else every
+    yield _promising(blocks, names, every) if len(every) > 1 else every
     yield every
     yield from ([start] for start in starts(model, names, _STIFFER)[1:])
 
 
-def _from_within(channels: Sequence[CellsInMetric], model: Model, fits: list[Fit]) -> list[Fit]:
+def _from_within(blocks: Sequence[Block], model: Model, fits: list[Fit]) -> list[Fit]:
     """The best of this fit, which ended at a bound, and of fits from within.
 
     Those begin with what stands at a bound brought back to its start values.
@@ -604,18 +592,18 @@ def _from_within(channels: Sequence[CellsInMetric], model: Model, fits: list[Fit
     inner = [
         fits[0].model.with_values(dict(zip(held, inside, strict=True))) for inside in sorted(values)
     ]
-    begins = _promising(channels, names, inner)
-    tried = [or_refusal(_end)(channels, names, begin, MOST_STEPS) for begin in begins]
+    begins = _promising(blocks, names, inner)
+    tried = [or_refusal(descended)(blocks, begin, names) for begin in begins]
     least = sum(fit.chi2 for fit in fits)
     ends = [end for end in tried if not isinstance(end, ModelError) and end[2] < least]
-    return _finished(ends, names) if ends else fits
+    return _finished(ends) if ends else fits
 
 
 def _promising(
-    channels: Sequence[CellsInMetric], names: Sequence[str], candidates: list[Model]
+    blocks: Sequence[Block], names: Sequence[str], candidates: list[Model]
 ) -> list[Model]:
     """The two best of the starts after a few steps on a few cells."""
-    ends = made_apart([partial(_tried, channels, names, start) for start in candidates])
+    ends = made_apart([partial(_tried, blocks, names, start) for start in candidates])
     reached = [end for end in ends if not isinstance(end, ModelError)]
     reached.sort(key=lambda result: result[1])
     distinct = [
@@ -627,35 +615,32 @@ def _promising(
 
 
 @or_refusal
-def _tried(
-    channels: Sequence[CellsInMetric], names: Sequence[str], start: Model
-) -> tuple[Model, float]:
+def _tried(blocks: Sequence[Block], names: Sequence[str], start: Model) -> tuple[Model, float]:
     """Where a start leads on a few cells, and chi-square there."""
-    return descend_together([_few(*one) for one in channels], start, names, steps=15)[:2]
+    return descended([_few(*one) for one in blocks], start, names, steps=15)[1:3]
 
 
-def _few(cells: Cells, white: Whitener) -> Problem:
+def _few(cells: Cells, white: Whitener) -> Block:
     """A few cells that span speeds and logs, without the scatter between manoeuvres."""
     order = np.lexsort((cells.conditions.speed_m_s, cells.log))
-    rows = np.unique(order[np.linspace(0, order.size - 1, min(_FEW, order.size)).astype(int)])
-    return Problem(
-        cells.take(rows),
-        Whitener(white.inverse_sd[rows], white.basis[rows], white.shrink[rows]),
-    )
+    # cells that a start is judged on; twice as many judge a start better and take twice as long
+    rows = np.unique(order[np.linspace(0, order.size - 1, min(12, order.size)).astype(int)])
+    few = Whitener(white.inverse_sd[rows], white.basis[rows], white.shrink[rows])
+    return cells.take(rows), few
 
 
-def finish(
-    problems: Sequence[Problem], model: Model, names: Sequence[str], settled: bool
-) -> list[Fit]:
-    """Everything about the fitted point, channel by channel."""
-    points = [problem.linearised(model, names, {}) for problem in problems]
-    residuals = [p.measured_less(point[0]) for p, point in zip(problems, points, strict=True)]
+def finish(problem: Problem, model: Model, settled: bool) -> list[Fit]:
+    """Everything about the fitted point, block by block."""
+    names, blocks = problem.names, problem.cells
+    points = [linearised(model, cells, names, {}) for cells in blocks]
+    predictions = [prediction for prediction, _ in points]
+    residual = problem.measured_less(predictions)
     theta, precision = np.array([model.values[n] for n in names]), priors(model, names)[1]
     beside, of_beside = prior_rows(model, names, theta)
-    slopes = [p.whitened(jacobian) for p, (_, jacobian) in zip(problems, points, strict=True)]
-    slope = np.concatenate([*slopes, of_beside])
-    left = np.concatenate([*(residual.ravel() for residual in residuals), beside])
-    chi2 = [float((residual**2).sum()) for residual in residuals]
+    slope = np.concatenate([problem.whitened([jacobian for _, jacobian in points]), of_beside])
+    left = np.concatenate([residual, beside])
+    ends = np.cumsum([cells.phi.size for cells in blocks])[:-1]
+    chi2 = [float((own**2).sum()) for own in np.split(residual, ends)]
     low, high = bounds(model, names)
     out = parameters_leaving(
         theta,
@@ -667,33 +652,33 @@ def finish(
     known = errors_of(np.where(out, 0.0, slope), 1.0)
     # a number with a prior takes a freedom only as far as the data and not the prior decide it
     decided = 1.0 - precision * np.where(precision > 0.0, known.se, 0.0) ** 2
-    moved = float(decided[~out].sum()) / len(problems)
+    moved = float(decided[~out].sum()) / len(blocks)
     chi2[0] += float((beside**2).sum())
     freedom = [
-        float(max(p.white.values - p.white.removed - p.offsets.taken - moved, 1.0))
-        for p in problems
+        float(max(white.freedom - level.taken - moved, 1.0))
+        for white, level in zip(problem.whites, problem.levels, strict=True)
     ]
     known = errors_of(np.where(out, 0.0, slope), max(1.0, sum(chi2) / sum(freedom)))
     fitted = model.with_values(
         {n: model.values[n] for n in names}, se=dict(zip(names, known.se.tolist(), strict=True))
     )
     held = tuple(name for name, outwards in zip(names, out, strict=True) if outwards)
+    taken = problem.beside(predictions)
     return [
         Fit(
             fitted,
-            tuple(names),
+            names,
             chi2[i],
             freedom[i],
-            residuals[i],
             *points[i],
-            *problem.beside(points[i][0]),
+            *taken[i],
             known,
             settled,
-            problem.cells,
+            cells,
             held,
             stuck,
         )
-        for i, problem in enumerate(problems)
+        for i, cells in enumerate(blocks)
     ]
 
 
@@ -707,45 +692,12 @@ def _stuck(model: Model, names: Sequence[str], slope: FloatArray, left: FloatArr
         return False
     scaled = slope[:, moving] / np.linalg.norm(slope[:, moving], axis=0)
     step = np.linalg.lstsq(scaled, left, rcond=RANK)[0]
-    if left @ (scaled @ step) < _STUCK * (left @ left):
+    # a fit is stuck if the tangent at its point would take this share of chi-square by a step
+    # beyond the bounds: the way there is bent. Where a descent has settled it is below 1e-3; half
+    # and twice the share say the same of all logs seen
+    if left @ (scaled @ step) < 0.3 * (left @ left):
         return False
     low, high = (bound[moving] for bound in bounds(model, names))
     there = np.array([model.values[n] for n in names])[moving]
     there = there + step / np.linalg.norm(slope[:, moving], axis=0)
     return bool(((there < low) | (there > high)).any())
-
-
-def fits_apart(fit: Fit) -> tuple[Fit, ...]:
-    """The fit of each observable; (the fit itself,) if there is but one.
-
-    Prediction, slopes and residual are those of the fit to all; degrees of freedom are shared out.
-    """
-    cells = fit.cells
-    if not cells.parts:
-        return (fit,)
-    logs = np.unique(cells.log)
-    found = []
-    for i, own in enumerate(parts_of(cells)):
-        residual = own_rows(cells, i, fit.residual, 0)
-        mine = logs // len(cells.log_names) == i
-        amplitudes = fit.amplitudes[:0]
-        if cells.shared is not None and fit.amplitudes.size:
-            amplitudes = fit.amplitudes[own_amplitudes(cells.shared, cells, i)]
-        others = tuple(name for name in fit.model.observables if name != own.observable)
-        found.append(
-            replace(
-                fit,
-                model=at_lever(
-                    replace(fit.model, observable=own.observable, beside=others), own.member
-                ),
-                chi2=float((residual**2).sum()),
-                freedom=fit.freedom * residual.size / max(fit.residual.size, 1),
-                residual=residual,
-                prediction=own_rows(cells, i, fit.prediction),
-                jacobian=own_rows(cells, i, fit.jacobian),
-                offsets=fit.offsets[mine] * cells.scales[i],
-                amplitudes=amplitudes,
-                cells=own,
-            )
-        )
-    return tuple(found)

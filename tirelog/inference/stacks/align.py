@@ -41,8 +41,6 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 # (the template's) are added up chunk by chunk.
 
 
-#: samples per chunk, about: what a dozen arrays of it take stays near the processor
-CHUNK_SAMPLES = 1 << 16
 #: of the times of an axis every so many are kept, to find the others
 _STRIDE = 1 << 13
 #: a channel's step is looked for in so many of its samples, in so many runs from all over it;
@@ -112,11 +110,12 @@ class Samples:
     def chunks(self, centre_s: FloatArray, first: int, stop: int) -> list[TurnChunk]:
         """Turns [first, stop) of the run of passages `centre_s` (n,), chunk by chunk.
 
-        A chunk has about CHUNK_SAMPLES. The first turn's samples begin one period before its
+        The first turn's samples begin one period before its
         passage, the last one's end one after, if the run ends there.
         """
         spent = (centre_s[first:stop] - centre_s[first]) * self.channel.axis.rate_Hz
-        cuts = first + np.flatnonzero(np.diff(spent // CHUNK_SAMPLES)) + 1
+        # samples per chunk, about: what a dozen arrays of it take stays near the processor
+        cuts = first + np.flatnonzero(np.diff(spent // (1 << 16))) + 1
         edges = np.array([first, *cuts, stop])
         around = np.concatenate(
             [[2 * centre_s[0] - centre_s[1]], centre_s, [2 * centre_s[-1] - centre_s[-2]]]
@@ -300,29 +299,8 @@ def by_bin(
                 variance[k, place] /= count[k, place]
 
 
-#: angles [rad] that the matched filter looks at, and the template's grid; twice as far looks at
-#: more of the turn's quiet part, which says nothing of the place
-FRONT_RAD = 1.0
+#: bins round the turn of the matched filter's template, and its knots at most
 _TEMPLATE_POINTS = 512
-#: knots of the matched filter's template per sample of a turn.  At a constant speed the odd turns'
-#: samples lie between those of the even ones; a template that bends between them follows any shift
-#: of the odd turns, and none is seen.  Half and 0.9 find the same passages; from 1 on the template
-#: can bend so.  And never fewer knots than a front has corners for
-_KNOTS_PER_SAMPLE = 0.7
-_FEWEST_KNOTS = 128
-#: share of the turns that may be shorter than the one whose samples are counted; twice as much
-#: counts the samples of a somewhat longer turn
-_SHORTER_TURNS = 0.05
-#: weight of the third differences against the samples: it decides only between samples that lie
-#: farther apart than knots
-_STIFFNESS = 1e-7
-#: passages with a fitted front that a course is drawn through; twice as many would leave short runs
-#: with their wrong passages
-FEWEST_FITTED = 4
-#: passages that none has moved farther are settled [rad]: the next round moves them by a fiftieth
-#: of that, and noise has moved them by as much and more; with a tenth of it each log takes a third
-#: round
-_SETTLED_RAD = 5e-5
 #: fewest chunks that processes share: less is done sooner than processes are begun; at twice as
 #: many a log of ten minutes is passed over
 _SHARED = 8
@@ -427,7 +405,9 @@ def nearest_curve(
         pair.ravel(), (product * value[:, None, :]).ravel(), minlength=knots**2
     ).reshape(knots, knots)
     right = np.bincount(place.ravel(), (weighted * mean[:, None]).ravel(), minlength=knots)
-    gram += _STIFFNESS * np.trace(gram) / knots * _bending(knots)
+    # weight of the third differences against the samples: it decides only between samples that lie
+    # farther apart than knots
+    gram += 1e-7 * np.trace(gram) / knots * _bending(knots)
     coefficients = cho_solve(cho_factor(gram, overwrite_a=True), right)
     at_knots = BSpline(grid, np.append(coefficients, coefficients[:3]), 3)(grid[3:-3])
     at_knots[-1] = at_knots[0]
@@ -446,17 +426,13 @@ def template(phi: FloatArray, values: FloatArray, knots: int = _TEMPLATE_POINTS)
     return mean_waveform(angle_sums(phi, values), knots)
 
 
-def knots_for(centre_s: FloatArray, rate_Hz: float) -> int:
-    """How many knots a template of turns with these passages (n,) may have.
-
-    No more than the samples of one of them can follow.
-    """
-    return knots_of(rate_Hz * float(np.quantile(np.diff(centre_s), _SHORTER_TURNS)))
-
-
 def knots_of(samples: float) -> int:
     """How many knots a mean waveform of turns with so many `samples` may have."""
-    return int(np.clip(_KNOTS_PER_SAMPLE * samples, _FEWEST_KNOTS, _TEMPLATE_POINTS))
+    # knots of the matched filter's template per sample of a turn.  At a constant speed the odd
+    # turns' samples lie between those of the even ones; a template that bends between them follows
+    # any shift of the odd turns, and none is seen.  Half and 0.9 find the same passages; from 1 on
+    # the template can bend so.  And never fewer knots than a front has corners for
+    return int(np.clip(0.7 * samples, 128, _TEMPLATE_POINTS))
 
 
 def front_fit(
@@ -467,7 +443,9 @@ def front_fit(
     By least squares near the patch; NaN if they cannot be had.
     """
     gram, right, used = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros(n, np.int64)
-    by_front(turn, phi, values, FRONT_RAD, shape.x, shape.c, gram, right, used)
+    # angles [rad] that the matched filter looks at; twice as far looks at more of the turn's quiet
+    # part, which says nothing of the place
+    by_front(turn, phi, values, 1.0, shape.x, shape.c, gram, right, used)
     enough = used >= 8
     enough &= np.linalg.cond(np.where(enough[:, None, None], gram, np.eye(3))) < 1e16
     solution = np.full((n, 3), np.nan)
@@ -485,14 +463,20 @@ def refine_passages(samples: Samples, centre_s: FloatArray, rounds: int = 3) -> 
     A passage whose front cannot be fitted lies between its neighbours.
     """
     chunks = samples.chunks(centre_s, 0, centre_s.size)
-    knots = knots_for(centre_s, samples.channel.axis.rate_Hz)
+    # no more knots than the samples of a turn can follow, which a twentieth of the turns may be
+    # shorter than; twice as much counts the samples of a somewhat longer turn
+    shortest = float(np.quantile(np.diff(centre_s), 0.05))
+    knots = knots_of(samples.channel.axis.rate_Hz * shortest)
     for _ in range(rounds):
         angle = PassageAngle.through(centre_s)
         shift = _shifts(samples, chunks, angle, knots)
         fitted = np.isfinite(shift)
         shift = np.where(fitted, shift - np.nanmedian(shift) if fitted.any() else 0.0, 0.0)
         centre_s = _between_neighbours(centre_s + shift / angle.speed_rad_s(centre_s), fitted)
-        if np.abs(shift).max(initial=0.0) < _SETTLED_RAD:
+        # passages that none has moved farther are settled [rad]: the next round moves them by a
+        # fiftieth of that, and noise has moved them by as much and more; with a tenth of it each
+        # log takes a third round
+        if np.abs(shift).max(initial=0.0) < 5e-5:
             break
     return centre_s
 
@@ -522,7 +506,9 @@ def _between_neighbours(centre_s: FloatArray, fitted: NDArray[np.bool_]) -> Floa
     Half a front lost can move a passage by a fifth of the patch, and the wheel's angle with it.
     """
     known = np.flatnonzero(fitted)
-    if known.size < max(FEWEST_FITTED, fitted.size // 2):
+    # passages with a fitted front that a course is drawn through; twice as many would leave short
+    # runs with their wrong passages
+    if known.size < max(4, fitted.size // 2):
         return centre_s
     moved = np.flatnonzero(~fitted)
     moved = moved[

@@ -112,6 +112,10 @@ class Stacks(Sequence[Stack]):
         """Sentences that whoever reads a result of these stacks must see, each once."""
         self.notes = tuple(dict.fromkeys((*self.notes, *sentences)))
 
+    def place(self, angle_rad: float) -> None:
+        """They are those of one of several gratings, at this angle on the wheel [rad]."""
+        self._stacks = [replace(stack, place_rad=angle_rad) for stack in self._stacks]
+
     def of_log(self, number: int) -> Iterator[Stack]:
         """The stacks of one log, in order."""
         return (self[i] for i, stack in enumerate(self._stacks) if stack.log[0] == number)
@@ -199,9 +203,6 @@ def joined(stacks: Iterable[Stack]) -> Stack:
 #: level outside the patch over -v^2 / R: radii and gains are known to 10 %.  Twice as wide would
 #: let a level of half the size pass
 LEVEL_OFF = 0.3
-#: and how far off it may be whatever the speed [m/s^2], for a sensor's own zero; twice as much
-#: would hide 4 g, all of it at 4 m/s
-ZERO_M_S2 = 2.0 * STANDARD_GRAVITY_M_S2
 
 
 def outward(channel: Channel) -> tuple[Channel, str]:
@@ -235,7 +236,9 @@ def with_level(stretches: Iterable[Stack], log: str) -> Iterator[Stack]:
             with np.errstate(invalid="ignore"):
                 level = np.nanmedian(np.where(full, stack.values, 0.0), axis=1)
             usual, off = float(np.median(turning)), float(np.median(level + turning))
-            if abs(off) > max(LEVEL_OFF * usual, ZERO_M_S2):
+            # and how far off it may be whatever the speed [m/s^2], for a sensor's own zero; twice
+            # as much would hide 4 g, all of it at 4 m/s
+            if abs(off) > max(LEVEL_OFF * usual, (2.0 * STANDARD_GRAVITY_M_S2)):
                 raise UsageError(
                     f"channel {stack.channel} reads {off - usual:.4g} m/s^2 outside the patch "
                     f"(median) and a turning sensor reads -v^2/R = {-usual:.4g} m/s^2",
@@ -256,9 +259,6 @@ STRETCH = 1024
 #: whole revolutions of a log: what repeats is told from what does not by their scatter, which six
 #: tell to 30 %.  Twelve would tell it to 20 % and refuse a recording of a second
 FEWEST = 6
-#: passages that an unbroken run has at least: three whole revolutions; twice as many leave out
-#: unbroken runs of up to seven
-_SHORTEST_RUN = 5
 
 
 #: one unbroken run: the ordinals in the log of its passages (k,), and the wheel's angle through
@@ -469,7 +469,9 @@ def _runs(passages: Passages, samples: Samples) -> Iterator[Run]:
     known = np.flatnonzero(np.isfinite(passages.time_s))
     cut = np.flatnonzero(~(passages.turn_after[known[:-1]] & (np.diff(known) == 1))) + 1
     for index in np.split(known, cut):
-        if index.size >= _SHORTEST_RUN:
+        # passages that an unbroken run has at least: three whole revolutions; twice as many leave
+        # out unbroken runs of up to seven
+        if index.size >= 5:
             refined = refine_passages(samples, passages.time_s[index])
             yield index, PassageAngle.through(refined)
 
@@ -525,12 +527,6 @@ def _times(runs: Sequence[Run], rows: slice, phi: FloatArray) -> FloatArray:
 #: turns of an unbroken run that a spline is laid through; of two a bend is not known; twice as
 #: many leave shorter runs without places
 _LEAST_TURNS = 4
-#: a time between two passages that is farther than this share off what the speed says is no turn;
-#: twice as much would take a turn and a half for one
-_ONE_TURN = 0.3
-#: a setup and passages that differ by more [deg] contradict each other: passages tell 0.1 degrees,
-#: a tape on the belt some millimetres, which are one; half as much would doubt honest tapes
-_DOUBT_DEG = 3.0
 
 
 def places_of(
@@ -556,7 +552,10 @@ def places_of(
         if other in given:
             angles.append(given[other])
             off = np.degrees(np.angle(np.exp(1j * (given[other] - zero - angle))))
-            if np.isfinite(off) and abs(off) > _DOUBT_DEG:
+            # a setup and passages that differ by more [deg] contradict each other: passages tell
+            # 0.1 degrees, a tape on the belt some millimetres, which are one; half as much would
+            # doubt honest tapes
+            if np.isfinite(off) and abs(off) > 3.0:
                 stands = np.degrees((given[other] - zero) % (2.0 * np.pi))
                 said.append(
                     f"{other} stands {told}, by the setup's angle_deg {stands:.1f}; the setup's "
@@ -607,8 +606,10 @@ def _behind(
     if time.size < _LEAST_TURNS:
         return np.zeros(0)
     step = np.diff(time)
+    # a time between two passages that is farther than this share off what the speed says is no
+    # turn; twice as much would take a turn and a half for one
     turn = (np.diff(ordinal) == 1) & (
-        np.abs(step * 0.5 * (spin[1:] + spin[:-1]) / (2.0 * np.pi) - 1.0) < _ONE_TURN
+        np.abs(step * 0.5 * (spin[1:] + spin[:-1]) / (2.0 * np.pi) - 1.0) < 0.3
     )
     found = []
     for run in np.split(np.arange(time.size), np.flatnonzero(~turn) + 1):

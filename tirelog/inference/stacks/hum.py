@@ -65,26 +65,9 @@ SUPPLIES_HZ, MULTIPLES = (50.0, 60.0), 4
 OFF_HZ = 0.25
 #: what is around a line is looked at to here [Hz] to either side
 _AROUND_HZ = 1.5
-#: a line must stand so many times above the mean of what is around it, as power: 318 places of 78
-#: simulated logs without hum went to 42, hum of half the noise to some thousands
-_ABOVE = 50.0
-#: and be at least so large against the scatter of one bin: a fainter one adds a fortieth to the
-#: squared error of a cell of twenty revolutions at most; doubled, a tenth
-_LEAST = 0.05
 #: least length of a stretch [s] and fewest neighbouring revolutions of it: below it lines are not
 #: told from their surroundings
 _SHORTEST_S, _FEWEST = 5.0, 20
-#: nodes of a line's cosine and sine [s]: grids wander by some hundredths of a hertz, which nodes at
-#: twice the distance follow worse; at half of it there are twice as many numbers for the same
-_NODE_S = 4.0
-#: times over which a line may forget its phase [s], of which the likeliest is taken: from a grid
-#: that wanders to a clock. Where the wheel hides the line for longer, nothing is taken
-_MEMORIES_S = (5.0, 15.0, 50.0, 200.0, 1000.0)
-#: rounds in which a line's size is found beside its course; half as many end within 2 % of it
-_ROUNDS = 10
-#: differences beyond this are left out [robust standard deviations]: of hum alone none reaches 2;
-#: at twice as many they outweigh the line where samples are lost at flanks
-_FAR = 5.0
 
 
 #: a line: frequency [Hz] and amplitude, in the waveforms' unit
@@ -131,7 +114,10 @@ def without_hum(stack: Stack, time_s: FloatArray) -> tuple[FloatArray, list[Line
             found = pairs.line(multiple * supply, multiple * OFF_HZ)
             if found is not None:
                 without, amplitude = pairs.taken_out(found)
-                if amplitude >= _LEAST * pairs.scatter:
+                # a line is at least so large against the scatter of one bin: a fainter one adds a
+                # fortieth to the squared error of a cell of twenty revolutions at most; doubled, a
+                # tenth
+                if amplitude >= 0.05 * pairs.scatter:
                     values = without
                     lines.append((found, amplitude))
                     pairs = _Pairs(values, time_s, square_s2, first)
@@ -158,7 +144,9 @@ class _Pairs:
         scale = np.maximum(spread, 0.3 * least)
         weight = np.broadcast_to(1.0 / scale**2, rise.shape)
         # a flank's bin that has lost a sample tells where the others lie, and nothing of a line
-        near = np.abs(rise) * np.sqrt(weight) < _FAR
+        # differences beyond this are left out [robust standard deviations]: of hum alone none
+        # reaches 2; at twice as many they outweigh the line where samples are lost at flanks
+        near = np.abs(rise) * np.sqrt(weight) < 5.0
         self.weight = np.where(there & near, weight, 0.0)
         self.weighted = self.weight * rise
         #: of one bin of one revolution, in the middle over the angles
@@ -212,7 +200,9 @@ class _Pairs:
         best = int(np.flatnonzero(near)[np.argmax(found[near, 1])])
         # of a power that is exponentially distributed the mean is the median over log 2
         around = float(np.median(found[:, 1]) / np.log(2.0))
-        if found[best, 1] <= _ABOVE * around:
+        # a line must stand so many times above the mean of what is around it, as power: 318 places
+        # of 78 simulated logs without hum went to 42, hum of half the noise to some thousands
+        if found[best, 1] <= 50.0 * around:
             return None
         if not 0 < best < len(found) - 1:
             return float(found[best, 0])
@@ -227,7 +217,10 @@ class _Pairs:
         Its cosine and sine follow a course in time.
         """
         low, high = float(self.time_s.min()), float(self.time_s.max())
-        nodes = np.linspace(low, high, max(2, 1 + round((high - low) / _NODE_S)))
+        # nodes of a line's cosine and sine [s]: grids wander by some hundredths of a hertz, which
+        # nodes at twice the distance follow worse; at half of it there are twice as many numbers
+        # for the same
+        nodes = np.linspace(low, high, max(2, 1 + round((high - low) / 4.0)))
         wave = self.turning(frequency) * self.left(frequency)  # in the mean over a bin's samples
         change = wave[self.first + 1] - wave[self.first]
         parts = np.stack([change.real, change.imag])  # rise = cosine of the one + sine of the other
@@ -254,10 +247,14 @@ def _course(
     told = np.diag(gram).reshape(2, -1)
     best = -np.inf
     course: FloatArray = np.zeros(told.shape)
-    for memory in _MEMORIES_S:
+    # times over which a line may forget its phase [s], of which the likeliest is taken: from a grid
+    # that wanders to a clock. Where the wheel hides the line for longer, nothing is taken
+    for memory in (5.0, 15.0, 50.0, 200.0, 1000.0):
         alike = np.kron(np.eye(2), np.exp(-apart / memory))
         variance = size**2
-        for _ in range(_ROUNDS):
+        # rounds in which a line's size is found beside its course; half as many end within 2 % of
+        # it
+        for _ in range(10):
             inner = np.eye(right.size) + variance * alike @ gram
             mean = np.linalg.solve(inner, variance * alike @ right)
             spread = np.linalg.solve(inner, variance * alike)

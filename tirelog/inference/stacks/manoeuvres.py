@@ -24,11 +24,6 @@ from tirelog.vocabulary.quality import OK, Quality, Use, good, having
 # ---- What each revolution was driven under: the setup's constants, or a channel's mean over it.
 
 
-#: a slip is told if it varies by more than so many of its standard errors, which then take a
-#: sixteenth of what follows it; with half as many a quarter
-_SLIPS = 4.0
-
-
 def conditions_of(
     recording: Recording, centre_s: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray
 ) -> Conditions:
@@ -76,7 +71,9 @@ def measured_slip(recording: Recording, centre_s: FloatArray) -> FloatArray:
     )
     error = np.hypot(own, late)
     good = (np.asarray(columns["quality"]) == OK) & np.isfinite(slip) & np.isfinite(error)
-    if good.sum() < 2 or np.std(slip[good]) < _SLIPS * np.median(error[good]):
+    # a slip is told if it varies by more than so many of its standard errors, which then take a
+    # sixteenth of what follows it; with half as many a quarter
+    if good.sum() < 2 or np.std(slip[good]) < 4.0 * np.median(error[good]):
         return unknown
     return np.asarray(np.interp(centre_s, time_s[good], slip[good]), dtype=np.float64)
 
@@ -189,11 +186,6 @@ def segment(
 #     --> Stack (n, 1), the same conditions and manoeuvres as a waveform's
 
 
-#: a passage this much later than its neighbours' periods starts a new manoeuvre; twice as much
-#: joins what a pause of up to six periods parts
-_GAP = 3.0
-
-
 def scalar_stack(recording: Recording, channel: Channel, observable: str) -> tuple[Stack, str]:
     """The stack (n, 1) of one number per revolution, and '' or what is to be known of it.
 
@@ -213,8 +205,10 @@ def scalar_stack(recording: Recording, channel: Channel, observable: str) -> tup
     time_s, speed, value = time_s[ordinal], speed[ordinal], value[ordinal]
     acceleration = accelerations(time_s, speed)
     period = np.diff(time_s, prepend=time_s[0])
+    # a passage this much later than its neighbours' periods starts a new manoeuvre; twice as much
+    # joins what a pause of up to six periods parts
     manoeuvre, regime = segment(
-        regimes(acceleration), np.r_[True, (period > _GAP * np.median(period))[1:]]
+        regimes(acceleration), np.r_[True, (period > 3.0 * np.median(period))[1:]]
     )
     zero = np.zeros((n, 1))
     doubted = int(unclear[ordinal].sum())
