@@ -3,15 +3,15 @@
     Channel
         --means of some samples, lost ones bridged, differentiator, square-->
         energy of each revolution, block by block
-            --minus what the noise brings, over the speed-->
+            --minus noise, as it is opposite to the patch, over the speed-->
             factor, specific power, standard error, a row per passage
             --stretches of constant speed--> moving averages
 
     p_d = int eps'^2 ds = (1 / v) int (d eps / dt)^2 dt over one revolution
     P_d = v^2 A p_d, with v = R Omega
 
-A revolution runs from half a turn before the patch centre to half a turn after. White noise of
-sigma adds sigma^2 x (sum of the squared filter) to each squared derivative: it is taken off. The
+A revolution runs from half a turn before the patch centre to half a turn after. Noise adds to each
+squared derivative, white noise of sigma as much as sigma^2 x (sum of the squared filter). The
 filter passes what a patch's strain holds along the tread, up to PASS / L at the log's top speed, so
 that its own bias is below 1e-3 (0.3e-3 on a stiff-treaded ring) as long as the sampling allows.
 """
@@ -137,7 +137,7 @@ class _Filled:
         self._channel = channel
         #: samples laid out before each segment, (k,)
         self._before = np.cumsum(np.where(missing > MOST_AT_ONCE, 0, missing))
-        self._first = axis.first
+        self._first, self.rate_Hz = axis.first, axis.rate_Hz
         self.size = channel.size + int(self._before[-1] if self._before.size else 0)
         #: places with which the recording goes on after a gap that is not laid out
         self.breaks = (axis.first + self._before)[missing > MOST_AT_ONCE]
@@ -185,6 +185,21 @@ def _bounds(passages: Passages, index: FloatArray) -> tuple[FloatArray, FloatArr
     )
 
 
+def _edges(
+    passages: Passages, filled: _Filled, bounds: list[FloatArray], averaged: int
+) -> FloatArray:
+    """Edges (n, PARTS + 1) [means] of the parts of each revolution, which are alike in angle.
+
+    A parabola on either side of the patch centre, with the wheel's speed there.
+    """
+    side = np.linspace(-1.0, 1.0, PARTS + 1)
+    half = (np.pi / passages.omega_rad_s * filled.rate_Hz / averaged)[:, None]
+    middle = (filled.place(passages.index) / averaged)[:, None]
+    begins, ends = (bound[:, None] for bound in bounds)
+    curve = np.where(side < 0.0, begins - middle + half, ends - middle - half)
+    return np.maximum.accumulate(np.rint(middle + half * side + curve * side**2), axis=1)
+
+
 def _means(values: FloatArray, averaged: int) -> FloatArray:
     """Means of `averaged` neighbours, NaN if any of them is lost."""
     return (
@@ -202,7 +217,7 @@ def _energies(
     near: BoolArray,
     block_samples: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sums over each revolution: energy (n, PARTS), bend (n,), and how many means (n,).
+    """Sums over each revolution: energy (n, PARTS), bend (n,), and how many means (n, PARTS).
 
     The squared derivative of each part; its own squared slope in the patch (for the error), whose
     parts are `near` (PARTS,).
@@ -223,10 +238,8 @@ def _energies(
     side = coefficients[:half][::-1].copy()
     step = max(min(block_samples, MOST_AT_ONCE) // averaged, 4 * coefficients.size)
     of, to = np.flatnonzero(np.diff(near, prepend=False, append=False))
-    share = np.arange(PARTS + 1) / PARTS
-    begins, ends = (np.where(known, b, 0.0)[:, None] for b in bounds)
-    # of a turn that the log cuts, too, the patch is in the middle
-    parts = np.clip(np.rint(begins + (ends - begins) * share), 0, last).astype(np.int64)
+    parts = _edges(passages, filled, bounds, averaged)
+    parts = np.clip(np.where(known[:, None], parts, 0.0), 0, last).astype(np.int64)
     energy, bend = np.zeros((len(passages), PARTS)), np.zeros(len(passages))
     breaks = np.concatenate([[0], filled.breaks // averaged, [last]])
     # rows are in order, and their revolutions nearly so: those of a block stand together
@@ -252,34 +265,35 @@ def _energies(
                 of_parts = sums_within(slope**2, edges[:, :-1].ravel(), edges[:, 1:].ravel())
                 energy[rows] += of_parts.reshape(-1, PARTS)
                 bend[rows] += sums_within(np.gradient(slope) ** 2, edges[:, of], edges[:, to])
-    return energy, bend, (high - low).astype(float) * known
+    return energy, bend, np.diff(parts).astype(np.float64)
 
 
 def _settled(
-    parts: FloatArray, white: FloatArray, near: BoolArray
+    parts: FloatArray, sizes: FloatArray, white: float, near: BoolArray
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """(factor, the noise's share that was taken off it, whether the patch is unlike others), (n,).
+    """(factor, the noise's share that was taken off it, whether it is unlike others), (n,) each.
 
-    `parts` (n, PARTS) of each revolution's factor with its noise [1/m], `white` (n,) the least that
-    the noise brings to it; `near` (PARTS,): the parts of the patch with its shoulders. The half of
-    the revolution that is opposite to the patch does not bend: its median is the noise. A part away
-    from the patch that is far above the same part of the turns around holds a disturbance, and
-    counts as it does in these.
+    `parts` (n, PARTS) of each revolution's factor with its noise [1/m], their `sizes` (n, PARTS) to
+    which noise is proportional, by `white` at least; `near` (PARTS,): the parts of the patch with
+    its shoulders. The half of the revolution that is opposite to the patch does not bend: its
+    median is the noise. A part away from the patch that is far above the same part of the turns
+    around holds a disturbance, or a hit of the road.
     """
     if not parts.shape[0]:
         return np.zeros(0), np.zeros(0), np.zeros(0, bool)
     opposite = np.abs(np.arange(PARTS) + 0.5 - 0.5 * PARTS) > 0.25 * PARTS
-    floor = sliding_median(np.median(parts[:, opposite], axis=1), TURNS)
+    share = np.median(parts[:, opposite] / np.maximum(sizes[:, opposite], 1e-300), axis=1)
+    floor = sliding_median(share, TURNS)[:, None]
     # rounding shows where the strain changes, and opposite to the patch it may not
-    floors = np.where(near, np.maximum(floor, white / PARTS)[:, None], floor[:, None])
+    floors = sizes * np.where(near, np.maximum(floor, white), floor)
     parts = parts - floors
     usual = _medians_over_turns(parts)
     middle = float(np.median(parts.sum(axis=1)))
-    far = parts - usual > FAR * _medians_over_turns(np.abs(parts - usual)) + LEAST_OFF * middle
+    above = parts - usual
+    far = (above > FAR * _medians_over_turns(np.abs(above)) + LEAST_OFF * middle) & ~near
     unlike = outliers(parts[:, near].sum(axis=1), UNLIKE * middle)
-    # what disturbs the part beside the patch may reach into it
-    unlike |= (far & ~near & (np.roll(near, 1) | np.roll(near, -1))).any(axis=1)
-    return np.where(far & ~near, usual, parts).sum(axis=1), floors.sum(axis=1), unlike
+    unlike |= np.where(far, above, 0.0).sum(axis=1) > UNLIKE * middle
+    return parts.sum(axis=1), floors.sum(axis=1), unlike
 
 
 def _medians_over_turns(parts: FloatArray) -> FloatArray:
@@ -359,8 +373,10 @@ def dissipation(
     near = np.abs(np.arange(PARTS) + 0.5 - 0.5 * PARTS) < 0.5 + (
         SHOULDERS * passages.window_rad * PARTS / (2.0 * np.pi)
     )
-    energy, bend, means = _energies(channel, passages, coefficients, of_each, near, block_samples)
-    speed = passages.speed_m_s
+    energy, bend, of_parts = _energies(
+        channel, passages, coefficients, of_each, near, block_samples
+    )
+    speed, means = passages.speed_m_s, of_parts.sum(axis=1)
     step = of_each / channel.axis.rate_Hz
     # a revolution whose patch the log cuts off has no energy of its own
     reach = (
@@ -374,10 +390,10 @@ def dissipation(
     sigma2 = passages.noise**2 / of_each
     with np.errstate(invalid="ignore", divide="ignore"):
         # white noise, which has the rounding in it
-        white = means * sigma2 * float((coefficients**2).sum())
-        scale = step / speed
+        square = sigma2 * float((coefficients**2).sum())
+        scale, white = step / speed, means * square
         factor[rows], floor[rows], unlike[rows] = _settled(
-            energy[rows] * scale[rows, None], white[rows] * scale[rows], near
+            energy[rows] * scale[rows, None], of_parts[rows] * scale[rows, None], square, near
         )
         beyond = np.maximum(floor / scale - white, 0.0)
         lags = np.correlate(coefficients, coefficients, "full")
