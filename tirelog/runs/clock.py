@@ -223,8 +223,9 @@ class ClockFit:
     """The time axis of one group of channels, from its stamps and sample numbers.
 
     `setup_rate_Hz` and `file_rate_Hz` are declared rates or None; `resolution_s` is the step of the
-    stamps; `counted` says that the sample number, not the stamp, is the clock; `edges` that there
-    is none, however even the stamps are.
+    stamps; `start_s` the time of the first sample if there are none, and `time_example` how a setup
+    could name them; `counted` says that the sample number, not the stamp, is the clock; `edges`
+    that there is none, however even the stamps are.
     """
 
     def __init__(
@@ -233,12 +234,14 @@ class ClockFit:
         setup_rate_Hz: float | None = None,
         file_rate_Hz: float | None = None,
         resolution_s: float = 0.0,
+        start_s: float = 0.0,
+        time_example: str = "",
         counted: bool = False,
         edges: bool = False,
     ) -> None:
         self.setup_rate_Hz, self.file_rate_Hz = setup_rate_Hz, file_rate_Hz
         self.resolution_s, self.counted, self.edges = resolution_s, counted, edges
-        self.size = 0
+        self.start_s, self.time_example, self.size = start_s, time_example, 0
         self.repairs: dict[str, int] = {}
         self.flags: list[Doubt] = []
         self.remarks: list[str] = []
@@ -358,9 +361,9 @@ class ClockFit:
             raise ReadError(
                 f"{seen} and no rate",
                 allowed="a log needs a time column or a rate",
-                do='write time = "#1" (its column) or sampling_rate_Hz under [log] in the setup',
+                do=f"write time = {self.time_example} or sampling_rate_Hz under [log] in the setup",
             )
-        return self._pieces(1.0 / declared, [Piece(0, 1, 0.0, 0.0)])
+        return self._pieces(1.0 / declared, [Piece(0, 1, 0.0, self.start_s)])
 
     def _fitted(self, stamps: Stamps, declared: float | None, few: float) -> TimeAxis:
         """The axis through stamps that are no exact line; `few` a period for want of a better."""
@@ -393,6 +396,9 @@ class ClockFit:
         if not seen:
             jumps, passing = stamps.jumps(rough, noise, rounding)
         period, error, spread, pieces = stamps.fit(rough, jumps, passing)
+        if stamps.bunched and not np.isfinite(error) and self.size >= _FEW:
+            # one tick of the stamps begins within the log, and two are needed to time it
+            return self._by_rate(declared, "stamps that rise once")
         coarse = stamps.bunched or self.counted
         strays = spread > max(_JITTER * period, self.resolution_s)
         if strays and not coarse and (not declared or noise < _JITTER * period):

@@ -17,12 +17,22 @@ from itertools import pairwise
 
 import numpy as np
 
-from tirelog.data.setup import PLAUSIBLE, ChannelSetup, Setup
+from tirelog.data.setup import ChannelSetup, Setup
 from tirelog.errors import ReadError, SetupError, nearest
-from tirelog.readers.base import unit_by_size
+from tirelog.readers.base import (
+    TIME_NAMES,
+    bare,
+    is_time_name,
+    loose,
+    rises_as_time,
+    stated_time_unit,
+    unit_by_size,
+    words,
+)
 from tirelog.readers.text.layout import SAMPLE_ROWS, Layout, filled, is_number
 from tirelog.readers.text.times import FORMS, MISSING, fraction_digits, has_clock, one_ns
 from tirelog.vocabulary import units
+from tirelog.vocabulary.arrays import FloatArray
 
 # ---- The columns of a text log by their names, as a setup writes them.
 
@@ -47,21 +57,6 @@ def find_column(layout: Layout, source: str) -> int | None:
     return None
 
 
-def bare(name: str) -> str:
-    """A name without the unit in brackets behind it."""
-    return re.sub(r"\s*[\[(][^\[\]()]*[\])]\s*$", "", name).strip()
-
-
-def loose(name: str) -> str:
-    """A name in lower case, without blanks, underscores, points and hyphens."""
-    return re.sub(r"[\s_.\-]+", "", name).lower()
-
-
-def words(name: str) -> list[str]:
-    """The words of a name in lower case: RunningTime_s is running, time, s."""
-    return [word.lower() for word in re.findall(r"[^\W\d_]?[^\W\d_A-Z]+|[A-Z]+|\d+", name)]
-
-
 def absent(layout: Layout, source: str) -> str:
     """What is wrong with a source that is no column, and which columns there are."""
     if layout.misfit:
@@ -82,23 +77,6 @@ def absent(layout: Layout, source: str) -> str:
 # Layout + Setup --forms of words, names of times, even steps--> column, time of day, form, unit
 
 
-TIME_NAMES = re.compile(
-    r"(date[ /_]?time|time ?stamp|timestamp.*|.*\btime\b.*|time_.*|.*_time"
-    r"|t|t[_ ](s|sec|min|[mnuµμ]s)|sec|seconds|zeit|tempo)",
-    re.I,
-)
-#: words that make a name one of a time, however they are joined: RunningTime_s, elapsed_ms
-_TIME_WORDS = {"time", "timestamp", "elapsed", "runtime", "uptime", "zeit", "millis", "micros"}
-#: whole names of times, without blanks and underscores: of LabVIEW, of Arduino sketches
-_TIMES = {"xvalue", "ms", "us", "ns", "msec", "usec"}
-#: last words of a time's name that tell its unit, beside the units themselves
-_UNIT_WORDS = {"msec": "ms", "millis": "ms", "milliseconds": "ms", "usec": "us", "micros": "us",
-               "microseconds": "us", "nanos": "ns", "nanoseconds": "ns"}  # fmt: skip
-_TIME_UNITS = {"s", "sec", "ms", "us", "µs", "μs", "ns", "min", "h"}
-#: times whose unit is known from the instrument alone: Xsens sensors count microseconds
-_KNOWN_UNITS = {"sampletimefine": "us"}
-#: days since 1900 from 1954 to 2119; twice as wide finds no more logs of gratings
-_DAYS = (20_000.0, 80_000.0)
 #: steps of a column without a name differ by less than this share of the usual one if it is taken
 #: for the time: loggers without a clock of their own stray by some percent, signals by all
 _NEARLY = 0.5
@@ -134,7 +112,7 @@ def stamp_columns(
         k
         for k, kind in enumerate(layout.kinds[: layout.width])
         if kind == "number" and k < len(layout.names) and k not in taken
-        and _is_time_name(layout.names[k]) and max(steps_of(layout, k), default=1.0) <= 0.0
+        and is_time_name(layout.names[k]) and max(steps_of(layout, k), default=1.0) <= 0.0
         and min(steps_of(layout, k)) < 0.0
     ]  # fmt: skip
     ramps = _ramps(layout, taken)
@@ -157,20 +135,10 @@ def _time_candidates(layout: Layout, taken: set[int]) -> list[int]:
     named = [
         k
         for k, text in enumerate(layout.names[: len(kinds)])
-        if _is_time_name(text) and kinds[k] == "number"
+        if is_time_name(text) and kinds[k] == "number"
     ]
     minutes = [k for k, kind in enumerate(kinds) if kind == "mmss"]
     return found + [k for k in named if k not in taken and ascending(layout, k)] + minutes
-
-
-def _is_time_name(name: str) -> bool:
-    """True for the names of times, as programs join their words."""
-    plain = bare(name).lstrip("#%/ ")
-    return bool(
-        TIME_NAMES.fullmatch(plain)
-        or _TIME_WORDS.intersection(words(plain))
-        or loose(plain) in _TIMES
-    )
 
 
 def _leading(layout: Layout) -> int:
@@ -187,18 +155,18 @@ def _ramps(layout: Layout, taken: set[int]) -> list[int]:
     leading, found = _leading(layout), []
     for k in range(layout.counts_at if layout.counts else layout.width):
         named = k < len(layout.names) and layout.names[k] != ""
-        cells = layout.cells(k)
-        steps = steps_of(layout, k) if layout.kinds[k] == "number" and k not in taken else []
-        whole = all(layout.decimal not in cell for cell in cells)
-        if whole or len(steps) < 2 or min(steps) <= 0.0 or (named and k != leading):
+        if layout.kinds[k] != "number" or k in taken or (named and k != leading):
             continue
-        usual, spread = float(np.median(steps)), max(steps) - min(steps)
-        exponents = any("e" in cell.lower() for cell in cells)
-        digit = 1e-6 * usual if exponents else 10.0 ** -most_decimals(cells, layout.decimal)
-        if k == leading:
-            good = not layout.names or spread <= 2.01 * digit
-        else:
-            good = spread <= max(2.01 * digit, _NEARLY * usual)
+        cells = layout.cells(k)
+        digit = 10.0 ** -most_decimals(cells, layout.decimal)
+        if any("e" in cell.lower() for cell in cells):
+            digit = 1e-6 * float(np.median(steps_of(layout, k) or [0.0]))
+        if all(layout.decimal not in cell for cell in cells):
+            digit = 1.0
+        slack = 0.0 if named else _NEARLY
+        if k == leading and not layout.names:
+            slack = np.inf
+        good = all(rises_as_time(part, digit, slack) for part in successive(layout, k))
         found += [k] if good else []
     return found
 
@@ -212,17 +180,21 @@ def numbers_of(layout: Layout, column: int) -> list[float]:
     ]
 
 
-def steps_of(layout: Layout, column: int) -> list[float]:
-    """Differences between the numbers of a column, row by row.
+def successive(layout: Layout, column: int) -> list[FloatArray]:
+    """The numbers of a column in rows that follow each other, NaN for what is none.
 
-    The sample rows are those of the head's beginning and of its end; the step between the two parts
-    is left out.
+    The sample rows are those of the head's beginning, and of its end if it has more.
     """
-    numbers = numbers_of(layout, column)
-    steps = [b - a for a, b in pairwise(numbers)]
-    if len(numbers) == 2 * SAMPLE_ROWS:
-        del steps[SAMPLE_ROWS - 1]
-    return [step for step in steps if step == step]
+    numbers = np.array(numbers_of(layout, column), np.float64)
+    apart = numbers.size == 2 * SAMPLE_ROWS
+    return np.split(numbers, [SAMPLE_ROWS] if apart else [])
+
+
+def steps_of(layout: Layout, column: int) -> list[float]:
+    """Differences between the numbers of a column, row by row, where rows follow each other."""
+    steps = np.concatenate([np.diff(part) for part in successive(layout, column)])
+    found: list[float] = steps[~np.isnan(steps)].tolist()
+    return found
 
 
 def ascending(layout: Layout, column: int) -> bool:
@@ -260,41 +232,14 @@ def time_factor(layout: Layout, setup: Setup, column: int) -> float:
     """
     if setup.log.time_unit:
         return units.to_si(setup.log.time_unit, "time")[0]
-    unit = stated_unit(layout, column)
-    if unit is None and counts_days(layout, column):
-        unit = "d"
-    if unit is None:  # a date in ms, us or ns since 1970 is known by its size
-        cells = layout.cells(column)
-        numbers = [float(cell) for cell in cells if re.fullmatch(r"\d{1,19}", cell)]
-        unit = unit_by_size(numbers[0]) if numbers else "s"
+    unit = stated_unit(layout, column) or unit_by_size(successive(layout, column)[0])
     return units.UNITS[unit][1]
-
-
-def counts_days(layout: Layout, column: int) -> bool:
-    """True if these can only be days since 1900, as spreadsheets store dates.
-
-    Their size is that of today's dates, and as seconds they would follow each other faster than
-    any instrument samples.
-    """
-    first, last = _DAYS
-    steps = steps_of(layout, column)
-    numbers = numbers_of(layout, column)
-    return bool(
-        steps and min(numbers) >= first and max(numbers) <= last
-        and 0.0 < sum(steps) < len(steps) / PLAUSIBLE["sampling_rate_Hz"].high
-    )  # fmt: skip
 
 
 def stated_unit(layout: Layout, column: int) -> str | None:
     """The unit of time that a column's header or name tells, or None."""
     unit = layout.units[column] if column < len(layout.units) else ""
-    if not unit and column < len(layout.names):
-        name = layout.names[column]
-        last = words(name)[-1:] or [""]
-        unit = _KNOWN_UNITS.get(loose(name)) or _UNIT_WORDS.get(last[0], "")
-        unit = unit or (last[0] if last[0] in _TIME_UNITS else "")
-    known = units.canonical(unit) if unit else None
-    return known if known and units.UNITS[known][0] == "time" else None
+    return stated_time_unit(layout.names[column] if column < len(layout.names) else "", unit)
 
 
 def most_decimals(cells: Sequence[str], decimal: str) -> int:
@@ -459,7 +404,8 @@ def placed(layout: Layout) -> Layout:
     if not names or layout.ragged or layout.counts or len(names) == layout.width:
         return _lone_mark(layout)
     blank = layout.kinds[layout.width - 1] == "blank"
-    if len(names) == layout.width - 1 and blank:  # a separator behind the last cell
+    behind = layout.kinds[len(names) : layout.width]
+    if behind and all(kind == "blank" for kind in behind):  # separators behind the last cell
         return layout
     if len(names) == layout.width + 1 and _REMARKS.fullmatch(bare(names[-1])):
         return replace(layout, width=len(names), kinds=(*layout.kinds[: layout.width], "blank"))

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 from tirelog.data.setup import LogSetup
 from tirelog.errors import ReadError, SetupError
-from tirelog.readers.base import split_unit
+from tirelog.readers.base import is_time_name, split_unit
 from tirelog.readers.text.times import form_of
 from tirelog.vocabulary import units
 
@@ -418,29 +418,78 @@ def _spoilt(above: list[int], cells: list[list[str]], width: int, decimal: str) 
     return words and filled(header) == width and abs(len(last) - width) < 2 and 2 * numbers >= width
 
 
+#: words by which loggers say under a name what each number is of its samples
+_STATISTICS = {
+    *("smp", "sample", "avg", "average", "mean", "max", "min", "std", "tot", "med", "rms"),
+    *("tmx", "tmn", "hst", "wvc"),
+}
+#: a line that begins a section of a file
+_SECTION = re.compile(r"\[[\w ]+\]")
+#: the word in front of units that stand above a header, as of LabVIEW
+_OF_UNITS = re.compile(r"(.*[_ ])?(units?|einheit(en)?)([_ ]label)?:?", re.I)
+
+
 def _header(
     above: list[int], cells: list[list[str]], width: int, separator: str
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """(names, units) from the lines above the first row; both empty without a header."""
-    if not above:
-        return (), ()
     if separator == " ":  # `# a | b` over columns of blanks
         cells = [[cell for cell in row if cell != "|"] for row in cells]
-    last = _uncommented(cells[above[-1]], width)
-    unit_row: list[str] = []
-    if len(above) > 1 and _units_only(last) and len(cells[above[-2]]) >= min(2, width):
-        unit_row, last = (
-            [cell.strip("[]() ") for cell in last],
-            _uncommented(cells[above[-2]], width),
-        )
-    last = last[: filled(last)]
-    if len(last) < min(2, width):
+    rows = [_uncommented(cells[i], width) for i in above]
+    while rows and len(rows[-1]) == 1 < width and _SECTION.fullmatch(rows[-1][0]):
+        rows.pop()
+    if not rows:
         return (), ()
-    names = [split_unit(cell)[0] for cell in last]
-    found = [split_unit(cell)[1] for cell in last]
-    return tuple(names), tuple(
-        (unit_row[k] if k < len(unit_row) else "") or found[k] for k in range(len(last))
-    )
+    at = _row_of_names(rows, width)
+    names = rows[at][: filled(rows[at])]
+    if len(names) < min(2, width):
+        return (), ()
+    stated = _row_of_units(rows, at)
+    names, found = zip(*map(split_unit, names), strict=True)
+    more = [cell.strip("[]() ") for cell in stated[: len(names)]]
+    more += [""] * (len(names) - len(more))
+    return names, tuple(one or other for one, other in zip(more, found, strict=True))
+
+
+def _row_of_names(rows: list[list[str]], width: int) -> int:
+    """Which of the rows of a header holds the names.
+
+    The last but those of units, of statistics, and of one word again and again. What stands below
+    units, and names no time as what stands above them does, are the places of an amplifier.
+    """
+    last = at = len(rows) - 1
+    alike = [k for k, row in enumerate(rows) if len(row) == len(rows[last])]
+    names = [_names_in(row) for row in rows]
+    timed = [any(map(is_time_name, row)) for row in names]
+    if last and _units_only(rows[last]) and len(rows[last - 1]) >= min(2, width):
+        at = last - 1
+    if width > 1 and len(names[at]) < min(2, filled(rows[at])):
+        others = [(timed[k], len(names[k]), k) for k in alike if len(names[k]) > len(names[at])]
+        at = max(others)[2] if others else at
+    two_up = at - 2
+    between = two_up in alike and _units_only(rows[at - 1])
+    return two_up if between and timed[two_up] and not timed[at] else at
+
+
+def _names_in(row: list[str]) -> set[str]:
+    """The cells of a row that can be names: no statistics, none without a letter; none of units."""
+    if _units_only(row):
+        return set()
+    letters = {cell for cell in row if re.search(r"[^\W\d_]", split_unit(cell)[0])}
+    return {cell for cell in letters if cell.lower() not in _STATISTICS}
+
+
+def _row_of_units(rows: list[list[str]], at: int) -> list[str]:
+    """The units below the names of row `at`, next above them, or behind a word for units."""
+    width = len(rows[at])
+    for row in rows[at + 1 :]:
+        if len(row) <= width and any(cell and units.canonical(cell.strip("[]() ")) for cell in row):
+            return row
+    if at and len(rows[at - 1]) == width and _units_only(rows[at - 1]):
+        return rows[at - 1]
+    labelled = (row for row in rows[:at] if len(row) > 1 and _OF_UNITS.fullmatch(row[0]))
+    row = next(labelled, [""])
+    return row[1:] if filled(row) == width + 1 else ["", *row[1:]]
 
 
 def _uncommented(cells: list[str], width: int) -> list[str]:

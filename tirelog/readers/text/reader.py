@@ -33,17 +33,18 @@ from tirelog.readers.base import (
     Samples,
     Series,
     SeriesList,
+    days_since,
     lost_samples,
     of_damaged,
     rate_in_words,
     runs,
+    unit_by_size,
     with_stated_units,
 )
 from tirelog.readers.text.columns import (
     Columns,
     assign_columns,
     clock_columns,
-    counts_days,
     decimals,
     most_decimals,
     name_of_column,
@@ -52,6 +53,7 @@ from tirelog.readers.text.columns import (
     start_iso,
     stated_unit,
     stated_units,
+    successive,
 )
 from tirelog.readers.text.kernels import LARGEST, TICK_PLACES
 from tirelog.readers.text.layout import LOST_WORDS, Layout, filled, is_number, sniff, split_cells
@@ -316,17 +318,18 @@ def _about_time(reader: TextReader) -> list[str]:
         return []
     name = layout.names[time] if time < len(layout.names) else ""
     by_size = log.time_unit is None and stated_unit(layout, time) is None
-    if reader.columns.form == "number" and by_size and counts_days(layout, time):
+    since = days_since(successive(layout, time)[0])
+    if reader.columns.form == "number" and by_size and since:
         return [
-            f"column #{time + 1}{f' {name!r}' if name else ''} is taken for days since 1900, as "
-            'spreadsheets write dates; if it is none of them write time_unit = "s" under [log] in '
-            "the setup"
+            f"column #{time + 1}{f' {name!r}' if name else ''} is taken for days since {since} "
+            'dates; if it is none of them write time_unit = "s" under [log] in the setup'
         ]
     if not reader.columns.guessed:
         return []
+    unit = log.time_unit or stated_unit(layout, time) or unit_by_size(successive(layout, time)[0])
     return [
         f"column #{time + 1}{f' {name!r}' if name else ''} rises in even steps and is taken for "
-        "the time in s; if it is none, name another as time under [log] in the setup"
+        f"the time in {unit}; if it is none, name another as time under [log] in the setup"
     ]
 
 
