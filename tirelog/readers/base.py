@@ -67,11 +67,14 @@ def whole_counts(values: FloatArray, decimals: int | None) -> Samples:
     return whole if ((counts == values) | lost).all() else values
 
 
+def samples_lost(samples: Samples) -> NDArray[np.bool_]:
+    """Which of them are lost."""
+    return samples == LOST_COUNT if samples.dtype == np.int32 else np.isnan(samples)
+
+
 def lost_samples(samples: Samples) -> int:
     """How many of them are lost."""
-    return int(
-        np.count_nonzero(samples == LOST_COUNT if samples.dtype == np.int32 else np.isnan(samples))
-    )
+    return int(np.count_nonzero(samples_lost(samples)))
 
 
 def runs(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:

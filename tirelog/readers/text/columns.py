@@ -11,7 +11,7 @@ blanks and underscores are forgiven if that leaves one column), or `#3`, the thi
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -139,6 +139,40 @@ def _time_candidates(layout: Layout, taken: set[int]) -> list[int]:
     ]
     minutes = [k for k, kind in enumerate(kinds) if kind == "mmss"]
     return found + [k for k in named if k not in taken and ascending(layout, k)] + minutes
+
+
+def times_alike(layout: Layout) -> list[int]:
+    """Columns of times that have one name, but for a number or that of the column behind them.
+
+    None adjoins another; empty if there are fewer than two.
+    """
+    families: dict[str, list[int]] = {}
+    for k, name in enumerate(layout.names[: layout.width]):
+        if layout.kinds[k] == "number" and is_time_name(name) and ascending(layout, k):
+            behind = layout.names[k + 1] if k + 1 < len(layout.names) else ""
+            plain = loose(bare(name)).replace(loose(bare(behind)), "")
+            families.setdefault(re.sub(r"\d", "", plain), []).append(k)
+    found = max(families.values(), key=len, default=[])
+    apart = len(found) > 1 and min(b - a for a, b in pairwise(found)) > 1
+    return found if apart and not (layout.ragged or layout.counts) else []
+
+
+def clocks_of_blocks(layout: Layout, setup: Setup) -> dict[int, float]:
+    """Columns of times, each the clock of the columns up to the next, and their seconds per unit.
+
+    Empty if one of them serves all, as their stamps are the same or the setup names another.
+    """
+    times = times_alike(layout)
+    if setup.log.time and find_column(layout, setup.log.time) not in times:
+        return {}
+    factors = {k: time_factor(layout, setup, k) for k in times}
+    stamps = [factors[k] * np.array(numbers_of(layout, k), np.float64) for k in times]
+    digits = [factors[k] * 10.0 ** -most_decimals(layout.cells(k), layout.decimal) for k in times]
+    for own, digit in zip(stamps[1:], digits[1:], strict=True):
+        away = np.abs(own - stamps[0])
+        if np.nanmax(away, initial=0.0) > 1.01 * max(digit, digits[0]):
+            return factors
+    return {}
 
 
 def _leading(layout: Layout) -> int:
@@ -281,7 +315,8 @@ class Columns:
     time of day if `time` holds the date alone; `form` their form ('number' with `time_factor`
     seconds per unit); `number` the sample number; `errors` the column of error codes; `edges`
     channels whose samples are the rows themselves, each at its stamp; `guessed` is true if nothing
-    but the stamps' even steps makes that column the time.
+    but the stamps' even steps makes that column the time; `clocks` the columns of times and their
+    seconds per unit, if the columns up to the next one have each their own: then `time` is None.
     """
 
     values: dict[str, int]
@@ -295,6 +330,12 @@ class Columns:
     errors: int | None = None
     edges: tuple[str, ...] = ()
     guessed: bool = False
+    clocks: dict[int, float] = field(default_factory=dict)
+
+    def time_of(self, channel: str) -> int:
+        """The column of times, of `clocks`, that a channel's column has."""
+        before = [k for k in self.clocks if k < self.values[channel]]
+        return max(before, default=min(self.clocks))
 
 
 def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
@@ -321,6 +362,11 @@ def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
         raise ReadError(
             "; ".join(dict.fromkeys(missing.values())) + "; mend source in the setup", file=name
         )
+    clocks = {} if peaks or edges else clocks_of_blocks(layout, setup)
+    if clocks and values:
+        taken = {*values.values(), *clocks}
+        errors = next(iter(_error_columns(layout, taken)), None)
+        return Columns(values, missing=missing, errors=errors, clocks=clocks)
     (time, clock, form, factor), guessed = stamp_columns(layout, setup, set(values.values()))
     if edges and not guessed and time is None:
         time = _of_edges(layout, name)
@@ -343,7 +389,7 @@ def clock_columns(layout: Layout, setup: Setup) -> tuple[set[int], str]:
     (time, clock, _, _), _ = stamp_columns(layout, setup, set())
     number = _sample_number(layout, {time})
     errors = _error_columns(layout, {time, clock, number})
-    taken = {k for k in (time, clock, number, *errors) if k is not None}
+    taken = {k for k in (time, clock, number, *errors, *times_alike(layout)) if k is not None}
     if time is None:
         return taken, ""
     return taken, name_of_column(layout, time)
@@ -523,7 +569,7 @@ def _sample_number(layout: Layout, taken: set[int | None]) -> int | None:
     return None
 
 
-def _error_columns(layout: Layout, taken: set[int | None]) -> list[int]:
+def _error_columns(layout: Layout, taken: Collection[int | None]) -> list[int]:
     """The columns of error codes: a whole word of their names says so, not a part of "default"."""
     return [
         k
@@ -533,7 +579,7 @@ def _error_columns(layout: Layout, taken: set[int | None]) -> list[int]:
 
 
 def resolution_s(layout: Layout, columns: Columns) -> float:
-    """The step of the stamps [s] as written in the sample rows; 0 if the log has none."""
+    """The step of the stamps [s] as written in the sample rows; 0 if the log has none, or many."""
     if columns.time is None:
         return 0.0
     shown = columns.time if columns.clock is None else columns.clock

@@ -18,6 +18,7 @@ from collections import deque
 from collections.abc import Generator, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -33,11 +34,13 @@ from tirelog.readers.base import (
     Samples,
     Series,
     SeriesList,
+    counted_floats,
     days_since,
     lost_samples,
     of_damaged,
     rate_in_words,
     runs,
+    samples_lost,
     unit_by_size,
     with_stated_units,
 )
@@ -48,6 +51,7 @@ from tirelog.readers.text.columns import (
     decimals,
     most_decimals,
     name_of_column,
+    numbers_of,
     placed,
     resolution_s,
     start_iso,
@@ -66,6 +70,9 @@ from tirelog.vocabulary.quality import Quality
 
 #: the name of the one group of a text log: all columns share the row's clock
 GROUP = "rows"
+#: what a column of times is called in the plan of rows, where columns have several clocks; no
+#: channel has a blank in its name
+_CLOCK = "clock of block"
 #: threads that parse, and blocks that are parsed or wait to be used at one time
 _THREADS, _AHEAD = 2, 4
 #: what begins again with times of a form
@@ -128,11 +135,30 @@ class TextReader:
             if self.columns.peaks
             else None
         )
-        self.groups = (self._group(tuple(channels)),)
+        self.groups = self._groups(channels)
         self._origin: int | float | None = None
         self._last_ns: int | None = None
         self._bad: dict[str, list[tuple[int, str]]] = {"row": [], "cell": []}
         self._seen: set[str] = set()
+
+    def _groups(self, channels: list[str]) -> tuple[Group, ...]:
+        """All channels, or those of each clock if their columns have several."""
+        columns, layout = self.columns, self.layout
+        if not columns.clocks:
+            return (self._group(tuple(channels)),)
+        members: dict[int, list[str]] = {}
+        for channel in channels:
+            members.setdefault(columns.time_of(channel), []).append(channel)
+        self._clocks = [(time, _first_stamp_s(layout, columns, time)) for time in members]
+        return tuple(
+            Group(
+                f"{GROUP}_{time + 1}",
+                tuple(own),
+                stamp_resolution_s=resolution_s(layout, replace(columns, time=time)),
+                decimals={c: self._plan.places[columns.values[c]] for c in own},
+            )
+            for time, own in members.items()
+        )
 
     def _group(self, channels: tuple[str, ...]) -> Group:
         columns, layout = self.columns, self.layout
@@ -171,7 +197,11 @@ class TextReader:
                     line += parsed.lines
                     if parsed.size:
                         rows += parsed.size
-                        yield self._block(parsed)
+                        block = self._block(parsed)
+                        if self.columns.clocks:
+                            yield from self._by_clock(block, parsed)
+                        else:
+                            yield block
             self._finish(rows, line)
         finally:
             self._source.close()
@@ -218,8 +248,29 @@ class TextReader:
         if parsed.errors is not None:
             flags += self._errors(parsed)
         self._count("rows", parsed.size)
-        ordered = {channel: values[channel] for channel in self.groups[0].channels}
+        channels = (channel for group in self.groups for channel in group.channels)
+        ordered = {channel: values[channel] for channel in channels}
         return RawBlock(GROUP, ordered, self._stamps(parsed), parsed.number, tuple(flags))
+
+    def _by_clock(self, block: RawBlock, parsed: Parsed) -> Iterator[RawBlock]:
+        """The block's channels clock by clock, without rows that hold nothing of them."""
+        start_s = min(first for _, first in self._clocks)
+        for group, (time, _) in zip(self.groups, self._clocks, strict=True):
+            stamps = counted_floats(parsed.values[time], self._plan.places[time])
+            stamps = stamps * self.columns.clocks[time] - start_s
+            lost = [samples_lost(block.values[channel]) for channel in group.channels]
+            kept = ~(np.isnan(stamps) & np.logical_and.reduce(lost))
+            before = np.append(0, np.cumsum(kept)).tolist()
+            yield RawBlock(
+                group.name,
+                {channel: block.values[channel][kept] for channel in group.channels},
+                stamps[kept],
+                flags=tuple(
+                    (channel, before[start], before[stop], word)
+                    for channel, start, stop, word in block.flags
+                    if channel in group.channels
+                ),
+            )
 
     def _stamps(self, parsed: Parsed) -> FloatArray | None:
         """Seconds from the log's first stamp."""
@@ -253,7 +304,8 @@ class TextReader:
         return [
             (channel, start, stop, Quality.ERROR_CODE)
             for start, stop in runs(codes > 0)
-            for channel in self.groups[0].channels
+            for group in self.groups
+            for channel in group.channels
         ]
 
     def _count(self, what: str, number: int) -> None:
@@ -288,6 +340,12 @@ class TextReader:
         for channel in self.columns.peaks:
             if self._tracker and channel not in self._seen:
                 report.losses.append(f"channel {channel}: {self._tracker.why_silent(channel)}")
+
+
+def _first_stamp_s(layout: Layout, columns: Columns, time: int) -> float:
+    """The first stamp [s] in a column of times, 0 without one."""
+    known = [number for number in numbers_of(layout, time) if number == number]
+    return columns.clocks[time] * known[0] if known else 0.0
 
 
 def _about_names(layout: Layout, columns: Columns) -> list[str]:
@@ -370,6 +428,8 @@ def cut_off(layout: Layout, line: str) -> bool:
 
 
 def _plan(layout: Layout, columns: Columns, setup: Setup) -> RowPlan:
+    own = {f"{_CLOCK} {time + 1}": time for time in columns.clocks}
+    columns = replace(columns, values=columns.values | own)
     time = columns.time or 0  # a form of stamp is there only with a column of stamps
     stamps = [row[time] for row in layout.rows if len(row) > time]
     us = columns.form == "dmy" and month_first(stamps)
@@ -392,7 +452,7 @@ def _plan(layout: Layout, columns: Columns, setup: Setup) -> RowPlan:
     gratings = {
         column
         for channel, column in columns.values.items()
-        if setup.channels[channel].kind.startswith("fbg_")
+        if channel not in own and setup.channels[channel].kind.startswith("fbg_")
     }
     places = {column: decimals(layout, column) for column in columns.values.values()}
     return RowPlan(
