@@ -26,6 +26,8 @@ LAYOUTS = {
     ],
     "dmy": ["99/99/9999 99:99:99.9", "9.9.9999 9:99:99", "99-99-9999"],
     "hms": ["99:99:99.99999", "9-99-99", "99:99:99.9:", "noon", "", "99:99:99 PM", "9:99:99am"],
+    "basic": ["20991939T999999.999", "19990909_999999", "20991939 999999,9Z"],
+    "hhmmss": ["999999.99", "999999"],
     "mmss": ["99:99.9999", "999:99,9", "9:99.9", "99:99"],
 }
 
@@ -37,7 +39,7 @@ def by_regex(cell: str, form: str, us: bool = False) -> int:
         return MISSING
     part = match.groupdict()
     days = 0
-    if form in times._DATED:
+    if form in times.DATED:
         month, day = (part["D"], part["M"]) if us and form == "dmy" else (part["M"], part["D"])
         if not 1678 <= int(part["Y"]) <= 2261:  # what int64 holds whole
             return MISSING

@@ -364,6 +364,8 @@ def rises_as_time(numbers: FloatArray, digit: float, slack: float) -> bool:
     steps = steps[np.isfinite(steps)]
     if steps.size < 2 or steps.min() <= 0.0 or (digit >= 1.0 and unit_by_size(numbers) == "s"):
         return False
+    # a step of floats is off by as much as they are rounded
+    digit = max(digit, float(np.spacing(np.nanmax(np.abs(numbers)))))
     return bool(np.ptp(steps) <= max(2.01 * digit, slack * float(np.median(steps))))
 
 

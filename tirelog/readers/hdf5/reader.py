@@ -314,7 +314,7 @@ def _rises(file: h5py.File, source: str, size: int, slack: float) -> bool:
     for part in parts:
         numbers = part.astype(np.float64)
         digit = 1e-6 * float(np.ptp(numbers)) / numbers.size
-        if part.dtype.kind == "f":
+        if part.dtype.kind == "f":  # of its own type
             digit = max(digit, float(np.spacing(np.abs(part).max())))
         if (numbers == np.rint(numbers)).all():
             digit = 1.0

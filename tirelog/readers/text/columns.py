@@ -11,6 +11,7 @@ blanks and underscores are forgiven if that leaves one column), or `#3`, the thi
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -30,7 +31,7 @@ from tirelog.readers.base import (
     words,
 )
 from tirelog.readers.text.layout import SAMPLE_ROWS, Layout, filled, is_number
-from tirelog.readers.text.times import FORMS, MISSING, fraction_digits, has_clock, one_ns
+from tirelog.readers.text.times import DATED, FORMS, MISSING, fraction_digits, has_clock, one_ns
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -77,6 +78,8 @@ def absent(layout: Layout, source: str) -> str:
 # Layout + Setup --forms of words, names of times, even steps--> column, time of day, form, unit
 
 
+#: the line above the names of VBOX files, whose times are hours, minutes, seconds without signs
+_COLUMN_NAMES = "[column names]"
 #: steps of a column without a name differ by less than this share of the usual one if it is taken
 #: for the time: loggers without a clock of their own stray by some percent, signals by all
 _NEARLY = 0.5
@@ -131,7 +134,7 @@ def _time_candidates(layout: Layout, taken: set[int]) -> list[int]:
     may be those of a lap.
     """
     kinds = layout.kinds[: layout.width]
-    found = [k for k, kind in enumerate(kinds) if kind in ("iso", "dmy", "hms")]
+    found = [k for k, kind in enumerate(kinds) if kind in (*DATED, "hms")]
     named = [
         k
         for k, text in enumerate(layout.names[: len(kinds)])
@@ -150,8 +153,10 @@ def times_alike(layout: Layout) -> list[int]:
     for k, name in enumerate(layout.names[: layout.width]):
         if layout.kinds[k] == "number" and is_time_name(name) and ascending(layout, k):
             behind = layout.names[k + 1] if k + 1 < len(layout.names) else ""
-            plain = loose(bare(name)).replace(loose(bare(behind)), "")
-            families.setdefault(re.sub(r"\d", "", plain), []).append(k)
+            first = bare(re.sub(r"\.\d+$", "", name))  # pandas writes a name for the second time so
+            plain = [word for word in words(first) if word not in words(bare(behind))]
+            family = " ".join(word for word in plain if not word.isdigit())
+            families.setdefault(family, []).append(k)
     found = max(families.values(), key=len, default=[])
     apart = len(found) > 1 and min(b - a for a, b in pairwise(found)) > 1
     return found if apart and not (layout.ragged or layout.counts) else []
@@ -246,7 +251,7 @@ def _with_clock(layout: Layout, setup: Setup, column: int) -> tuple[int, int | N
     dates = [
         k
         for k, other in enumerate(layout.kinds)
-        if other in ("iso", "dmy") and not any(map(has_clock, layout.cells(k)))
+        if other in DATED and not any(map(has_clock, layout.cells(k)))
     ]
     if column in dates:
         clock = next((k for k, other in enumerate(layout.kinds) if other == "hms"), None)
@@ -255,6 +260,8 @@ def _with_clock(layout: Layout, setup: Setup, column: int) -> tuple[int, int | N
         return dates[0], column, layout.kinds[dates[0]], 1.0
     if kind in FORMS:
         return column, None, kind, 1.0
+    if kind == "number" and _COLUMN_NAMES in map(str.lower, layout.preamble):
+        return column, None, "hhmmss", 1.0
     return column, None, "number", time_factor(layout, setup, column)
 
 
@@ -358,6 +365,7 @@ def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
             missing[channel] = absent(layout, what.source)
         else:
             values[channel] = column
+    refuse_long_form(layout, name)
     if not values and not peaks and not edges:
         raise ReadError(
             "; ".join(dict.fromkeys(missing.values())) + "; mend source in the setup", file=name
@@ -379,6 +387,25 @@ def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
         values, tuple(peaks), missing, time, clock, form, factor, number, errors, tuple(edges),
         guessed,
     )  # fmt: skip
+
+
+def refuse_long_form(layout: Layout, name: str) -> None:
+    """ReadError: the rows hold one signal after the other, named in a column of words."""
+    kinds = layout.kinds[: layout.width]
+    named = [k for k, kind in enumerate(kinds) if kind == "text"]
+    cells = layout.cells(named[0])[: len(layout.rows) // 2] if len(named) == 1 else []
+    seen = Counter(cells)
+    in_turn = sum(a != b for a, b in pairwise(cells)) > 0.5 * len(cells)
+    if kinds.count("number") > 2 or not in_turn or not 2 <= len(seen) <= 0.3 * len(cells):
+        return
+    signals, names = ", ".join(sorted(seen)[:5]), layout.names
+    column = names[named[0]] if named[0] < len(names) else f"#{named[0] + 1}"
+    raise ReadError(
+        f"its rows hold {len(seen)} signals one after the other, by column {column!r}: {signals}",
+        allowed="allowed is a column per signal",
+        do="pivot it first, e.g. with pandas: table.pivot(index=TIME, columns=NAME, values=VALUE)",
+        file=name,
+    )
 
 
 def clock_columns(layout: Layout, setup: Setup) -> tuple[set[int], str]:
@@ -604,7 +631,7 @@ def decimals(layout: Layout, column: int) -> int | None:
 def start_iso(layout: Layout, columns: Columns, us: bool) -> str | None:
     """The first stamp in ISO 8601, if it tells a date."""
     rows = [row for row in layout.rows if len(row) > max(columns.time or 0, columns.clock or 0)]
-    if columns.time is None or columns.form not in ("iso", "dmy") or not rows:
+    if columns.time is None or columns.form not in DATED or not rows:
         return None
     row, shown = rows[0], columns.time if columns.clock is None else columns.clock
     parts = [

@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from tirelog.data.setup import LogSetup
 from tirelog.errors import ReadError, SetupError
@@ -88,6 +89,45 @@ _FEWEST_ABOVE = 3
 
 
 @dataclass(frozen=True)
+class Grouping:
+    """A sign between groups of three digits, and that of decimals.
+
+    If it is the separator, too, it stands in quoted cells alone.
+    """
+
+    sign: str
+    decimal: str
+    quoted: bool = False
+
+    def taken_off(self, text: str) -> str:
+        """Text without the sign between its digits."""
+        if self.quoted:
+            return re.sub(r'"[^"]*"', self._in_quotes, text)
+        return self._pattern.sub(self._without, text)
+
+    @cached_property
+    def _pattern(self) -> re.Pattern[str]:
+        sign, signs = re.escape(self.sign), re.escape(self.sign + self.decimal)
+        return re.compile(rf"(?<![\w:{signs}])[+-]?\d{{1,3}}(?:{sign}\d{{3}})+(?![\d{sign}])")
+
+    def _without(self, number: re.Match[str]) -> str:
+        return number[0].replace(self.sign, "")
+
+    def _in_quotes(self, cell: re.Match[str]) -> str:
+        return self._pattern.sub(self._without, cell[0])
+
+
+#: what is tried if less than this share of the cells can be read
+_READABLE = 0.9
+_GROUPINGS = (
+    Grouping(".", ","),
+    Grouping(",", "."),
+    Grouping(",", ".", quoted=True),
+    *(Grouping(sign, decimal) for sign in "'\u2019\u00a0\u202f" for decimal in ".,"),
+)
+
+
+@dataclass(frozen=True)
 class Layout:
     """A text log's layout.
 
@@ -103,7 +143,7 @@ class Layout:
     row that look like rows; `counter` is true if a row number without a name stands in front of the
     named cells; `misfit` is a header whose names cannot be laid on the columns, and then `names`
     hold none of them but what is sure; `quote` stands around cells, and `enclosed` is true if it
-    encloses separators that are part of a cell.
+    encloses separators that are part of a cell; `grouping` what stands between each three digits.
     """
 
     encoding: str
@@ -129,6 +169,7 @@ class Layout:
     misfit: tuple[str, ...] = ()
     quote: str = '"'
     enclosed: bool = False
+    grouping: Grouping | None = None
 
     def cells(self, column: int) -> list[str]:
         """The column's cells in the sample rows that have it."""
@@ -149,6 +190,8 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
     quote = _quote(clean)
     clean = [line.replace(quote, '"') for line in clean] if quote != '"' else clean
     full = [i for i, line in enumerate(clean) if line.strip() and "\0" not in line]
+    grouping = _grouping([clean[i] for i in full[-_TAILS[-1] :]], given)
+    clean = [grouping.taken_off(line) for line in clean] if grouping else clean
     if not full:
         raise ReadError(
             "holds no rows",
@@ -162,7 +205,7 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
     ):  # the end shows what a row is: a long preamble may stand above it, a few words below
         sample = [clean[i] for i in full[-tail:]]
         timed = sum(bool(TIMED.match(line)) for line in sample) > len(sample) // 2
-        separator, decimal = _separator(sample, timed, given)
+        _, (separator, decimal) = _separator(sample, timed, given)
         cells = [split_cells(line, separator, timed) for line in clean]
         first = (
             _first_row(full, clean, cells, decimal, tail)
@@ -219,6 +262,7 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
         spoilt=above[-1] + 1 if spoilt else 0,
         rows_above=rows_above,
         quote=quote,
+        grouping=grouping,
         enclosed=separator == decimal
         or (
             quote in text
@@ -232,9 +276,11 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
 
 def _no_rows(full: list[int], cells: list[list[str]], decimal: str, name: str) -> ReadError:
     """What to say of a text without rows: that their first cells cannot be read, if it is that."""
-    for i in full[: -max(_TAILS) : -1]:
+    usual = Counter(len(cells[i]) for i in full[-max(_TAILS) :]).most_common(1)[0][0]
+    for i in full:
         first, *others = cells[i]
-        if 2 * sum(is_number(cell, decimal) for cell in others) > len(others):
+        numbers = sum(is_number(cell, decimal) for cell in others)
+        if len(cells[i]) == usual and 2 * numbers > len(others):
             return ReadError(
                 f"the first cell {first[:40]!r} is no number and no time that is known",
                 allowed="allowed are 2024-03-12 13:00:00.5, 12/03/2024 01:00:00.5 PM, 13:00:00.5, "
@@ -257,17 +303,11 @@ def _decode(head: bytes, name: str, given: str | None) -> tuple[str, str, int]:
         raise ReadError(
             "is empty", allowed="a log has one row per sample", do="check the recording", file=name
         )
-    pairs = head[:4096]
-    even, odd = pairs[::2].count(0), pairs[1::2].count(0)
-    if head.startswith((b"\xff\xfe", b"\xfe\xff", b"\0\0\xfe\xff")) or (
-        max(even, odd) > len(pairs) // 5 and min(even, odd) * 9 < max(even, odd)
-    ):
-        wide = head.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff"))
-        found = "UTF-32" if wide else "UTF-16"
+    if head.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):
         raise ReadError(
-            f"is {found} text",
-            allowed="allowed are UTF-8 and cp1252",
-            do=f"convert it first: iconv -f {found} -t UTF-8 LOG",
+            "is UTF-32 text",
+            allowed="allowed are UTF-8, UTF-16 and cp1252",
+            do="convert it first: iconv -f UTF-32 -t UTF-8 LOG",
             file=name,
         )
     strange = sum(
@@ -322,8 +362,23 @@ def _kind(cell: str, decimal: str) -> str:
     return form_of(cell) or "text"
 
 
-def _separator(sample: list[str], timed: bool, given: LogSetup) -> tuple[str, str]:
-    """The separator and decimal sign that make most of the sample's cells readable."""
+def _grouping(sample: list[str], given: LogSetup) -> Grouping | None:
+    """What stands between groups of three digits, if nothing else makes the cells numbers."""
+    readable = _separator(sample, False, given)[0]
+    if readable > _READABLE:
+        return None
+    found = None
+    for grouping in _GROUPINGS:
+        lines = [grouping.taken_off(line) for line in sample]
+        known, (separator, decimal) = _separator(lines, False, given)
+        alone = separator != grouping.sign or grouping.quoted
+        if known > readable and decimal == grouping.decimal and alone:
+            readable, found = known, grouping
+    return found
+
+
+def _separator(sample: list[str], timed: bool, given: LogSetup) -> tuple[float, tuple[str, str]]:
+    """(how much of the sample is readable, the separator and decimal sign that make most of it)."""
     best, choice = (-1.0, 0.0), (given.separator or ",", given.decimal or ".")
     for separator in given.separator or _SEPARATORS:
         for decimal in given.decimal or ".,":
@@ -339,7 +394,7 @@ def _separator(sample: list[str], timed: bool, given: LogSetup) -> tuple[str, st
             score = known - (0.2 if many < 2 else 0.0) - (0.1 if separator == " " else 0.0)
             if (round(score, 2), many) > best:
                 best, choice = (round(score, 2), many), (separator, decimal)
-    return choice
+    return best[0], choice
 
 
 def _is_row(cells: list[str], decimal: str, like: str) -> bool:

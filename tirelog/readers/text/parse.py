@@ -209,6 +209,9 @@ def normalized(layout: Layout, block: Block) -> Block:
     A newline stands behind its last row.
     """
     quote = layout.quote.encode()
+    if layout.grouping:
+        text = bytes(block).decode(layout.encoding, errors="surrogateescape")
+        block = layout.grouping.taken_off(text).encode(layout.encoding, errors="surrogateescape")
     if layout.enclosed:
         data = bytes_of(block)
         out = np.empty(data.size, np.uint8)

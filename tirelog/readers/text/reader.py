@@ -53,6 +53,7 @@ from tirelog.readers.text.columns import (
     name_of_column,
     numbers_of,
     placed,
+    refuse_long_form,
     resolution_s,
     start_iso,
     stated_unit,
@@ -76,7 +77,7 @@ _CLOCK = "clock of block"
 #: threads that parse, and blocks that are parsed or wait to be used at one time
 _THREADS, _AHEAD = 2, 4
 #: what begins again with times of a form
-_ROUNDS = {"hms": "midnight", "mmss": "hour"}
+_ROUNDS = {"hms": "midnight", "hhmmss": "midnight", "mmss": "hour"}
 #: stamps above this many seconds are kept as whole numbers until the first one is taken off
 _EXACT_ABOVE_S = 1e6
 
@@ -487,6 +488,7 @@ def columns(source: ByteSource, log: str) -> SeriesList:
         layout = placed(sniff(source.head(), log))
     finally:
         source.close()
+    refuse_long_form(layout, log)
     taken, time = clock_columns(layout, Setup())
     if layout.counts or layout.ragged or layout.misfit:
         found = _gratings(layout, layout.counts_at + layout.counts, taken)
