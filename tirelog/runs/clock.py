@@ -205,6 +205,9 @@ _EVEN = 0.3
 #: are worth a sentence up to this share of the samples; with twice the first, sentences on leaps of
 #: rounding; with twice the share, on stamps that tremble
 _HIDES, _SELDOM = 1.2, 1e-3
+#: the error of a rate that tables hold, as a share; half of it is below that of most radii, twice
+#: as much is as large as that of a good speed
+_VAGUE = 1e-4
 #: lines are one if they leave each other by less than this share of the last digit; half or twice
 #: as much is both far below what stamps tell
 _SAME_LINE = 1e-3
@@ -418,6 +421,9 @@ class ClockFit:
         axis = self._pieces(period, self._continued(pieces, period))
         if coarse:
             self._count_against_stamps(stamps, period)
+            share = max(error / period, 1.0 / stamps.reach(rough))
+            given = declared is not None and period == 1.0 / declared
+            axis = replace(axis, rate_error=share if share > _VAGUE and not given else 0.0)
         elif rounding and period < _HIDES * rounding:
             # a sample may lack that stamps of so few digits cannot tell from a drift
             up, down, first = stamps.leaps(rough, rounding)

@@ -130,6 +130,7 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], WheelTurns, 
     rate = wheel.speed_rad_s(time)
     noise = np.sqrt(2.0) * wheel.angle.noise_at(time) / SPEED_WINDOW_S
     share = 0.0 if np.isnan(radius.se_m) else radius.se_m / radius.radius_m
+    share = np.hypot(share, channel.axis.rate_error)
     columns = {
         "log": recording.log,
         "channel": channel.name,
