@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import pickletools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -45,6 +45,7 @@ from tirelog.readers.base import (
 )
 from tirelog.readers.hdf5.source import (
     LIBRARY_ERRORS,
+    MOST_NAMES,
     SINCE,
     SLAB_BYTES,
     Attributes,
@@ -783,8 +784,11 @@ def datasets(path: Path, log: str) -> SeriesList:
     """Datasets of numbers, and columns of those that have some.  ReadError: not to be read."""
     try:
         with opened(path, log)[0] as file:
-            sized = [one for name in names(file) for one in _columns(file, name)]
-            times = [name for name in names(file) if _last(name) in TIME_NAMES]
+            objects = _matlab_objects(file)
+            sized = [one for name in names(file) for one in _columns(file, name, objects)]
+            times = [
+                name for name in names(file) if _last(name) in TIME_NAMES and name not in objects
+            ]
             guessed = {} if times else _guessed_times(file, sized)
     except LIBRARY_ERRORS as problem:
         raise _unreadable(problem, log) from None
@@ -793,8 +797,13 @@ def datasets(path: Path, log: str) -> SeriesList:
     longest = max((size for _, size in sized), default=0)
     found = [one for one, size in sized if size * _SHORT >= longest]
     short = [one.source for one, size in sized if size * _SHORT < longest]
+    some = ", ".join(f"{name} ({kind})" for name, kind in [*objects.items()][:5] if kind)
+    unread = f"{some}: objects of MATLAB; save their numbers, as T.Variables or table2array(T)"
     return SeriesList(
-        tuple(found[:MOST_SERIES]), times[0] if times else "", tuple(short[:MOST_SERIES])
+        tuple(found[:MOST_SERIES]),
+        times[0] if times else "",
+        tuple(short[:MOST_SERIES]),
+        (unread,) if some else (),
     )
 
 
@@ -814,12 +823,27 @@ def _last(name: str) -> str:
     return name.replace(":", "/").rsplit("/", 1)[-1].lower()
 
 
-def _columns(file: h5py.File, name: str) -> list[tuple[Series, int]]:
+def _matlab_objects(file: h5py.File) -> dict[str, str]:
+    """The variables that are no arrays of numbers, with what they are; '' for MATLAB's own."""
+    found = dict.fromkeys(("/#refs#", "/#subsystem#"), "")
+    for name, _ in zip(file, range(MOST_NAMES), strict=False):
+        if not isinstance(file.get(name, getlink=True), h5py.HardLink):
+            continue
+        attributes = Attributes(file[name])
+        kind = attributes.text("MATLAB_class") or ""
+        if "matlab_sparse" in attributes.names:
+            found[f"/{name}"] = "sparse"
+        elif kind == "char" or "matlab_object_decode" in attributes.names:
+            found[f"/{name}"] = kind
+    return found
+
+
+def _columns(file: h5py.File, name: str, objects: Mapping[str, str]) -> list[tuple[Series, int]]:
     """The columns of a dataset with their lengths.
 
-    None if it holds a time, a rate or no numbers.
+    None if it holds a time, a rate or no numbers, or is inside of one of MATLAB's `objects`.
     """
-    if _last(name) in _BESIDE:
+    if _last(name) in _BESIDE or f"/{name.split('/')[1]}" in objects:
         return []
     item = file.get(name)
     shape = getattr(item, "shape", None)
