@@ -265,6 +265,8 @@ _UNIT_WORDS = {"msec": "ms", "millis": "ms", "milliseconds": "ms", "usec": "us",
 _TIME_UNITS = {"s", "sec", "ms", "us", "µs", "μs", "ns", "min", "h"}
 #: times whose unit is known from the instrument alone: Xsens sensors count microseconds
 _KNOWN_UNITS = {"sampletimefine": "us"}
+#: dates begin here, in 1990; smaller stamps count from some start
+EARLIEST_DATE_S = 631_152_000
 #: sizes of stamps that are dates: least and most, their unit, seconds from where they count to
 #: 1970. FILETIME counts from 1601 (here from 1981 on), .NET from the year 1 (from 1997 to 2092)
 _DATES = (
@@ -273,7 +275,7 @@ _DATES = (
     (1e17, 1e19, "ns", 0),
     (1e14, 1e17, "us", 0),
     (1e11, 1e14, "ms", 0),
-    (6.3e8, 1e11, "s", 0),
+    (EARLIEST_DATE_S, 1e11, "s", 0),
 )
 #: sizes of days that are dates, and since when they count: from 1954 to 2119 and from 1916 to 2190;
 #: twice as wide finds no more logs of gratings
@@ -347,8 +349,8 @@ def days_since(stamps: FloatArray) -> str:
 def date_of(stamp: float, unit: str) -> str | None:
     """The date of a stamp in ISO 8601; None if it is too small to be one."""
     for least, most, of_unit, before_s in _DATES:
-        if of_unit == unit and least < stamp < most:
-            since_s = stamp * units.UNITS[unit][1] - before_s
+        since_s = stamp / round(1.0 / units.UNITS[of_unit][1]) - before_s
+        if of_unit == unit and least < stamp < most and since_s > EARLIEST_DATE_S:
             with suppress(OverflowError, ValueError, OSError):
                 return datetime.fromtimestamp(since_s, UTC).isoformat()
     return None

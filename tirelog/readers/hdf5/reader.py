@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from tirelog.data.setup import Setup
 from tirelog.errors import ReadError, SetupError, nearest
 from tirelog.readers.base import (
+    EARLIEST_DATE_S,
     MOST_SERIES,
     RATES,
     Group,
@@ -412,8 +413,6 @@ def _stamps(stamps: SourceColumn, time_unit: str | None) -> TimeColumn:
 BLOCK_VALUES = 1 << 20
 #: chunk cache of each dataset; a chunk that is larger is read past it
 CACHE_BYTES = 1 << 20
-#: a first stamp above this (1990) counts from 1970
-EARLIEST_DATE_S = 631152000.0
 #: a channel's name, its column, and how what is stored there becomes values
 _Channel = tuple[str, SourceColumn, Scale]
 

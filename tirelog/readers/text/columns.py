@@ -23,6 +23,7 @@ from tirelog.errors import ReadError, SetupError, nearest
 from tirelog.readers.base import (
     TIME_NAMES,
     bare,
+    date_of,
     is_time_name,
     loose,
     rises_as_time,
@@ -266,15 +267,19 @@ def _with_clock(layout: Layout, setup: Setup, column: int) -> tuple[int, int | N
 
 
 def time_factor(layout: Layout, setup: Setup, column: int) -> float:
-    """Seconds per unit of a numeric time column.
+    """Seconds per unit of a numeric time column."""
+    return units.UNITS[time_unit(layout, setup, column)][1]
 
-    By the setup's `time_unit`, the header's unit, the name's suffix, the numbers' size, else
-    seconds.
+
+def time_unit(layout: Layout, setup: Setup, column: int) -> str:
+    """The unit of a numeric time column.
+
+    The setup's, the header's, the name's suffix, by the numbers' size, else seconds.
     """
-    if setup.log.time_unit:
-        return units.to_si(setup.log.time_unit, "time")[0]
-    unit = stated_unit(layout, column) or unit_by_size(successive(layout, column)[0])
-    return units.UNITS[unit][1]
+    if given := setup.log.time_unit:
+        units.to_si(given, "time")
+        return units.canonical(given) or given
+    return stated_unit(layout, column) or unit_by_size(successive(layout, column)[0])
 
 
 def stated_unit(layout: Layout, column: int) -> str | None:
@@ -628,8 +633,12 @@ def decimals(layout: Layout, column: int) -> int | None:
     return most if most <= MOST_DECIMALS else None
 
 
-def start_iso(layout: Layout, columns: Columns, us: bool) -> str | None:
+def start_iso(layout: Layout, columns: Columns, us: bool, setup: Setup) -> str | None:
     """The first stamp in ISO 8601, if it tells a date."""
+    if columns.form == "number" and columns.time is not None:
+        numbers = successive(layout, columns.time)[0]
+        first = next(iter(numbers[~np.isnan(numbers)].tolist()), 0.0)
+        return date_of(first, time_unit(layout, setup, columns.time))
     rows = [row for row in layout.rows if len(row) > max(columns.time or 0, columns.clock or 0)]
     if columns.time is None or columns.form not in DATED or not rows:
         return None

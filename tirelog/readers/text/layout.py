@@ -190,7 +190,7 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
     quote = _quote(clean)
     clean = [line.replace(quote, '"') for line in clean] if quote != '"' else clean
     full = [i for i, line in enumerate(clean) if line.strip() and "\0" not in line]
-    grouping = _grouping([clean[i] for i in full[-_TAILS[-1] :]], given)
+    grouping = _grouping([clean[i] for i in full[-_TAILS[2] :]], given)
     clean = [grouping.taken_off(line) for line in clean] if grouping else clean
     if not full:
         raise ReadError(

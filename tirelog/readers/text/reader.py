@@ -41,7 +41,6 @@ from tirelog.readers.base import (
     rate_in_words,
     runs,
     samples_lost,
-    unit_by_size,
     with_stated_units,
 )
 from tirelog.readers.text.columns import (
@@ -59,6 +58,7 @@ from tirelog.readers.text.columns import (
     stated_unit,
     stated_units,
     successive,
+    time_unit,
 )
 from tirelog.readers.text.kernels import LARGEST, TICK_PLACES
 from tirelog.readers.text.layout import LOST_WORDS, Layout, filled, is_number, sniff, split_cells
@@ -112,7 +112,7 @@ class TextReader:
         self.report = ReadReport(
             format="text" if source.kind == "plain" else f"text, {source.kind}"
         )
-        self.report.start = start_iso(self.layout, self.columns, self._plan.us)
+        self.report.start = start_iso(self.layout, self.columns, self._plan.us, setup)
         self.report.remarks += said + _about_names(self.layout, self.columns) + _about_time(self)
         self.report.losses += [
             f"line {line} holds NUL bytes and was left out; copy the log again"
@@ -385,7 +385,7 @@ def _about_time(reader: TextReader) -> list[str]:
         ]
     if not reader.columns.guessed:
         return []
-    unit = log.time_unit or stated_unit(layout, time) or unit_by_size(successive(layout, time)[0])
+    unit = time_unit(layout, reader.setup, time)
     return [
         f"column #{time + 1}{f' {name!r}' if name else ''} rises in even steps and is taken for "
         f"the time in {unit}; if it is none, name another as time under [log] in the setup"

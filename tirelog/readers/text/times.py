@@ -104,7 +104,7 @@ _OFFSET = r"\s*(?P<off>Z|[+-]\d{2}:?\d{2})?"
 _REST = rf"(?:[T _]+{_CLOCK}{_OFFSET})?"
 FORMS = {
     "iso": re.compile(rf"(?P<Y>\d{{4}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<D>\d{{1,2}}){_REST}"),
-    "basic": re.compile(rf"(?P<Y>(?:19|20)\d\d)(?P<M>[01]\d)(?P<D>[0-3]\d)[T_ ]{_DIGITS}{_OFFSET}"),
+    "basic": re.compile(rf"(?P<Y>\d{{4}})(?P<M>\d{{2}})(?P<D>\d{{2}})[T_ ]{_DIGITS}{_OFFSET}"),
     "hhmmss": re.compile(_DIGITS),
     "dmy": re.compile(rf"(?P<D>\d{{1,2}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<Y>\d{{4}}){_REST}"),
     "hms": re.compile(rf"(?P<h>\d{{1,2}})(?P<s>[:\-])(?P<m>\d{{1,2}})(?P=s){_SECOND}{_HALF}:?"),
@@ -120,9 +120,12 @@ def _matched(cell: str) -> tuple[str, re.Match[str]] | None:
 
 
 def form_of(cell: str) -> str | None:
-    """The form's name of one cell, None if it is no time, or a number."""
+    """The form's name of one cell, None if it is no time, or a number that may be one."""
     found = _matched(cell)
-    return found[0] if found and found[0] != "hhmmss" else None
+    if not found or found[0] == "hhmmss":
+        return None
+    # digits alone may be a number of any kind
+    return None if found[0] == "basic" and one_ns(cell, "basic") == MISSING else found[0]
 
 
 def has_clock(cell: str) -> bool:
