@@ -190,8 +190,6 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
     quote = _quote(clean)
     clean = [line.replace(quote, '"') for line in clean] if quote != '"' else clean
     full = [i for i, line in enumerate(clean) if line.strip() and "\0" not in line]
-    grouping = _grouping([clean[i] for i in full[-_TAILS[2] :]], given)
-    clean = [grouping.taken_off(line) for line in clean] if grouping else clean
     if not full:
         raise ReadError(
             "holds no rows",
@@ -199,6 +197,8 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
             do="check the recording",
             file=name,
         )
+    grouping = _grouping([clean[i] for i in full[-_TAILS[2] :]], given)
+    clean = [grouping.taken_off(line) for line in clean] if grouping else clean
     first = None
     for tail in (
         _TAILS
@@ -478,6 +478,8 @@ _STATISTICS = {
     *("smp", "sample", "avg", "average", "mean", "max", "min", "std", "tot", "med", "rms"),
     *("tmx", "tmn", "hst", "wvc"),
 }
+#: lines above the first row among which its header is
+_MOST_ABOVE = 64
 #: a line that begins a section of a file
 _SECTION = re.compile(r"\[[\w ]+\]")
 #: the word in front of units that stand above a header, as of LabVIEW
@@ -490,7 +492,7 @@ def _header(
     """(names, units) from the lines above the first row; both empty without a header."""
     if separator == " ":  # `# a | b` over columns of blanks
         cells = [[cell for cell in row if cell != "|"] for row in cells]
-    rows = [_uncommented(cells[i], width) for i in above]
+    rows = [_uncommented(cells[i], width) for i in above[-_MOST_ABOVE:]]
     while rows and len(rows[-1]) == 1 < width and _SECTION.fullmatch(rows[-1][0]):
         rows.pop()
     if not rows:
@@ -499,11 +501,11 @@ def _header(
     names = rows[at][: filled(rows[at])]
     if len(names) < min(2, width):
         return (), ()
-    stated = _row_of_units(rows, at)
-    names, found = zip(*map(split_unit, names), strict=True)
-    more = [cell.strip("[]() ") for cell in stated[: len(names)]]
-    more += [""] * (len(names) - len(more))
-    return names, tuple(one or other for one, other in zip(more, found, strict=True))
+    stated = [cell.strip("[]() ") for cell in _row_of_units(rows, at)]
+    stated += [""] * (len(names) - len(stated))
+    split = [split_unit(cell) for cell in names]
+    units_of = [one or own for one, (_, own) in zip(stated, split, strict=False)]
+    return tuple(name for name, _ in split), tuple(units_of)
 
 
 def _row_of_names(rows: list[list[str]], width: int) -> int:
@@ -538,13 +540,19 @@ def _row_of_units(rows: list[list[str]], at: int) -> list[str]:
     """The units below the names of row `at`, next above them, or behind a word for units."""
     width = len(rows[at])
     for row in rows[at + 1 :]:
-        if len(row) <= width and any(cell and units.canonical(cell.strip("[]() ")) for cell in row):
+        if len(row) <= width and _has_unit(row):
             return row
     if at and len(rows[at - 1]) == width and _units_only(rows[at - 1]):
         return rows[at - 1]
-    labelled = (row for row in rows[:at] if len(row) > 1 and _OF_UNITS.fullmatch(row[0]))
+    labelled = (row for row in rows[:at] if _OF_UNITS.fullmatch(row[0]) and _has_unit(row[1:]))
     row = next(labelled, [""])
     return row[1:] if filled(row) == width + 1 else ["", *row[1:]]
+
+
+def _has_unit(row: list[str]) -> bool:
+    """True if a cell is a unit that is known, and no statistic (min may be either)."""
+    cells = (cell.strip("[]() ") for cell in row if cell and cell.lower() not in _STATISTICS)
+    return any(units.canonical(cell) is not None for cell in cells)
 
 
 def _uncommented(cells: list[str], width: int) -> list[str]:
