@@ -15,7 +15,6 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 from tirelog.data.setup import LogSetup
 from tirelog.errors import ReadError, SetupError
@@ -88,43 +87,33 @@ _TAILS = (10, 3, 50, 200)
 _FEWEST_ABOVE = 3
 
 
-@dataclass(frozen=True)
-class Grouping:
-    """A sign between groups of three digits, and that of decimals.
-
-    If it is the separator, too, it stands in quoted cells alone.
-    """
-
-    sign: str
-    decimal: str
-    quoted: bool = False
-
-    def taken_off(self, text: str) -> str:
-        """Text without the sign between its digits."""
-        if self.quoted:
-            return re.sub(r'"[^"]*"', self._in_quotes, text)
-        return self._pattern.sub(self._without, text)
-
-    @cached_property
-    def _pattern(self) -> re.Pattern[str]:
-        sign, signs = re.escape(self.sign), re.escape(self.sign + self.decimal)
-        return re.compile(rf"(?<![\w:{signs}])[+-]?\d{{1,3}}(?:{sign}\d{{3}})+(?![\d{sign}])")
-
-    def _without(self, number: re.Match[str]) -> str:
-        return number[0].replace(self.sign, "")
-
-    def _in_quotes(self, cell: re.Match[str]) -> str:
-        return self._pattern.sub(self._without, cell[0])
-
-
-#: what is tried if less than this share of the cells can be read
-_READABLE = 0.9
+#: sign between groups of three digits, sign of decimals; the first in quoted cells alone
 _GROUPINGS = (
-    Grouping(".", ","),
-    Grouping(",", "."),
-    Grouping(",", ".", quoted=True),
-    *(Grouping(sign, decimal) for sign in "'\u2019\u00a0\u202f" for decimal in ".,"),
+    ('"', "."),
+    (".", ","),
+    (",", "."),
+    *((sign, decimal) for sign in "'\u2019\u00a0\u202f" for decimal in ".,"),
 )
+#: groups are looked for if less than this share of the cells can be read
+_READABLE = 0.9
+
+
+def ungrouped(text: str, sign: str, decimal: str) -> str:
+    """Text without the sign between groups of three digits; `"`: a comma within quotes."""
+    if sign == '"':
+        return re.sub(r'"[^"]*"', _without_commas, text)
+    number = rf"(?<![\w:{sign}{decimal}])[+-]?\d{{1,3}}(?:[{sign}]\d{{3}})+(?![\d{sign}])"
+    return re.sub(number, _without_sign, text)
+
+
+def _without_commas(quoted: re.Match[str]) -> str:
+    return ungrouped(quoted[0], ",", ".")
+
+
+def _without_sign(number: re.Match[str]) -> str:
+    """The number without the first sign between its digits."""
+    sign = number[0].lstrip("+-0123456789")[0]
+    return number[0].replace(sign, "")
 
 
 @dataclass(frozen=True)
@@ -143,7 +132,8 @@ class Layout:
     row that look like rows; `counter` is true if a row number without a name stands in front of the
     named cells; `misfit` is a header whose names cannot be laid on the columns, and then `names`
     hold none of them but what is sure; `quote` stands around cells, and `enclosed` is true if it
-    encloses separators that are part of a cell; `grouping` what stands between each three digits.
+    encloses separators that are part of a cell; `grouping` what stands between groups of three
+    digits, and before decimals.
     """
 
     encoding: str
@@ -169,7 +159,7 @@ class Layout:
     misfit: tuple[str, ...] = ()
     quote: str = '"'
     enclosed: bool = False
-    grouping: Grouping | None = None
+    grouping: tuple[str, str] | None = None
 
     def cells(self, column: int) -> list[str]:
         """The column's cells in the sample rows that have it."""
@@ -198,7 +188,7 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
             file=name,
         )
     grouping = _grouping([clean[i] for i in full[-_TAILS[2] :]], given)
-    clean = [grouping.taken_off(line) for line in clean] if grouping else clean
+    clean = [ungrouped(line, *grouping) for line in clean] if grouping else clean
     first = None
     for tail in (
         _TAILS
@@ -362,18 +352,17 @@ def _kind(cell: str, decimal: str) -> str:
     return form_of(cell) or "text"
 
 
-def _grouping(sample: list[str], given: LogSetup) -> Grouping | None:
+def _grouping(sample: list[str], given: LogSetup) -> tuple[str, str] | None:
     """What stands between groups of three digits, if nothing else makes the cells numbers."""
     readable = _separator(sample, False, given)[0]
     if readable > _READABLE:
         return None
     found = None
-    for grouping in _GROUPINGS:
-        lines = [grouping.taken_off(line) for line in sample]
-        known, (separator, decimal) = _separator(lines, False, given)
-        alone = separator != grouping.sign or grouping.quoted
-        if known > readable and decimal == grouping.decimal and alone:
-            readable, found = known, grouping
+    for sign, decimal in _GROUPINGS:
+        lines = [ungrouped(line, sign, decimal) for line in sample]
+        known, (separator, of_decimals) = _separator(lines, False, given)
+        if known > readable and sign != separator and decimal == of_decimals:
+            readable, found = known, (sign, decimal)
     return found
 
 

@@ -42,7 +42,7 @@ from tirelog.readers.text.kernels import (
     parse_rows,
     unquoted,
 )
-from tirelog.readers.text.layout import LOST_WORDS, Layout
+from tirelog.readers.text.layout import LOST_WORDS, Layout, ungrouped
 from tirelog.readers.text.times import MISSING, Nanoseconds, column_ns
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -211,7 +211,8 @@ def normalized(layout: Layout, block: Block) -> Block:
     quote = layout.quote.encode()
     if layout.grouping:
         text = bytes(block).decode(layout.encoding, errors="surrogateescape")
-        block = layout.grouping.taken_off(text).encode(layout.encoding, errors="surrogateescape")
+        text = ungrouped(text, *layout.grouping)
+        block = text.encode(layout.encoding, errors="surrogateescape")
     if layout.enclosed:
         data = bytes_of(block)
         out = np.empty(data.size, np.uint8)

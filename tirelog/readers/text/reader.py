@@ -50,7 +50,6 @@ from tirelog.readers.text.columns import (
     decimals,
     most_decimals,
     name_of_column,
-    numbers_of,
     placed,
     refuse_long_form,
     resolution_s,
@@ -150,7 +149,7 @@ class TextReader:
         members: dict[int, list[str]] = {}
         for channel in channels:
             members.setdefault(columns.time_of(channel), []).append(channel)
-        self._clocks = [(time, _first_stamp_s(layout, columns, time)) for time in members]
+        self._times = list(members)
         return tuple(
             Group(
                 f"{GROUP}_{time + 1}",
@@ -255,17 +254,21 @@ class TextReader:
 
     def _by_clock(self, block: RawBlock, parsed: Parsed) -> Iterator[RawBlock]:
         """The block's channels clock by clock, without rows that hold nothing of them."""
-        start_s = min(first for _, first in self._clocks)
-        for group, (time, _) in zip(self.groups, self._clocks, strict=True):
-            stamps = counted_floats(parsed.values[time], self._plan.places[time])
-            stamps = stamps * self.columns.clocks[time] - start_s
+        stamps_of = [
+            counted_floats(parsed.values[time], self._plan.places[time]) * self.columns.clocks[time]
+            for time in self._times
+        ]
+        if self._origin in (None, np.inf):
+            firsts = [stamps[~np.isnan(stamps)][:1] for stamps in stamps_of]
+            self._origin = float(np.concatenate(firsts).min(initial=np.inf))
+        for group, stamps in zip(self.groups, stamps_of, strict=True):
             lost = [samples_lost(block.values[channel]) for channel in group.channels]
             kept = ~(np.isnan(stamps) & np.logical_and.reduce(lost))
             before = np.append(0, np.cumsum(kept)).tolist()
             yield RawBlock(
                 group.name,
                 {channel: block.values[channel][kept] for channel in group.channels},
-                stamps[kept],
+                stamps[kept] - self._origin,
                 flags=tuple(
                     (channel, before[start], before[stop], word)
                     for channel, start, stop, word in block.flags
@@ -341,12 +344,6 @@ class TextReader:
         for channel in self.columns.peaks:
             if self._tracker and channel not in self._seen:
                 report.losses.append(f"channel {channel}: {self._tracker.why_silent(channel)}")
-
-
-def _first_stamp_s(layout: Layout, columns: Columns, time: int) -> float:
-    """The first stamp [s] in a column of times, 0 without one."""
-    known = [number for number in numbers_of(layout, time) if number == number]
-    return columns.clocks[time] * known[0] if known else 0.0
 
 
 def _about_names(layout: Layout, columns: Columns) -> list[str]:
