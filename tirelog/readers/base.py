@@ -337,12 +337,11 @@ def days_since(stamps: FloatArray) -> str:
     Their size is that of today's dates, and as seconds they would follow each other faster than
     any instrument samples.
     """
-    steps = np.diff(stamps)
-    steps = steps[np.isfinite(steps)]
+    stamps = stamps[np.isfinite(stamps)]
     shortest_s = 1.0 / PLAUSIBLE["sampling_rate_Hz"].high
-    if not steps.size or not 0.0 < steps.mean() < shortest_s:
+    if stamps.size < 2 or not 0.0 < np.diff(stamps).mean() < shortest_s:
         return ""
-    least, most = np.nanmin(stamps), np.nanmax(stamps)
+    least, most = stamps.min(), stamps.max()
     return next((since for low, high, since in _DAYS if low <= least <= most <= high), "")
 
 

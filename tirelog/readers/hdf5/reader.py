@@ -8,6 +8,8 @@
 A channel that is missing or refused is a loss (status 3) while another one is left, else the log is
 unreadable (status 4). Samples in a damaged chunk, in one that was never written or behind the cut
 of a file are NaN with the flag `gap`, and a loss.
+
+This file is longer than others: a list of series leaves out what a log would take for its time.
 """
 
 from __future__ import annotations
@@ -58,7 +60,7 @@ from tirelog.readers.hdf5.source import (
     dataset_and_index,
     declared_size,
     first_number,
-    first_numbers,
+    first_stored,
     is_foreign_type,
     kept,
     names,
@@ -397,7 +399,8 @@ def _stamps(stamps: SourceColumn, time_unit: str | None) -> TimeColumn:
         return TimeColumn(stamps, units.UNITS[unit][1], unit, absolute=True)
     if not unit:
         name = stamps.field or stamps.path.rsplit("/", 1)[-1]
-        unit = stated_time_unit(name, "") or unit_by_size(first_numbers(stamps))
+        first = first_stored(stamps, None).astype(np.float64)
+        unit = stated_time_unit(name, "") or unit_by_size(first)
     try:
         step, _ = units.to_si(unit, "time")
     except SetupError as problem:

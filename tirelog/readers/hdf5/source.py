@@ -31,7 +31,6 @@ from numpy.typing import NDArray
 
 from tirelog.errors import ReadError, nearest
 from tirelog.readers.base import RATES, rate_Hz
-from tirelog.vocabulary.arrays import FloatArray
 
 #: bytes of one dataset read at once
 SLAB_BYTES = 1 << 24
@@ -498,18 +497,12 @@ def first_number(found: SourceColumn, end: int | None = None) -> Any:
 
     `end` is the size of a file that was cut.
     """
-    stored = _first_stored(found, end)
+    stored = first_stored(found, end)
     good = np.flatnonzero(np.isfinite(stored))
     return stored[good[0]] if good.size else None
 
 
-def first_numbers(found: SourceColumn) -> FloatArray:
-    """The first stored values that can be read and hold a number, (n,), others NaN."""
-    stored = _first_stored(found, None).astype(np.float64)
-    return np.where(np.isfinite(stored), stored, np.nan)
-
-
-def _first_stored(found: SourceColumn, end: int | None) -> NDArray[Any]:
+def first_stored(found: SourceColumn, end: int | None) -> NDArray[Any]:
     """The first of some stored values, looked at together, that hold a number; none if none do."""
     step = min(found.chunk, FIRST_VALUES)
     for start in range(0, len(found), step):
