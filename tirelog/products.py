@@ -309,7 +309,8 @@ def cutoff_in(options: Options) -> Cutoff:
 def _speed_of_channel(work: Work, options: Options) -> Part:
     from tirelog.strain.speed import speed_columns, speed_doubts
 
-    columns = speed_columns(work.recording.log, work.passages)
+    vague = work.recording.channels[work.passages.channel].axis.rate_error
+    columns = speed_columns(work.recording.log, work.passages, rate_error=vague)
     return Part("speed", columns, speed_doubts(work.passages), work.passages)
 
 

@@ -23,7 +23,8 @@ class Case:
     """A file and what is known of it.
 
     `truth` values per channel in SI (n,); `times_s` (n,) from the first row; `refused` is a part of
-    the message if refusing is right; `said` a part of what has to be said; `time_error_s` how far a
+    the message if refusing is right; `own_times_s` those from the log's first sample of channels
+    that do not begin with it; `said` a part of what has to be said; `time_error_s` how far a
     time may be off, `value_error` a value; `needs` the library of an extra.
     """
 
@@ -36,6 +37,7 @@ class Case:
     times_s: NDArray[np.float64] | None = None
     refused: str = ""
     said: str = ""
+    own_times_s: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     time_error_s: float = 1e-6
     value_error: float = 1e-9
     needs: str = ""
@@ -115,6 +117,8 @@ def _compared(case: Case, name: str, truth: NDArray[np.float64], recording) -> s
         return f"channel {name} is missing"
     values, times = channel.read(), channel.axis.time()
     true_times = case.times_s if case.times_s is not None else np.arange(truth.size) / 100.0
+    if name in case.own_times_s:
+        times, true_times = times - case.own_times_s[name][0], case.own_times_s[name]
     if values.size == truth.size:  # by their order, else by their times
         found = [
             (0, np.arange(truth.size), float(np.abs(times - true_times + true_times[0]).max()))

@@ -37,7 +37,7 @@ def test_a_first_cell_that_cannot_be_read_is_told_with_its_line(cell):
     text = "time,A,B\n" + "".join(f"{cell},{1550 + i / 1000},1542.0\n" for i in range(30))
     with pytest.raises(ReadError) as caught:
         read(text, SETUP)
-    assert str(caught.value).startswith(f"log.csv:31: the first cell {cell!r} is no number and no")
+    assert str(caught.value).startswith(f"log.csv:2: the first cell {cell!r} is no number and no")
     assert "allowed are 2024-03-12 13:00:00.5" in str(caught.value)
 
 

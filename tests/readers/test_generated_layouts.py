@@ -4,11 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.layouts import extras
+from benchmarks.layouts import extras, meaning
 from benchmarks.layouts.generated import cases
 from benchmarks.layouts.judge import Case, judged
 
-CASES = {f"{case.source}: {case.layout}": case for case in (*cases(), *extras.cases())}
+EVERY = (*cases(), *extras.cases(), *meaning.cases())
+CASES = {f"{case.source}: {case.layout}": case for case in EVERY}
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES)

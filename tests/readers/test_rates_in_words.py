@@ -1,8 +1,9 @@
 """Closed form: rates and periods in the words of a preamble; what is none of either."""
 
+import numpy as np
 import pytest
 
-from tirelog.readers.base import rate_in_words, unit_by_size
+from tirelog.readers.base import date_of, rate_in_words, unit_by_size
 
 LINES = {
     "Samples per Second\t1": 1.0,
@@ -43,9 +44,25 @@ def test_a_rate_in_words(line: str) -> None:
     assert rate_in_words(["Report 7", line]) == pytest.approx(LINES[line])
 
 
-@pytest.mark.parametrize(
-    ("stamp", "unit"),
-    [(12.0, "s"), (1.77e9, "s"), (1.77e12, "ms"), (1.77e15, "us"), (1.77e18, "ns"), (None, "s")],
-)
-def test_the_unit_of_a_date_by_its_size(stamp: float | None, unit: str) -> None:
-    assert unit_by_size(stamp) == unit
+STAMPS = [
+    ([12.0], "s", None),
+    ([1.77e9], "s", "2026-02-02T02:40:00+00:00"),
+    ([1.77e12], "ms", "2026-02-02T02:40:00+00:00"),
+    ([1.77e15], "us", "2026-02-02T02:40:00+00:00"),
+    ([1.77e18], "ns", "2026-02-02T02:40:00+00:00"),
+    ([134_144_736_000_000_000], "100ns", "2026-02-02T02:40:00+00:00"),  # FILETIME
+    ([639_055_968_000_000_000], "100ns", "2026-02-02T02:40:00+00:00"),  # .NET
+    ([46_055.1, 46_055.1 + 1e-8], "d", None),
+    ([740_015.1, 740_015.1 + 1e-8], "d", None),
+    ([46_055.1, 46_055.2], "s", None),
+    ([float("nan")], "s", None),
+    ([], "s", None),
+]
+
+
+@pytest.mark.parametrize(("stamps", "unit", "date"), STAMPS)
+def test_the_unit_and_the_date_of_stamps_by_their_size(
+    stamps: list[float], unit: str, date: str | None
+) -> None:
+    assert unit_by_size(np.array(stamps)) == unit
+    assert date_of(stamps[0] if stamps else 0.0, unit) == date

@@ -37,7 +37,8 @@ class TimeAxis:
     Either uniform segments (a gap in the recording starts a new one) or explicit times for samples
     that have no clock of their own. `first` shape (k,): index of each segment's first sample;
     `start_s` shape (k,): its time; `period_s` shape (k,): its step. `explicit` reads times [start,
-    stop) if the axis is not made of segments; `rate_Hz` is then the median rate.
+    stop) if the axis is not made of segments; `rate_Hz` is then the median rate. `rate_error` is
+    the standard error of the rate as a share of it, where it is no small one.
     """
 
     size: int
@@ -46,6 +47,7 @@ class TimeAxis:
     start_s: FloatArray
     period_s: FloatArray
     explicit: Callable[[int, int], FloatArray] | None = None
+    rate_error: float = 0.0
 
     @classmethod
     def uniform(cls, size: int, rate_Hz: float, start_s: float = 0.0) -> TimeAxis:

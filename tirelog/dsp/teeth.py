@@ -199,6 +199,10 @@ STEADY_AMPLITUDE, LEAST_SWINGS = 0.6, 6
 #: than this share of its samples there is square. Twice the distance takes a sine for one
 ON_LEVEL, SQUARE_SHARE = 0.2, 0.7
 
+#: share of a square's samples on one level below which edges of one kind are counted: then a median
+#: of half teeth, one short and one long, is either; at 0.3 both ways see the same teeth
+PULSED = 0.25
+
 
 @dataclass(frozen=True)
 class Probe:
@@ -208,7 +212,8 @@ class Probe:
     or 'dead' (no teeth). `amplitude` is half of the range, `noise` the standard deviation of one
     sample, in the channel's unit. A swing below `least` is no tooth: noise at a standstill, or part
     of a period if the sensor's amplitude does not follow the speed. Levels are taken from a window
-    of `follow_s`.
+    of `follow_s`. `duty` is the share of a square's samples on the upper level, `middle` the level
+    between both.
     """
 
     form: str
@@ -216,6 +221,13 @@ class Probe:
     noise: float
     least: float = 0.0
     follow_s: float = 0.3
+    duty: float = 0.5
+    middle: float = 0.0
+
+    @property
+    def pulsed(self) -> bool:
+        """True for pulses that are much shorter, or longer, than the gaps between them."""
+        return not PULSED <= self.duty <= 1.0 - PULSED
 
 
 #: a tooth passage: fractional sample, ascending, and its time; whether the signal rises; whether a
@@ -239,7 +251,7 @@ def probe(channel: Channel, pieces: int = 24, length: int = 2048) -> Probe:
     rows = [_piece(x[np.isfinite(x)]) for x in read if np.isfinite(x).sum() >= 16]
     if not rows:
         return Probe("dead", 0.0, 0.0)
-    low, high, noises, on_level, swings, up, down, steps = np.array(rows).T
+    low, high, noises, on_level, swings, up, down, steps, upper = np.array(rows).T
     amplitudes, moves = (high - low) / 2, high > low
     amplitude, noise = float(np.quantile(amplitudes, 0.9)), float(np.quantile(noises, 0.2))
     # slow pulses also go one way within a piece, but never on from there
@@ -264,7 +276,11 @@ def probe(channel: Channel, pieces: int = 24, length: int = 2048) -> Probe:
     form = "square" if np.median(on_level[moving]) > SQUARE_SHARE else "sine"
     # longer if the amplitude does not follow the speed, so that a wheel that begins to turn shows a
     # whole swing; twice as long follows half as well
-    return Probe(form, amplitude, noise, least, 1.2 if steady else FOLLOW_S)
+    follow_s, duty = 1.2 if steady else FOLLOW_S, 0.5
+    if form == "square" and steady:
+        duty = float(np.mean(upper[moving]))
+    middle = float(np.median(0.5 * (low + high)[moving]))
+    return Probe(form, amplitude, noise, least, follow_s, duty, middle)
 
 
 def _piece(x: FloatArray) -> tuple[float, ...]:
@@ -272,7 +288,7 @@ def _piece(x: FloatArray) -> tuple[float, ...]:
 
     Least and largest, noise, share on the two levels, how often the signal goes from the upper to
     the lower quarter of its range and back, shares of the steps that do not fall and do not rise,
-    median of those that are any.
+    median of those that are any, share of the samples above the middle.
     """
     low, high, step = float(x.min()), float(x.max()), np.diff(x)
     away, half = x - 0.5 * (low + high), 0.5 * (high - low)
@@ -288,6 +304,7 @@ def _piece(x: FloatArray) -> tuple[float, ...]:
         float(np.mean(step >= 0)),
         float(np.mean(step <= 0)),
         float(np.median(moved)) if moved.size else 0.0,
+        float(np.mean(away > 0.0)),
     )
 
 
@@ -312,7 +329,30 @@ def _noise(x: FloatArray, square: bool) -> float:
 
 
 def crossings(channel: Channel, found: Probe, block: int | None = None) -> Iterator[Records]:
-    """Tooth passages of a 'sine' or 'square' channel, block by block, (n,) of TEETH."""
+    """Tooth passages of a 'sine' or 'square' channel, block by block, (n,) of TEETH.
+
+    Of short pulses, or short gaps, the edges at which they begin, and the places half way between.
+    """
+    pieces = _every_crossing(channel, found, block)
+    return _of_one_kind(pieces, rising=found.duty < 0.5) if found.pulsed else pieces
+
+
+def _of_one_kind(pieces: Iterator[Records], *, rising: bool) -> Iterator[Records]:
+    """The edges that rise, or those that fall, as rising ones, and a falling one before each."""
+    last = np.zeros(0, TEETH)
+    for piece in pieces:
+        edges = np.concatenate([last, piece[piece["rising"] == rising]])
+        edges["rising"] = True
+        between = edges[1:].copy()
+        between["index"] = 0.5 * (edges["index"][:-1] + edges["index"][1:])
+        between["rising"] = False
+        first = edges[: edges.size - between.size - last.size]  # of the log alone
+        last = edges[-1:]
+        yield np.concatenate([first, np.stack([between, edges[1:]], axis=1).ravel()])
+
+
+def _every_crossing(channel: Channel, found: Probe, block: int | None) -> Iterator[Records]:
+    """All passages through the middle, block by block, (n,) of TEETH."""
     rate_Hz, size = channel.axis.rate_Hz, channel.size
     # eight slow half periods, half of the time that the levels follow, and the chunks in which
     # spikes are sought
@@ -369,6 +409,8 @@ def _hysteresis(x: FloatArray, rate_Hz: float, found: Probe) -> tuple[FloatArray
     )
     low = -below
     half, middle = (high - low) / 2, (high + low) / 2
+    if found.pulsed:  # a pulse may be as short as a spike is
+        half, middle = np.full(half.size, found.amplitude), np.full(half.size, found.middle)
     half = np.where(half > found.least, HYSTERESIS * half, np.inf)
     return middle + half, middle - half
 
@@ -515,7 +557,7 @@ def _count(channel: Channel, found: Probe, passages: Records, steps: int) -> tup
     _bridge(halves, intervals, np.flatnonzero(hole & still), 0.02 * rate_Hz)
     fastest = FASTEST_BACK_Hz / rate_Hz * 2 * steps
     slow = np.flatnonzero(intervals > SLOW_S * rate_Hz)
-    turned = _turning_points(channel, found, index, slow)
+    turned = [] if found.pulsed else _turning_points(channel, found, index, slow)
     sign, turns = _directions(index, slow, turned, fastest)
     unsettled = [
         at

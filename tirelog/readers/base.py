@@ -14,13 +14,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.data.setup import ChannelSetup, Setup
+from tirelog.data.setup import PLAUSIBLE, ChannelSetup, Setup
 from tirelog.errors import ReadError, TirelogError
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
@@ -65,11 +67,14 @@ def whole_counts(values: FloatArray, decimals: int | None) -> Samples:
     return whole if ((counts == values) | lost).all() else values
 
 
+def samples_lost(samples: Samples) -> NDArray[np.bool_]:
+    """Which of them are lost."""
+    return samples == LOST_COUNT if samples.dtype == np.int32 else np.isnan(samples)
+
+
 def lost_samples(samples: Samples) -> int:
     """How many of them are lost."""
-    return int(
-        np.count_nonzero(samples == LOST_COUNT if samples.dtype == np.int32 else np.isnan(samples))
-    )
+    return int(np.count_nonzero(samples_lost(samples)))
 
 
 def runs(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -86,8 +91,8 @@ class Group:
     the stamps must tell); `stamp_resolution_s` the step of the file's stamps (0 if it is as fine
     as the samples); `counted` is true if the sample number in the file, not the stamp, is the
     clock; `edges` if a sample is an edge at its stamp, and no clock is behind them; `decimals` the
-    decimals of each channel's source (None: binary floats); `scale`, `offset` turn stored numbers
-    into the source's unit if the file has such attributes (already applied in blocks).
+    decimals of each channel's source (None: binary floats); `start_s` is when samples without
+    stamps begin in the log; `time_example` how a setup could name their times.
     """
 
     name: str
@@ -97,6 +102,8 @@ class Group:
     counted: bool = False
     decimals: Mapping[str, int | None] = field(default_factory=dict)
     edges: bool = False
+    start_s: float = 0.0
+    time_example: str = '"#1" (its column)'
 
 
 @dataclass(frozen=True)
@@ -228,20 +235,139 @@ def rate_in_words(lines: Iterable[str]) -> float | None:
     return None
 
 
-def unit_by_size(first: float | None) -> str:
-    """The unit of a stamp without one, told by its size.
-
-    A date in ms, us or ns since 1970 is known by its size, all else is seconds.
-    """
-    sizes = (("ns", 1e17), ("us", 1e14), ("ms", 1e11))
-    return next((unit for unit, size in sizes if first is not None and first > size), "s")
-
-
 def rate_Hz(value: float | None, is_period: bool) -> float | None:
     """The rate [Hz] that a number states, or None if it states none that is possible."""
     if value is None or not 1e-9 < value < 1e12:
         return None
     return 1.0 / value if is_period else value
+
+
+# ---- What a series means as a time, whatever format it stands in.
+#
+# name, unit, numbers --> is it a time, in which unit, and since when does it count
+
+
+TIME_NAMES = re.compile(
+    r"(date[ /_]?time|time ?stamp|timestamp.*|.*\btime\b.*|time_.*|.*_time"
+    r"|t|t[_ ](s|sec|min|[mnuµμ]s)|sec|seconds|zeit|tempo)",
+    re.I,
+)
+#: words that make a name one of a time, however they are joined: RunningTime_s, elapsed_ms
+_TIME_WORDS = {
+    *("time", "timestamp", "elapsed", "runtime", "uptime", "zeit", "millis", "micros"),
+    *("filetime", "epoch"),
+}
+#: whole names of times, without blanks and underscores: of LabVIEW, of Arduino sketches
+_TIMES = {"xvalue", "ms", "us", "ns", "msec", "usec"}
+#: last words of a time's name that tell its unit, beside the units themselves
+_UNIT_WORDS = {"msec": "ms", "millis": "ms", "milliseconds": "ms", "usec": "us", "micros": "us",
+               "microseconds": "us", "nanos": "ns", "nanoseconds": "ns"}  # fmt: skip
+_TIME_UNITS = {"s", "sec", "ms", "us", "µs", "μs", "ns", "min", "h"}
+#: times whose unit is known from the instrument alone: Xsens sensors count microseconds
+_KNOWN_UNITS = {"sampletimefine": "us"}
+#: dates begin here, in 1990; smaller stamps count from some start
+EARLIEST_DATE_S = 631_152_000
+#: sizes of stamps that are dates: least and most, their unit, seconds from where they count to
+#: 1970. FILETIME counts from 1601 (here from 1981 on), .NET from the year 1 (from 1997 to 2092)
+_DATES = (
+    (1.2e17, 1.6e17, "100ns", 11_644_473_600),
+    (6.3e17, 6.6e17, "100ns", 62_135_596_800),
+    (1e17, 1e19, "ns", 0),
+    (1e14, 1e17, "us", 0),
+    (1e11, 1e14, "ms", 0),
+    (EARLIEST_DATE_S, 1e11, "s", 0),
+)
+#: sizes of days that are dates, and since when they count: from 1954 to 2119 and from 1916 to 2190;
+#: twice as wide finds no more logs of gratings
+_DAYS = (
+    (20_000.0, 80_000.0, "1900, as spreadsheets write"),
+    (700_000.0, 800_000.0, "the year 0, as MATLAB writes"),
+)
+
+
+def bare(name: str) -> str:
+    """A name without the unit in brackets behind it."""
+    return re.sub(r"\s*[\[(][^\[\]()]*[\])]\s*$", "", name).strip()
+
+
+def loose(name: str) -> str:
+    """A name in lower case, without blanks, underscores, points and hyphens."""
+    return re.sub(r"[\s_.\-]+", "", name).lower()
+
+
+def words(name: str) -> list[str]:
+    """The words of a name in lower case: RunningTime_s is running, time, s."""
+    return [word.lower() for word in re.findall(r"[^\W\d_]?[^\W\d_A-Z]+|[A-Z]+|\d+", name)]
+
+
+def is_time_name(name: str) -> bool:
+    """True for the names of times, as programs join their words."""
+    plain = bare(name).lstrip("#%/ ")
+    return bool(
+        TIME_NAMES.fullmatch(plain)
+        or _TIME_WORDS.intersection(words(plain))
+        or loose(plain) in _TIMES
+    )
+
+
+def stated_time_unit(name: str, unit: str) -> str | None:
+    """The unit of time that is stated beside a name ('' if none is), or in it; else None."""
+    if not unit:
+        last = words(name)[-1:] or [""]
+        unit = _KNOWN_UNITS.get(loose(name)) or _UNIT_WORDS.get(last[0], "")
+        unit = unit or (last[0] if last[0] in _TIME_UNITS else "")
+    known = units.canonical(unit) if unit else None
+    return known if known and units.UNITS[known][0] == "time" else None
+
+
+def unit_by_size(stamps: FloatArray) -> str:
+    """The unit of some stamps (n,) without one: that of dates is known by their size; else s.
+
+    NaN for those that are not known.
+    """
+    if days_since(stamps):
+        return "d"
+    first = next((stamp for stamp in stamps.tolist() if stamp == stamp), 0.0)
+    return next((unit for least, most, unit, _ in _DATES if least < first < most), "s")
+
+
+def days_since(stamps: FloatArray) -> str:
+    """Since when stamps (n,) count days, if they can only be days; else ''.
+
+    Their size is that of today's dates, and as seconds they would follow each other faster than
+    any instrument samples.
+    """
+    stamps = stamps[np.isfinite(stamps)]
+    shortest_s = 1.0 / PLAUSIBLE["sampling_rate_Hz"].high
+    if stamps.size < 2 or not 0.0 < np.diff(stamps).mean() < shortest_s:
+        return ""
+    least, most = stamps.min(), stamps.max()
+    return next((since for low, high, since in _DAYS if low <= least <= most <= high), "")
+
+
+def date_of(stamp: float, unit: str) -> str | None:
+    """The date of a stamp in ISO 8601; None if it is too small to be one."""
+    for least, most, of_unit, before_s in _DATES:
+        since_s = stamp / round(1.0 / units.UNITS[of_unit][1]) - before_s
+        if of_unit == unit and least < stamp < most and since_s > EARLIEST_DATE_S:
+            with suppress(OverflowError, ValueError, OSError):
+                return datetime.fromtimestamp(since_s, UTC).isoformat()
+    return None
+
+
+def rises_as_time(numbers: FloatArray, digit: float, slack: float) -> bool:
+    """True if numbers (n,) of a last `digit` rise as nothing but a time does.
+
+    Their steps are even to the digit, or differ by less than the share `slack` of the usual one.
+    Whole numbers count rows, unless they are as large as dates.
+    """
+    steps = np.diff(numbers)
+    steps = steps[np.isfinite(steps)]
+    if steps.size < 2 or steps.min() <= 0.0 or (digit >= 1.0 and unit_by_size(numbers) == "s"):
+        return False
+    # a step of floats is off by as much as they are rounded
+    digit = max(digit, float(np.spacing(np.nanmax(np.abs(numbers)))))
+    return bool(np.ptp(steps) <= max(2.01 * digit, slack * float(np.median(steps))))
 
 
 # ---- What a log holds that a channel of a setup could name: one entry per column, field or
@@ -284,8 +410,14 @@ class SeriesList:
 # It is the default of a channel whose setup names none.
 
 
+#: RaceCapture's `"name"|"unit"|lowest|highest|rate`
+_BARS = re.compile(r'"?([^"|]+)"?\|"?([^"|]*)"?(?:\|-?[\d.]*){3}')
+
+
 def split_unit(name: str) -> tuple[str, str]:
     """(`WL 1`, `nm`) of `WL 1[nm]` or `WL 1 (nm)`; the unit is empty if the name has none."""
+    if barred := _BARS.fullmatch(name):
+        return barred[1], barred[2]
     match = re.fullmatch(r"(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*", name)
     if match and match[1] and units.canonical(match[2]) is not None:
         return match[1], match[2]

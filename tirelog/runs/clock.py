@@ -205,6 +205,9 @@ _EVEN = 0.3
 #: are worth a sentence up to this share of the samples; with twice the first, sentences on leaps of
 #: rounding; with twice the share, on stamps that tremble
 _HIDES, _SELDOM = 1.2, 1e-3
+#: the error of a rate that tables hold, as a share; half of it is below that of most radii, twice
+#: as much is as large as that of a good speed
+_VAGUE = 1e-4
 #: lines are one if they leave each other by less than this share of the last digit; half or twice
 #: as much is both far below what stamps tell
 _SAME_LINE = 1e-3
@@ -223,8 +226,9 @@ class ClockFit:
     """The time axis of one group of channels, from its stamps and sample numbers.
 
     `setup_rate_Hz` and `file_rate_Hz` are declared rates or None; `resolution_s` is the step of the
-    stamps; `counted` says that the sample number, not the stamp, is the clock; `edges` that there
-    is none, however even the stamps are.
+    stamps; `start_s` the time of the first sample if there are none, and `time_example` how a setup
+    could name them; `counted` says that the sample number, not the stamp, is the clock; `edges`
+    that there is none, however even the stamps are.
     """
 
     def __init__(
@@ -233,12 +237,14 @@ class ClockFit:
         setup_rate_Hz: float | None = None,
         file_rate_Hz: float | None = None,
         resolution_s: float = 0.0,
+        start_s: float = 0.0,
+        time_example: str = "",
         counted: bool = False,
         edges: bool = False,
     ) -> None:
         self.setup_rate_Hz, self.file_rate_Hz = setup_rate_Hz, file_rate_Hz
         self.resolution_s, self.counted, self.edges = resolution_s, counted, edges
-        self.size = 0
+        self.start_s, self.time_example, self.size = start_s, time_example, 0
         self.repairs: dict[str, int] = {}
         self.flags: list[Doubt] = []
         self.remarks: list[str] = []
@@ -358,9 +364,9 @@ class ClockFit:
             raise ReadError(
                 f"{seen} and no rate",
                 allowed="a log needs a time column or a rate",
-                do='write time = "#1" (its column) or sampling_rate_Hz under [log] in the setup',
+                do=f"write time = {self.time_example} or sampling_rate_Hz under [log] in the setup",
             )
-        return self._pieces(1.0 / declared, [Piece(0, 1, 0.0, 0.0)])
+        return self._pieces(1.0 / declared, [Piece(0, 1, 0.0, self.start_s)])
 
     def _fitted(self, stamps: Stamps, declared: float | None, few: float) -> TimeAxis:
         """The axis through stamps that are no exact line; `few` a period for want of a better."""
@@ -393,6 +399,9 @@ class ClockFit:
         if not seen:
             jumps, passing = stamps.jumps(rough, noise, rounding)
         period, error, spread, pieces = stamps.fit(rough, jumps, passing)
+        if stamps.bunched and not np.isfinite(error) and self.size >= _FEW:
+            # one tick of the stamps begins within the log, and two are needed to time it
+            return self._by_rate(declared, "stamps that rise once")
         coarse = stamps.bunched or self.counted
         strays = spread > max(_JITTER * period, self.resolution_s)
         if strays and not coarse and (not declared or noise < _JITTER * period):
@@ -412,6 +421,9 @@ class ClockFit:
         axis = self._pieces(period, self._continued(pieces, period))
         if coarse:
             self._count_against_stamps(stamps, period)
+            share = max(error / period, 1.0 / stamps.reach(rough))
+            given = declared is not None and period == 1.0 / declared
+            axis = replace(axis, rate_error=share if share > _VAGUE and not given else 0.0)
         elif rounding and period < _HIDES * rounding:
             # a sample may lack that stamps of so few digits cannot tell from a drift
             up, down, first = stamps.leaps(rough, rounding)

@@ -393,6 +393,8 @@ def clock_of(group: Group, setup: Setup) -> ClockFit:
         file_rate_Hz=group.rate_Hz,
         setup_rate_Hz=declared,
         resolution_s=group.stamp_resolution_s,
+        start_s=group.start_s,
+        time_example=group.time_example,
         counted=group.counted,
         edges=group.edges,
     )

@@ -131,6 +131,11 @@ class Stamps:
             if index.size:
                 yield index, self.clock_index(index), stamps
 
+    def reach(self, period: float) -> int:
+        """Ticks of the sample clock from the first point to the last, 1 at least."""
+        at = [int(k[end]) for _, k, _ in self.points(period) for end in (0, -1)]
+        return max(at[-1] - at[0], 1) if at else 1
+
     def ends(self) -> tuple[tuple[int, float], tuple[int, float]] | None:
         """(index, stamp) of the first and of the last known stamp; None below two."""
         first = last = None

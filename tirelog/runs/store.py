@@ -128,6 +128,8 @@ def _write_text(file: h5py.File, name: str, text: str) -> None:
 
 def _write_axis(place: h5py.Group, axis: TimeAxis) -> None:
     place.attrs.update(rate_Hz=axis.rate_Hz, size=axis.size)
+    if axis.rate_error:
+        place.attrs["rate_error"] = axis.rate_error
     if axis.explicit is not None:
         # HDF5 refuses a chunk that is longer than a dataset of fixed size, as a few stamps are
         chunks = (min(CHUNK, axis.size),)
@@ -590,7 +592,9 @@ def axis_at(file: h5py.File, name: str) -> TimeAxis:
     wrong = not (in_order and steps and _rises(start))
     _refuse(path, (wrong, apart, "times that grow"))
     first, start, period = first.astype(np.int64), start.astype(float), period.astype(float)
-    return TimeAxis(int(size), rate, first, start, period)
+    vague = attribute(place, "rate_error") if "rate_error" in place.attrs else 0.0
+    _refuse(path, (not 0.0 <= vague <= 1.0, f"has a rate_error of {vague:g}", "a share"))
+    return TimeAxis(int(size), rate, first, start, period, rate_error=vague)
 
 
 def _rises(times_s: np.ndarray, last_s: float = -LATEST_S) -> bool:

@@ -161,15 +161,17 @@ def identity_columns(log: str, passages: Passages) -> dict[str, Any]:
     }
 
 
-def speed_columns(log: str, passages: Passages, radius_se_m: float = 0.0) -> dict[str, Any]:
+def speed_columns(
+    log: str, passages: Passages, radius_se_m: float = 0.0, rate_error: float = 0.0
+) -> dict[str, Any]:
     """The speed table's columns for one channel's passages.
 
-    `radius_se_m` is the radius' error if it was calibrated.
+    `radius_se_m` is the radius' error if it was calibrated, `rate_error` that of the sampling rate,
+    as a share.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # an error without bounds is none
-        error = np.hypot(
-            passages.speed_se_m_s, radius_se_m / passages.radius_m * passages.speed_m_s
-        )
+        share = np.hypot(radius_se_m / passages.radius_m, rate_error)
+        error = np.hypot(passages.speed_se_m_s, share * passages.speed_m_s)
         # a standard error above the speed itself, and above this [m/s], tells nothing and is left
         # blank; half of it would blank those of a wheel that is about to stand, twice as much would
         # keep what no reader can use
@@ -235,7 +237,8 @@ def calibrated_speed(
     ]
     for passages in found:
         rolled = replace(passages, radius_m=radius_m)
-        yield speed_columns(recording.log, rolled, se_m), [*said, *speed_doubts(rolled)]
+        vague = recording.channels[rolled.channel].axis.rate_error
+        yield speed_columns(recording.log, rolled, se_m, vague), [*said, *speed_doubts(rolled)]
         said = []
 
 

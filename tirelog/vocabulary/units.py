@@ -50,6 +50,7 @@ UNITS: dict[str, tuple[str, float, float]] = {
     "ms": ("time", 1e-3, 0.0),
     "us": ("time", 1e-6, 0.0),
     "ns": ("time", 1e-9, 0.0),
+    "100ns": ("time", 1e-7, 0.0),  # FILETIME, .NET
     "min": ("time", 60.0, 0.0),
     "h": ("time", 3600.0, 0.0),
     "d": ("time", 86_400.0, 0.0),
@@ -70,7 +71,7 @@ SPELLINGS = {
     "kph": "km/h", "m/s²": "m/s^2", "ms^-2": "m/s^2", "m s-2": "m/s^2", "m/s**2": "m/s^2",
     "sec": "s", "second": "s", "seconds": "s", "volt": "V", "volts": "V", "-": "1", "": "1",
     "counts": "count", "steps": "step", "µm": "um", "nanometer": "nm", "kelvin": "K",
-    "µs": "us", "μs": "us", "day": "d", "days": "d",
+    "µs": "us", "μs": "us", "day": "d", "days": "d", "100 ns": "100ns",
 }  # fmt: skip
 
 

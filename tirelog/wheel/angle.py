@@ -205,6 +205,11 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
     backward = ~knots["forward"] | (stretches["sign"][knots["stretch"]] < 0)
     untold = untold_stretches(function, stretches)
     remarks = _remarks(channel, (missing, extra), (backward, untold))
+    if found.pulsed:
+        remarks.append(
+            f"channel {channel.name}: pulses of {min(found.duty, 1.0 - found.duty):.0%} of a step; "
+            "edges of one kind are counted"
+        )
     remarks += _pitch_remarks(channel, found.form, steps, pitch, sample, edge_s)
     return WheelAngle(
         channel.name, steps, found.form, function, pitch, backward, untold, tuple(remarks)

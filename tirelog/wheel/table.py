@@ -133,6 +133,7 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], WheelTurns, 
     share = 0.0 if np.isnan(radius.se_m) else radius.se_m / radius.radius_m
     speed = rate * radius.radius_m
     unlike = unlike_neighbours(speed, turns.quality, UNLIKE_SPEED * np.abs(speed))
+    share = np.hypot(share, channel.axis.rate_error)
     columns = {
         "log": recording.log,
         "channel": channel.name,

@@ -8,15 +8,17 @@
 A channel that is missing or refused is a loss (status 3) while another one is left, else the log is
 unreadable (status 4). Samples in a damaged chunk, in one that was never written or behind the cut
 of a file are NaN with the flag `gap`, and a loss.
+
+This file is longer than others: a list of series leaves out what a log would take for its time.
 """
 
 from __future__ import annotations
 
 import pickletools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +29,7 @@ from numpy.typing import NDArray
 from tirelog.data.setup import Setup
 from tirelog.errors import ReadError, SetupError, nearest
 from tirelog.readers.base import (
+    EARLIEST_DATE_S,
     MOST_SERIES,
     RATES,
     Group,
@@ -34,13 +37,18 @@ from tirelog.readers.base import (
     ReadReport,
     Series,
     SeriesList,
+    date_of,
+    is_time_name,
+    rises_as_time,
     runs,
     split_unit,
+    stated_time_unit,
     unit_by_size,
     with_stated_units,
 )
 from tirelog.readers.hdf5.source import (
     LIBRARY_ERRORS,
+    MOST_NAMES,
     SINCE,
     SLAB_BYTES,
     Attributes,
@@ -52,11 +60,13 @@ from tirelog.readers.hdf5.source import (
     dataset_and_index,
     declared_size,
     first_number,
+    first_stored,
     is_foreign_type,
     kept,
     names,
     rate_of,
     scale_of,
+    start_of,
     time_axis,
     unit_of,
     unstored,
@@ -104,6 +114,8 @@ PICKLE_LIST = {
     "FRAME",
     "STOP",
 }
+#: numbers at each end of a column that show whether it rises; datasets beside it that are looked at
+_LOOKED_AT, _MOST_BESIDE = 200, 64
 PICKLE_TEXT = {"UNICODE", "BINUNICODE", "SHORT_BINUNICODE"}
 
 
@@ -116,6 +128,7 @@ class TimeColumn:
 
     column: SourceColumn
     step_s: float
+    unit: str = "s"
     absolute: bool = False
     since: str | None = None
 
@@ -274,6 +287,46 @@ def time_of(
     return None
 
 
+def rising_time(file: h5py.File, found: SourceColumn) -> str:
+    """The source of what rises beside the column as nothing but a time does, or ''.
+
+    The first column of its matrix; a dataset of its length beside it that has a name of time and
+    rises, else the only one that rises in even steps.
+    """
+    path = found.dataset.name
+    if found.dataset.ndim == 2 and min(found.dataset.shape) > 1 and found.field is None:
+        return f"{path}[0]" if _rises(file, f"{path}[0]", len(found), np.inf) else ""
+    group = found.dataset.parent
+    base = "" if group.name == "/" else group.name
+    beside = [f"{base}/{name}" for name, _ in zip(group, range(_MOST_BESIDE), strict=False)]
+    named = [one for one in beside if is_time_name(one.rsplit("/", 1)[-1])]
+    rising = [one for one in named if _rises(file, one, len(found), np.inf)]
+    even = [one for one in beside if not rising and _rises(file, one, len(found), 0.0)]
+    return next(iter(rising), "") or (even[0] if len(even) == 1 else "")
+
+
+def _rises(file: h5py.File, source: str, size: int, slack: float) -> bool:
+    """Whether some numbers at the begin and at the end of a column rise as a time does."""
+    try:
+        stamps = find_columns(file, source)
+        if len(stamps) != size or stamps.dtype.kind not in "iuf":
+            return False
+        firsts = {max(min(first, size - _LOOKED_AT), 0) for first in (0, size)}
+        parts = [stamps.read(first, first + _LOOKED_AT) for first in firsts]
+    except (ReadError, *LIBRARY_ERRORS):
+        return False
+    for part in parts:
+        numbers = part.astype(np.float64)
+        digit = 1e-6 * float(np.ptp(numbers)) / numbers.size
+        if part.dtype.kind == "f":  # of its own type
+            digit = max(digit, float(np.spacing(np.abs(part).max())))
+        if (numbers == np.rint(numbers)).all():
+            digit = 1.0
+        if not rises_as_time(numbers, digit, slack):
+            return False
+    return True
+
+
 def _named_time(file: h5py.File, found: SourceColumn, name: str) -> SourceColumn:
     problem: ReadError | None = None
     beside = found.dataset.parent.name
@@ -342,17 +395,18 @@ def _stamps(stamps: SourceColumn, time_unit: str | None) -> TimeColumn:
     kind = attributes.text("index_kind" if stamps.field else "kind") or ""
     date = re.fullmatch(r"datetime64(?:\[(\w+)\])?", kind)
     if date:
-        return TimeColumn(
-            stamps, {"s": 1.0, "ms": 1e-3, "us": 1e-6}.get(date[1] or "ns", 1e-9), absolute=True
-        )
-    suffix = re.search(r"_(s|ms|us|ns)$", stamps.field or stamps.path)
+        unit = date[1] if date[1] in ("s", "ms", "us") else "ns"
+        return TimeColumn(stamps, units.UNITS[unit][1], unit, absolute=True)
     if not unit:
-        unit = suffix[1] if suffix else unit_by_size(first_number(stamps))
+        name = stamps.field or stamps.path.rsplit("/", 1)[-1]
+        first = first_stored(stamps, None).astype(np.float64)
+        unit = stated_time_unit(name, "") or unit_by_size(first)
     try:
-        step, _ = units.to_si(unit or "s", "time")
+        step, _ = units.to_si(unit, "time")
     except SetupError as problem:
         raise ReadError(f"time {stamps.path}: {problem.message}") from None
-    return TimeColumn(stamps, step, since=since[2] if since else None)
+    unit = units.canonical(unit) or unit
+    return TimeColumn(stamps, step, unit, since=since[2] if since else None)
 
 
 # ---- A log.
@@ -362,8 +416,6 @@ def _stamps(stamps: SourceColumn, time_unit: str | None) -> TimeColumn:
 BLOCK_VALUES = 1 << 20
 #: chunk cache of each dataset; a chunk that is larger is read past it
 CACHE_BYTES = 1 << 20
-#: a first stamp above this (1990) counts from 1970
-EARLIEST_DATE_S = 631152000.0
 #: a channel's name, its column, and how what is stored there becomes values
 _Channel = tuple[str, SourceColumn, Scale]
 
@@ -524,18 +576,27 @@ class Hdf5Log:
 
     def _clocks(self, channels: list[_Channel]) -> list[_Clock]:
         """The channels in groups of one length, rate and time."""
-        gathered: dict[tuple[Any, ...], tuple[list[_Channel], TimeColumn | None, float | None]] = {}
-        for channel in channels:
+        gathered: dict[tuple[Any, ...], tuple[list[_Channel], TimeColumn | None]] = {}
+        starts = [start_of(column) for _, column, _ in channels]
+        for channel, start_s in zip(channels, starts, strict=True):
             name, column, _ = channel
-            time = self._time(name, column)
             rate = rate_of(column)
+            time = self._time(name, column) or self._guessed_time(column, rate)
             source = (time.column.path, time.column.field, time.column.index) if time else None
-            key = (len(column), rate, source, self.setup.channels[name].sampling_rate_Hz)
-            gathered.setdefault(key, ([], time, rate))[0].append(channel)
+            declared = self.setup.channels[name].sampling_rate_Hz
+            key = (rate, start_s - min(starts), len(column), source, declared)
+            gathered.setdefault(key, ([], time))[0].append(channel)
         clocks = []
-        for number, (members, time, rate) in enumerate(gathered.values(), 1):
+        for number, ((rate, begin_s, *_), (members, time)) in enumerate(gathered.items(), 1):
             decimals = {name: scale.decimals for name, _, scale in members}
-            group = Group(f"clock_{number}", tuple(decimals), rate_Hz=rate, decimals=decimals)
+            group = Group(
+                f"clock_{number}",
+                tuple(decimals),
+                rate,
+                start_s=begin_s,
+                decimals=decimals,
+                time_example='"/PATH" (its dataset)',
+            )
             size = max(kept(column, self.end, BLOCK_VALUES) for _, column, _ in members)
             if size == 0:
                 self.report.losses.append(
@@ -565,6 +626,23 @@ class Hdf5Log:
         except ReadError as problem:
             self.report.losses.append(f"channel {name}: {problem.message}")
             return None
+
+    def _guessed_time(self, column: SourceColumn, rate: float | None) -> TimeColumn | None:
+        """What rises beside a column without a rate, which is said."""
+        log = self.setup.log
+        if rate is not None or log.time is not None or log.sampling_rate_Hz is not None:
+            return None
+        source = rising_time(self.file, column)
+        if not source:
+            return None
+        time = _stamps(find_columns(self.file, source), log.time_unit)
+        said = (
+            f"{source} rises as a time does and is taken for the time in {time.unit}; if it is "
+            "none, name another as time under [log] in the setup"
+        )
+        if said not in self.report.remarks:
+            self.report.remarks.append(said)
+        return time
 
     def _common_origin(self, clocks: list[_Clock]) -> list[_Clock]:
         """The clocks with times from the first stamp of any of them.
@@ -686,11 +764,10 @@ def _absolute(time: TimeColumn, start_s: float) -> str | None:
 
     Stamps count from 1970, or from the date that the file names.
     """
+    if not time.since:
+        return date_of(start_s / time.step_s, time.unit)
     try:
-        since = (
-            datetime.fromisoformat(time.since) if time.since else datetime(1970, 1, 1, tzinfo=UTC)
-        )
-        return (since + timedelta(seconds=start_s)).isoformat()
+        return (datetime.fromisoformat(time.since) + timedelta(seconds=start_s)).isoformat()
     except (OverflowError, ValueError):
         return None
 
@@ -709,28 +786,66 @@ def datasets(path: Path, log: str) -> SeriesList:
     """Datasets of numbers, and columns of those that have some.  ReadError: not to be read."""
     try:
         with opened(path, log)[0] as file:
-            sized = [one for name in names(file) for one in _columns(file, name)]
-            times = [name for name in names(file) if _last(name) in TIME_NAMES]
+            objects = _matlab_objects(file)
+            sized = [one for name in names(file) for one in _columns(file, name, objects)]
+            times = [
+                name for name in names(file) if _last(name) in TIME_NAMES and name not in objects
+            ]
+            guessed = {} if times else _guessed_times(file, sized)
     except LIBRARY_ERRORS as problem:
         raise _unreadable(problem, log) from None
+    times += guessed
+    sized = [(one, size) for one, size in sized if one.source not in guessed]
     longest = max((size for _, size in sized), default=0)
     found = [one for one, size in sized if size * _SHORT >= longest]
     short = [one.source for one, size in sized if size * _SHORT < longest]
+    some = ", ".join(f"{name} ({kind})" for name, kind in [*objects.items()][:5] if kind)
+    unread = f"{some}: objects of MATLAB; save their numbers, as T.Variables or table2array(T)"
     return SeriesList(
-        tuple(found[:MOST_SERIES]), times[0] if times else "", tuple(short[:MOST_SERIES])
+        tuple(found[:MOST_SERIES]),
+        times[0] if times else "",
+        tuple(short[:MOST_SERIES]),
+        (unread,) if some else (),
     )
+
+
+def _guessed_times(file: h5py.File, sized: list[tuple[Series, int]]) -> dict[str, None]:
+    """The sources of what is taken for the time of series without a rate, in order."""
+    places: dict[tuple[str, int], str] = {}
+    for one, size in sized:
+        column = find_columns(file, one.source)
+        wide = column.dataset.name if column.dataset.ndim == 2 else column.dataset.parent.name
+        if (wide, size) not in places:
+            rate = rate_of(column)
+            places[wide, size] = "" if rate is not None else rising_time(file, column)
+    return dict.fromkeys(source for source in places.values() if source)
 
 
 def _last(name: str) -> str:
     return name.replace(":", "/").rsplit("/", 1)[-1].lower()
 
 
-def _columns(file: h5py.File, name: str) -> list[tuple[Series, int]]:
+def _matlab_objects(file: h5py.File) -> dict[str, str]:
+    """The variables that are no arrays of numbers, with what they are; '' for MATLAB's own."""
+    found = dict.fromkeys(("/#refs#", "/#subsystem#"), "")
+    for name, _ in zip(file, range(MOST_NAMES), strict=False):
+        if not isinstance(file.get(name, getlink=True), h5py.HardLink):
+            continue
+        attributes = Attributes(file[name])
+        kind = attributes.text("MATLAB_class") or ""
+        if "matlab_sparse" in attributes.names:
+            found[f"/{name}"] = "sparse"
+        elif kind == "char" or "matlab_object_decode" in attributes.names:
+            found[f"/{name}"] = kind
+    return found
+
+
+def _columns(file: h5py.File, name: str, objects: Mapping[str, str]) -> list[tuple[Series, int]]:
     """The columns of a dataset with their lengths.
 
-    None if it holds a time, a rate or no numbers.
+    None if it holds a time, a rate or no numbers, or is inside of one of MATLAB's `objects`.
     """
-    if _last(name) in _BESIDE:
+    if _last(name) in _BESIDE or f"/{name.split('/')[1]}" in objects:
         return []
     item = file.get(name)
     shape = getattr(item, "shape", None)

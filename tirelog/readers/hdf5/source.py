@@ -498,6 +498,13 @@ def first_number(found: SourceColumn, end: int | None = None) -> Any:
 
     `end` is the size of a file that was cut.
     """
+    stored = first_stored(found, end)
+    good = np.flatnonzero(np.isfinite(stored))
+    return stored[good[0]] if good.size else None
+
+
+def first_stored(found: SourceColumn, end: int | None) -> NDArray[Any]:
+    """The first of some stored values, looked at together, that hold a number; none if none do."""
     step = min(found.chunk, FIRST_VALUES)
     for start in range(0, len(found), step):
         stop = min(start + step, len(found))
@@ -506,10 +513,9 @@ def first_number(found: SourceColumn, end: int | None = None) -> Any:
             stored = np.zeros(0) if lost else found.read(start, stop)
         except LIBRARY_ERRORS:
             continue
-        good = np.flatnonzero(np.isfinite(stored))
-        if good.size:
-            return stored[good[0]]
-    return None
+        if np.isfinite(stored).any():
+            return stored
+    return np.zeros(0)
 
 
 # ---- An HDF5 file that was cut off, opened up to the cut.
@@ -619,6 +625,8 @@ SCALES = (
     ("NI_Scale[0]_Linear_Slope", "NI_Scale[0]_Linear_Y_Intercept", False),  # LabVIEW
 )
 UNIT_NAMES = ("unit", "units", "unit_string", "wf_unit", "unit_y", "yunit", "physical_unit", "EU")
+#: of the first sample, in seconds; the first is written by the converters of other formats
+START_NAMES = ("start_s", "wf_start_offset")
 FILL_NAMES = ("_FillValue", "missing_value")
 #: words before the unit's own spelling in attributes such as "seconds since 2026-01-01"
 SINCE = re.compile(r"^\s*(\S+)\s+since\s+(.+?)\s*$", re.IGNORECASE)
@@ -730,6 +738,12 @@ def scale_of(column: SourceColumn) -> Scale:
         )
     offset = attributes.number("add_offset") or attributes.number("offset") or 0.0
     return Scale(1.0, offset, lost, 0 if integer and offset == 0.0 else None)
+
+
+def start_of(column: SourceColumn) -> float:
+    """When the column's first sample was taken [s], as the file states it, or 0."""
+    attributes = Attributes(column.dataset)
+    return next((s for s in map(attributes.number, START_NAMES) if s is not None), 0.0)
 
 
 def unit_of(column: SourceColumn) -> str | None:

@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from datetime import UTC, datetime
 from decimal import Decimal
 from pathlib import Path
 from types import MappingProxyType
@@ -36,6 +35,7 @@ from tirelog.readers.base import (
     ReadReport,
     Series,
     SeriesList,
+    date_of,
     rate_Hz,
 )
 from tirelog.readers.mcap.decode import LARGEST_MESSAGE_BYTES, ChannelDecoder, spread
@@ -312,8 +312,6 @@ def _near(problem: FieldError, message: Any) -> str:
 #: bytes of chunks that are held until every topic of the setup has begun; twice as many take twice
 #: the memory if a topic comes late or never
 READ_AHEAD_BYTES = 1 << 23
-#: stamps beyond this [ns since 1970] are dates: 1990; smaller ones count from some start
-EARLIEST_DATE_NS = 631_152_000_000_000_000
 
 
 def open_mcap(
@@ -492,8 +490,8 @@ class McapLog:
                 (first for group in groups if (first := group.first_stamp()) is not None),
                 default=None,
             )
-            if self.origin_ns is not None and self.origin_ns > EARLIEST_DATE_NS:
-                self.report.start = datetime.fromtimestamp(self.origin_ns / 1e9, UTC).isoformat()
+            if self.origin_ns is not None:
+                self.report.start = date_of(self.origin_ns, "ns")
         for group in groups:
             if self.origin_ns is not None and (everything or group.full):
                 for block in group.blocks(self.origin_ns, everything=everything):

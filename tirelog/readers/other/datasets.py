@@ -526,28 +526,40 @@ def unsafe_formula(conversion: Any, depth: int = 0) -> str:
 # ---- LabVIEW's TDMS as HDF5: /group/channel, with its unit and the step of its samples.
 
 
+_SECOND = np.timedelta64(1, "s")
+
+
 def convert_tdms(source: Path, target: Path, answer: ReadReport) -> None:
     """Writes the channels of numbers and of times to `target`."""
     from nptdms import TdmsFile
 
-    starts: list[Any] = []
     # a stream, not a path: beside that the library looks for an index, which may be another's
     with source.open("rb") as stream, TdmsFile.open(stream) as file, Datasets(target, answer) as to:
+        begins = {
+            channel.path: when.astype("M8[us]")
+            for group in file.groups()
+            for channel in group.channels()
+            if isinstance(when := channel.properties.get("wf_start_time"), np.datetime64)
+            and "wf_increment" in channel.properties
+            and not np.isnat(when)
+        }
+        first = min(begins.values(), default=None)
+        answer.start = None if first is None else f"{first}+00:00"
         for group in file.groups():
             made, channels = to.group(group.name), group.channels()
             dated = [one.name for one in channels if len(one) and one.dtype.kind == "M"]
             for channel in channels:
                 said = channel.properties
-                step = _number(said.get("wf_increment"))
+                own = begins.get(channel.path, first)
+                after_s = 0.0 if own is None or first is None else (own - first) / _SECOND
                 unit = said.get("unit_string") or said.get("NI_UnitDescription")
                 attributes = {
                     "units": unit if isinstance(unit, str) else None,
-                    "wf_increment": step,
+                    "wf_increment": _number(said.get("wf_increment")),
+                    "start_s": after_s + (_number(said.get("wf_start_offset")) or 0.0),
                 }
                 if len(channel) and channel.dtype.kind == "M":
                     attributes = {"units": "ns since 1970-01-01T00:00:00+00:00"}
-                elif step is not None and isinstance(said.get("wf_start_time"), np.datetime64):
-                    starts.append(said["wf_start_time"].astype("M8[us]"))
                 if len(channel) and channel.dtype.kind not in "iufbM":
                     answer.passed_over.append(f"{proper(channel.name)} holds no real numbers")
                 else:
@@ -556,14 +568,6 @@ def convert_tdms(source: Path, target: Path, answer: ReadReport) -> None:
         if file.file_status.incomplete_final_segment:
             answer.losses.append(
                 "the file is cut off in its last segment, whose end is lost; copy it again"
-            )
-    if starts and not np.isnat(starts).any():
-        answer.start = str(min(starts)) + "+00:00"
-        apart_s = (max(starts) - min(starts)) / np.timedelta64(1, "s")
-        if apart_s > 0.0:
-            answer.remarks.append(
-                f"channels begin up to {apart_s:g} s after the first, by wf_start_time; "
-                "each is taken to begin with the log"
             )
 
 
@@ -646,6 +650,7 @@ def _write(to: Datasets, name: str, one: dict[str, Any]) -> None:
     attributes = {"units": unit if unit.upper() != "NONE" else None}
     if even:
         attributes["dt"] = one.get("abscissa_inc")
+        attributes["start_s"] = one.get("abscissa_min")
     many = max(int(one.get("num_pts", 0)), 0)  # behind them stand line ends and padding
     to.add(group, "values", [np.asarray(one["data"])[:many]], attributes)
     if not even:

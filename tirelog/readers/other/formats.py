@@ -110,6 +110,10 @@ _NUMPY = (
 _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
     (b"\x93NUMPY", "a numpy array", _NUMPY),
     (b"LOGG\x90\0\0\0", "a CAN log of Vector (.blf)", "export it as csv or mat"),
+    (b"|CF,", "a measurement of imc", "export it as csv, mat or tdms"),
+    (b"\x94\x13", "a binary file of catman", "export it as ASCII or MATLAB"),
+    (b"MULTI_STREAM_FIL", "a measurement of Dewesoft", "export it as csv, mat or mdf"),
+    (b"\x1a\x45\xdf\xa3", "a recording of enDAQ (.ide) or another EBML file", "export it as csv"),
     (b"\x80\x04\x95", "a Python pickle, which is never opened", "save it as csv or HDF5"),
     (b"BZh91AY&SY", "compressed by bzip2", "bunzip2 -k FILE"),
     (b"7z\xbc\xaf\x27\x1c", "a 7-zip archive", "7z x FILE"),

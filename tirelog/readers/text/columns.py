@@ -11,18 +11,30 @@ blanks and underscores are forgiven if that leaves one column), or `#3`, the thi
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
-from tirelog.data.setup import PLAUSIBLE, ChannelSetup, Setup
+from tirelog.data.setup import ChannelSetup, Setup
 from tirelog.errors import ReadError, SetupError, nearest
-from tirelog.readers.base import unit_by_size
+from tirelog.readers.base import (
+    TIME_NAMES,
+    bare,
+    date_of,
+    is_time_name,
+    loose,
+    rises_as_time,
+    stated_time_unit,
+    unit_by_size,
+    words,
+)
 from tirelog.readers.text.layout import SAMPLE_ROWS, Layout, filled, is_number
-from tirelog.readers.text.times import FORMS, MISSING, fraction_digits, has_clock, one_ns
+from tirelog.readers.text.times import DATED, FORMS, MISSING, fraction_digits, has_clock, one_ns
 from tirelog.vocabulary import units
+from tirelog.vocabulary.arrays import FloatArray
 
 # ---- The columns of a text log by their names, as a setup writes them.
 
@@ -47,21 +59,6 @@ def find_column(layout: Layout, source: str) -> int | None:
     return None
 
 
-def bare(name: str) -> str:
-    """A name without the unit in brackets behind it."""
-    return re.sub(r"\s*[\[(][^\[\]()]*[\])]\s*$", "", name).strip()
-
-
-def loose(name: str) -> str:
-    """A name in lower case, without blanks, underscores, points and hyphens."""
-    return re.sub(r"[\s_.\-]+", "", name).lower()
-
-
-def words(name: str) -> list[str]:
-    """The words of a name in lower case: RunningTime_s is running, time, s."""
-    return [word.lower() for word in re.findall(r"[^\W\d_]?[^\W\d_A-Z]+|[A-Z]+|\d+", name)]
-
-
 def absent(layout: Layout, source: str) -> str:
     """What is wrong with a source that is no column, and which columns there are."""
     if layout.misfit:
@@ -82,23 +79,8 @@ def absent(layout: Layout, source: str) -> str:
 # Layout + Setup --forms of words, names of times, even steps--> column, time of day, form, unit
 
 
-TIME_NAMES = re.compile(
-    r"(date[ /_]?time|time ?stamp|timestamp.*|.*\btime\b.*|time_.*|.*_time"
-    r"|t|t[_ ](s|sec|min|[mnuµμ]s)|sec|seconds|zeit|tempo)",
-    re.I,
-)
-#: words that make a name one of a time, however they are joined: RunningTime_s, elapsed_ms
-_TIME_WORDS = {"time", "timestamp", "elapsed", "runtime", "uptime", "zeit", "millis", "micros"}
-#: whole names of times, without blanks and underscores: of LabVIEW, of Arduino sketches
-_TIMES = {"xvalue", "ms", "us", "ns", "msec", "usec"}
-#: last words of a time's name that tell its unit, beside the units themselves
-_UNIT_WORDS = {"msec": "ms", "millis": "ms", "milliseconds": "ms", "usec": "us", "micros": "us",
-               "microseconds": "us", "nanos": "ns", "nanoseconds": "ns"}  # fmt: skip
-_TIME_UNITS = {"s", "sec", "ms", "us", "µs", "μs", "ns", "min", "h"}
-#: times whose unit is known from the instrument alone: Xsens sensors count microseconds
-_KNOWN_UNITS = {"sampletimefine": "us"}
-#: days since 1900 from 1954 to 2119; twice as wide finds no more logs of gratings
-_DAYS = (20_000.0, 80_000.0)
+#: the line above the names of VBOX files, whose times are hours, minutes, seconds without signs
+_COLUMN_NAMES = "[column names]"
 #: steps of a column without a name differ by less than this share of the usual one if it is taken
 #: for the time: loggers without a clock of their own stray by some percent, signals by all
 _NEARLY = 0.5
@@ -134,7 +116,7 @@ def stamp_columns(
         k
         for k, kind in enumerate(layout.kinds[: layout.width])
         if kind == "number" and k < len(layout.names) and k not in taken
-        and _is_time_name(layout.names[k]) and max(steps_of(layout, k), default=1.0) <= 0.0
+        and is_time_name(layout.names[k]) and max(steps_of(layout, k), default=1.0) <= 0.0
         and min(steps_of(layout, k)) < 0.0
     ]  # fmt: skip
     ramps = _ramps(layout, taken)
@@ -153,24 +135,50 @@ def _time_candidates(layout: Layout, taken: set[int]) -> list[int]:
     may be those of a lap.
     """
     kinds = layout.kinds[: layout.width]
-    found = [k for k, kind in enumerate(kinds) if kind in ("iso", "dmy", "hms")]
+    found = [k for k, kind in enumerate(kinds) if kind in (*DATED, "hms")]
     named = [
         k
         for k, text in enumerate(layout.names[: len(kinds)])
-        if _is_time_name(text) and kinds[k] == "number"
+        if is_time_name(text) and kinds[k] == "number"
     ]
     minutes = [k for k, kind in enumerate(kinds) if kind == "mmss"]
     return found + [k for k in named if k not in taken and ascending(layout, k)] + minutes
 
 
-def _is_time_name(name: str) -> bool:
-    """True for the names of times, as programs join their words."""
-    plain = bare(name).lstrip("#%/ ")
-    return bool(
-        TIME_NAMES.fullmatch(plain)
-        or _TIME_WORDS.intersection(words(plain))
-        or loose(plain) in _TIMES
-    )
+def times_alike(layout: Layout) -> list[int]:
+    """Columns of times that have one name, but for a number or that of the column behind them.
+
+    None adjoins another; empty if there are fewer than two.
+    """
+    families: dict[str, list[int]] = {}
+    for k, name in enumerate(layout.names[: layout.width]):
+        if layout.kinds[k] == "number" and is_time_name(name) and ascending(layout, k):
+            behind = layout.names[k + 1] if k + 1 < len(layout.names) else ""
+            first = bare(re.sub(r"\.\d+$", "", name))  # pandas writes a name for the second time so
+            plain = [word for word in words(first) if word not in words(bare(behind))]
+            family = " ".join(word for word in plain if not word.isdigit())
+            families.setdefault(family, []).append(k)
+    found = max(families.values(), key=len, default=[])
+    apart = len(found) > 1 and min(b - a for a, b in pairwise(found)) > 1
+    return found if apart and not (layout.ragged or layout.counts) else []
+
+
+def clocks_of_blocks(layout: Layout, setup: Setup) -> dict[int, float]:
+    """Columns of times, each the clock of the columns up to the next, and their seconds per unit.
+
+    Empty if one of them serves all, as their stamps are the same or the setup names another.
+    """
+    times = times_alike(layout)
+    if setup.log.time and find_column(layout, setup.log.time) not in times:
+        return {}
+    factors = {k: time_factor(layout, setup, k) for k in times}
+    stamps = [factors[k] * np.array(numbers_of(layout, k), np.float64) for k in times]
+    digits = [factors[k] * 10.0 ** -most_decimals(layout.cells(k), layout.decimal) for k in times]
+    for own, digit in zip(stamps[1:], digits[1:], strict=True):
+        away = np.abs(own - stamps[0])
+        if np.nanmax(away, initial=0.0) > 1.01 * max(digit, digits[0]):
+            return factors
+    return {}
 
 
 def _leading(layout: Layout) -> int:
@@ -187,18 +195,18 @@ def _ramps(layout: Layout, taken: set[int]) -> list[int]:
     leading, found = _leading(layout), []
     for k in range(layout.counts_at if layout.counts else layout.width):
         named = k < len(layout.names) and layout.names[k] != ""
-        cells = layout.cells(k)
-        steps = steps_of(layout, k) if layout.kinds[k] == "number" and k not in taken else []
-        whole = all(layout.decimal not in cell for cell in cells)
-        if whole or len(steps) < 2 or min(steps) <= 0.0 or (named and k != leading):
+        if layout.kinds[k] != "number" or k in taken or (named and k != leading):
             continue
-        usual, spread = float(np.median(steps)), max(steps) - min(steps)
-        exponents = any("e" in cell.lower() for cell in cells)
-        digit = 1e-6 * usual if exponents else 10.0 ** -most_decimals(cells, layout.decimal)
-        if k == leading:
-            good = not layout.names or spread <= 2.01 * digit
-        else:
-            good = spread <= max(2.01 * digit, _NEARLY * usual)
+        cells = layout.cells(k)
+        digit = 10.0 ** -most_decimals(cells, layout.decimal)
+        if any("e" in cell.lower() for cell in cells):
+            digit = 1e-6 * float(np.median(steps_of(layout, k) or [0.0]))
+        if all(layout.decimal not in cell for cell in cells):
+            digit = 1.0
+        slack = 0.0 if named else _NEARLY
+        if k == leading and not layout.names:
+            slack = np.inf
+        good = all(rises_as_time(part, digit, slack) for part in successive(layout, k))
         found += [k] if good else []
     return found
 
@@ -212,17 +220,21 @@ def numbers_of(layout: Layout, column: int) -> list[float]:
     ]
 
 
-def steps_of(layout: Layout, column: int) -> list[float]:
-    """Differences between the numbers of a column, row by row.
+def successive(layout: Layout, column: int) -> list[FloatArray]:
+    """The numbers of a column in rows that follow each other, NaN for what is none.
 
-    The sample rows are those of the head's beginning and of its end; the step between the two parts
-    is left out.
+    The sample rows are those of the head's beginning, and of its end if it has more.
     """
-    numbers = numbers_of(layout, column)
-    steps = [b - a for a, b in pairwise(numbers)]
-    if len(numbers) == 2 * SAMPLE_ROWS:
-        del steps[SAMPLE_ROWS - 1]
-    return [step for step in steps if step == step]
+    numbers = np.array(numbers_of(layout, column), np.float64)
+    apart = numbers.size == 2 * SAMPLE_ROWS
+    return np.split(numbers, [SAMPLE_ROWS] if apart else [])
+
+
+def steps_of(layout: Layout, column: int) -> list[float]:
+    """Differences between the numbers of a column, row by row, where rows follow each other."""
+    steps = np.concatenate([np.diff(part) for part in successive(layout, column)])
+    found: list[float] = steps[~np.isnan(steps)].tolist()
+    return found
 
 
 def ascending(layout: Layout, column: int) -> bool:
@@ -240,7 +252,7 @@ def _with_clock(layout: Layout, setup: Setup, column: int) -> tuple[int, int | N
     dates = [
         k
         for k, other in enumerate(layout.kinds)
-        if other in ("iso", "dmy") and not any(map(has_clock, layout.cells(k)))
+        if other in DATED and not any(map(has_clock, layout.cells(k)))
     ]
     if column in dates:
         clock = next((k for k, other in enumerate(layout.kinds) if other == "hms"), None)
@@ -249,52 +261,31 @@ def _with_clock(layout: Layout, setup: Setup, column: int) -> tuple[int, int | N
         return dates[0], column, layout.kinds[dates[0]], 1.0
     if kind in FORMS:
         return column, None, kind, 1.0
+    if kind == "number" and _COLUMN_NAMES in map(str.lower, layout.preamble):
+        return column, None, "hhmmss", 1.0
     return column, None, "number", time_factor(layout, setup, column)
 
 
 def time_factor(layout: Layout, setup: Setup, column: int) -> float:
-    """Seconds per unit of a numeric time column.
+    """Seconds per unit of a numeric time column."""
+    return units.UNITS[time_unit(layout, setup, column)][1]
 
-    By the setup's `time_unit`, the header's unit, the name's suffix, the numbers' size, else
-    seconds.
+
+def time_unit(layout: Layout, setup: Setup, column: int) -> str:
+    """The unit of a numeric time column.
+
+    The setup's, the header's, the name's suffix, by the numbers' size, else seconds.
     """
-    if setup.log.time_unit:
-        return units.to_si(setup.log.time_unit, "time")[0]
-    unit = stated_unit(layout, column)
-    if unit is None and counts_days(layout, column):
-        unit = "d"
-    if unit is None:  # a date in ms, us or ns since 1970 is known by its size
-        cells = layout.cells(column)
-        numbers = [float(cell) for cell in cells if re.fullmatch(r"\d{1,19}", cell)]
-        unit = unit_by_size(numbers[0]) if numbers else "s"
-    return units.UNITS[unit][1]
-
-
-def counts_days(layout: Layout, column: int) -> bool:
-    """True if these can only be days since 1900, as spreadsheets store dates.
-
-    Their size is that of today's dates, and as seconds they would follow each other faster than
-    any instrument samples.
-    """
-    first, last = _DAYS
-    steps = steps_of(layout, column)
-    numbers = numbers_of(layout, column)
-    return bool(
-        steps and min(numbers) >= first and max(numbers) <= last
-        and 0.0 < sum(steps) < len(steps) / PLAUSIBLE["sampling_rate_Hz"].high
-    )  # fmt: skip
+    if given := setup.log.time_unit:
+        units.to_si(given, "time")
+        return units.canonical(given) or given
+    return stated_unit(layout, column) or unit_by_size(successive(layout, column)[0])
 
 
 def stated_unit(layout: Layout, column: int) -> str | None:
     """The unit of time that a column's header or name tells, or None."""
     unit = layout.units[column] if column < len(layout.units) else ""
-    if not unit and column < len(layout.names):
-        name = layout.names[column]
-        last = words(name)[-1:] or [""]
-        unit = _KNOWN_UNITS.get(loose(name)) or _UNIT_WORDS.get(last[0], "")
-        unit = unit or (last[0] if last[0] in _TIME_UNITS else "")
-    known = units.canonical(unit) if unit else None
-    return known if known and units.UNITS[known][0] == "time" else None
+    return stated_time_unit(layout.names[column] if column < len(layout.names) else "", unit)
 
 
 def most_decimals(cells: Sequence[str], decimal: str) -> int:
@@ -336,7 +327,8 @@ class Columns:
     time of day if `time` holds the date alone; `form` their form ('number' with `time_factor`
     seconds per unit); `number` the sample number; `errors` the column of error codes; `edges`
     channels whose samples are the rows themselves, each at its stamp; `guessed` is true if nothing
-    but the stamps' even steps makes that column the time.
+    but the stamps' even steps makes that column the time; `clocks` the columns of times and their
+    seconds per unit, if the columns up to the next one have each their own: then `time` is None.
     """
 
     values: dict[str, int]
@@ -350,6 +342,12 @@ class Columns:
     errors: int | None = None
     edges: tuple[str, ...] = ()
     guessed: bool = False
+    clocks: dict[int, float] = field(default_factory=dict)
+
+    def time_of(self, channel: str) -> int:
+        """The column of times, of `clocks`, that a channel's column has."""
+        before = [k for k in self.clocks if k < self.values[channel]]
+        return max(before, default=min(self.clocks))
 
 
 def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
@@ -372,10 +370,16 @@ def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
             missing[channel] = absent(layout, what.source)
         else:
             values[channel] = column
+    refuse_long_form(layout, name)
     if not values and not peaks and not edges:
         raise ReadError(
             "; ".join(dict.fromkeys(missing.values())) + "; mend source in the setup", file=name
         )
+    clocks = {} if peaks or edges else clocks_of_blocks(layout, setup)
+    if clocks and values:
+        taken = {*values.values(), *clocks}
+        errors = next(iter(_error_columns(layout, taken)), None)
+        return Columns(values, missing=missing, errors=errors, clocks=clocks)
     (time, clock, form, factor), guessed = stamp_columns(layout, setup, set(values.values()))
     if edges and not guessed and time is None:
         time = _of_edges(layout, name)
@@ -390,6 +394,25 @@ def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
     )  # fmt: skip
 
 
+def refuse_long_form(layout: Layout, name: str) -> None:
+    """ReadError: the rows hold one signal after the other, named in a column of words."""
+    kinds = layout.kinds[: layout.width]
+    named = [k for k, kind in enumerate(kinds) if kind == "text"]
+    cells = layout.cells(named[0])[: len(layout.rows) // 2] if len(named) == 1 else []
+    seen = Counter(cells)
+    in_turn = sum(a != b for a, b in pairwise(cells)) > 0.5 * len(cells)
+    if kinds.count("number") > 2 or not in_turn or not 2 <= len(seen) <= 0.3 * len(cells):
+        return
+    signals, names = ", ".join(sorted(seen)[:5]), layout.names
+    column = names[named[0]] if named[0] < len(names) else f"#{named[0] + 1}"
+    raise ReadError(
+        f"its rows hold {len(seen)} signals one after the other, by column {column!r}: {signals}",
+        allowed="allowed is a column per signal",
+        do="pivot it first, e.g. with pandas: table.pivot(index=TIME, columns=NAME, values=VALUE)",
+        file=name,
+    )
+
+
 def clock_columns(layout: Layout, setup: Setup) -> tuple[set[int], str]:
     """(columns of times, sample numbers and error codes, the time's name for a reader or '').
 
@@ -398,7 +421,7 @@ def clock_columns(layout: Layout, setup: Setup) -> tuple[set[int], str]:
     (time, clock, _, _), _ = stamp_columns(layout, setup, set())
     number = _sample_number(layout, {time})
     errors = _error_columns(layout, {time, clock, number})
-    taken = {k for k in (time, clock, number, *errors) if k is not None}
+    taken = {k for k in (time, clock, number, *errors, *times_alike(layout)) if k is not None}
     if time is None:
         return taken, ""
     return taken, name_of_column(layout, time)
@@ -459,7 +482,8 @@ def placed(layout: Layout) -> Layout:
     if not names or layout.ragged or layout.counts or len(names) == layout.width:
         return _lone_mark(layout)
     blank = layout.kinds[layout.width - 1] == "blank"
-    if len(names) == layout.width - 1 and blank:  # a separator behind the last cell
+    behind = layout.kinds[len(names) : layout.width]
+    if behind and all(kind == "blank" for kind in behind):  # separators behind the last cell
         return layout
     if len(names) == layout.width + 1 and _REMARKS.fullmatch(bare(names[-1])):
         return replace(layout, width=len(names), kinds=(*layout.kinds[: layout.width], "blank"))
@@ -577,7 +601,7 @@ def _sample_number(layout: Layout, taken: set[int | None]) -> int | None:
     return None
 
 
-def _error_columns(layout: Layout, taken: set[int | None]) -> list[int]:
+def _error_columns(layout: Layout, taken: Collection[int | None]) -> list[int]:
     """The columns of error codes: a whole word of their names says so, not a part of "default"."""
     return [
         k
@@ -587,7 +611,7 @@ def _error_columns(layout: Layout, taken: set[int | None]) -> list[int]:
 
 
 def resolution_s(layout: Layout, columns: Columns) -> float:
-    """The step of the stamps [s] as written in the sample rows; 0 if the log has none."""
+    """The step of the stamps [s] as written in the sample rows; 0 if the log has none, or many."""
     if columns.time is None:
         return 0.0
     shown = columns.time if columns.clock is None else columns.clock
@@ -609,10 +633,14 @@ def decimals(layout: Layout, column: int) -> int | None:
     return most if most <= MOST_DECIMALS else None
 
 
-def start_iso(layout: Layout, columns: Columns, us: bool) -> str | None:
+def start_iso(layout: Layout, columns: Columns, us: bool, setup: Setup) -> str | None:
     """The first stamp in ISO 8601, if it tells a date."""
+    if columns.form == "number" and columns.time is not None:
+        numbers = successive(layout, columns.time)[0]
+        first = next(iter(numbers[~np.isnan(numbers)].tolist()), 0.0)
+        return date_of(first, time_unit(layout, setup, columns.time))
     rows = [row for row in layout.rows if len(row) > max(columns.time or 0, columns.clock or 0)]
-    if columns.time is None or columns.form not in ("iso", "dmy") or not rows:
+    if columns.time is None or columns.form not in DATED or not rows:
         return None
     row, shown = rows[0], columns.time if columns.clock is None else columns.clock
     parts = [

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 from tirelog.data.setup import LogSetup
 from tirelog.errors import ReadError, SetupError
-from tirelog.readers.base import split_unit
+from tirelog.readers.base import is_time_name, split_unit
 from tirelog.readers.text.times import form_of
 from tirelog.vocabulary import units
 
@@ -87,6 +87,35 @@ _TAILS = (10, 3, 50, 200)
 _FEWEST_ABOVE = 3
 
 
+#: sign between groups of three digits, sign of decimals; the first in quoted cells alone
+_GROUPINGS = (
+    ('"', "."),
+    (".", ","),
+    (",", "."),
+    *((sign, decimal) for sign in "'\u2019\u00a0\u202f" for decimal in ".,"),
+)
+#: groups are looked for if less than this share of the cells can be read
+_READABLE = 0.9
+
+
+def ungrouped(text: str, sign: str, decimal: str) -> str:
+    """Text without the sign between groups of three digits; `"`: a comma within quotes."""
+    if sign == '"':
+        return re.sub(r'"[^"]*"', _without_commas, text)
+    number = rf"(?<![\w:{sign}{decimal}])[+-]?\d{{1,3}}(?:[{sign}]\d{{3}})+(?![\d{sign}])"
+    return re.sub(number, _without_sign, text)
+
+
+def _without_commas(quoted: re.Match[str]) -> str:
+    return ungrouped(quoted[0], ",", ".")
+
+
+def _without_sign(number: re.Match[str]) -> str:
+    """The number without the first sign between its digits."""
+    sign = number[0].lstrip("+-0123456789")[0]
+    return number[0].replace(sign, "")
+
+
 @dataclass(frozen=True)
 class Layout:
     """A text log's layout.
@@ -103,7 +132,8 @@ class Layout:
     row that look like rows; `counter` is true if a row number without a name stands in front of the
     named cells; `misfit` is a header whose names cannot be laid on the columns, and then `names`
     hold none of them but what is sure; `quote` stands around cells, and `enclosed` is true if it
-    encloses separators that are part of a cell.
+    encloses separators that are part of a cell; `grouping` what stands between groups of three
+    digits, and before decimals.
     """
 
     encoding: str
@@ -129,6 +159,7 @@ class Layout:
     misfit: tuple[str, ...] = ()
     quote: str = '"'
     enclosed: bool = False
+    grouping: tuple[str, str] | None = None
 
     def cells(self, column: int) -> list[str]:
         """The column's cells in the sample rows that have it."""
@@ -156,13 +187,15 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
             do="check the recording",
             file=name,
         )
+    grouping = _grouping([clean[i] for i in full[-_TAILS[2] :]], given)
+    clean = [ungrouped(line, *grouping) for line in clean] if grouping else clean
     first = None
     for tail in (
         _TAILS
     ):  # the end shows what a row is: a long preamble may stand above it, a few words below
         sample = [clean[i] for i in full[-tail:]]
         timed = sum(bool(TIMED.match(line)) for line in sample) > len(sample) // 2
-        separator, decimal = _separator(sample, timed, given)
+        _, (separator, decimal) = _separator(sample, timed, given)
         cells = [split_cells(line, separator, timed) for line in clean]
         first = (
             _first_row(full, clean, cells, decimal, tail)
@@ -219,6 +252,7 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
         spoilt=above[-1] + 1 if spoilt else 0,
         rows_above=rows_above,
         quote=quote,
+        grouping=grouping,
         enclosed=separator == decimal
         or (
             quote in text
@@ -232,9 +266,11 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
 
 def _no_rows(full: list[int], cells: list[list[str]], decimal: str, name: str) -> ReadError:
     """What to say of a text without rows: that their first cells cannot be read, if it is that."""
-    for i in full[: -max(_TAILS) : -1]:
+    usual = Counter(len(cells[i]) for i in full[-max(_TAILS) :]).most_common(1)[0][0]
+    for i in full:
         first, *others = cells[i]
-        if 2 * sum(is_number(cell, decimal) for cell in others) > len(others):
+        numbers = sum(is_number(cell, decimal) for cell in others)
+        if len(cells[i]) == usual and 2 * numbers > len(others):
             return ReadError(
                 f"the first cell {first[:40]!r} is no number and no time that is known",
                 allowed="allowed are 2024-03-12 13:00:00.5, 12/03/2024 01:00:00.5 PM, 13:00:00.5, "
@@ -257,17 +293,11 @@ def _decode(head: bytes, name: str, given: str | None) -> tuple[str, str, int]:
         raise ReadError(
             "is empty", allowed="a log has one row per sample", do="check the recording", file=name
         )
-    pairs = head[:4096]
-    even, odd = pairs[::2].count(0), pairs[1::2].count(0)
-    if head.startswith((b"\xff\xfe", b"\xfe\xff", b"\0\0\xfe\xff")) or (
-        max(even, odd) > len(pairs) // 5 and min(even, odd) * 9 < max(even, odd)
-    ):
-        wide = head.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff"))
-        found = "UTF-32" if wide else "UTF-16"
+    if head.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):
         raise ReadError(
-            f"is {found} text",
-            allowed="allowed are UTF-8 and cp1252",
-            do=f"convert it first: iconv -f {found} -t UTF-8 LOG",
+            "is UTF-32 text",
+            allowed="allowed are UTF-8, UTF-16 and cp1252",
+            do="convert it first: iconv -f UTF-32 -t UTF-8 LOG",
             file=name,
         )
     strange = sum(
@@ -322,8 +352,22 @@ def _kind(cell: str, decimal: str) -> str:
     return form_of(cell) or "text"
 
 
-def _separator(sample: list[str], timed: bool, given: LogSetup) -> tuple[str, str]:
-    """The separator and decimal sign that make most of the sample's cells readable."""
+def _grouping(sample: list[str], given: LogSetup) -> tuple[str, str] | None:
+    """What stands between groups of three digits, if nothing else makes the cells numbers."""
+    readable = _separator(sample, False, given)[0]
+    if readable > _READABLE:
+        return None
+    found = None
+    for sign, decimal in _GROUPINGS:
+        lines = [ungrouped(line, sign, decimal) for line in sample]
+        known, (separator, of_decimals) = _separator(lines, False, given)
+        if known > readable and sign != separator and decimal == of_decimals:
+            readable, found = known, (sign, decimal)
+    return found
+
+
+def _separator(sample: list[str], timed: bool, given: LogSetup) -> tuple[float, tuple[str, str]]:
+    """(how much of the sample is readable, the separator and decimal sign that make most of it)."""
     best, choice = (-1.0, 0.0), (given.separator or ",", given.decimal or ".")
     for separator in given.separator or _SEPARATORS:
         for decimal in given.decimal or ".,":
@@ -339,7 +383,7 @@ def _separator(sample: list[str], timed: bool, given: LogSetup) -> tuple[str, st
             score = known - (0.2 if many < 2 else 0.0) - (0.1 if separator == " " else 0.0)
             if (round(score, 2), many) > best:
                 best, choice = (round(score, 2), many), (separator, decimal)
-    return choice
+    return best[0], choice
 
 
 def _is_row(cells: list[str], decimal: str, like: str) -> bool:
@@ -418,29 +462,86 @@ def _spoilt(above: list[int], cells: list[list[str]], width: int, decimal: str) 
     return words and filled(header) == width and abs(len(last) - width) < 2 and 2 * numbers >= width
 
 
+#: words by which loggers say under a name what each number is of its samples
+_STATISTICS = {
+    *("smp", "sample", "avg", "average", "mean", "max", "min", "std", "tot", "med", "rms"),
+    *("tmx", "tmn", "hst", "wvc"),
+}
+#: lines above the first row among which its header is
+_MOST_ABOVE = 64
+#: a line that begins a section of a file
+_SECTION = re.compile(r"\[[\w ]+\]")
+#: the word in front of units that stand above a header, as of LabVIEW
+_OF_UNITS = re.compile(r"(.*[_ ])?(units?|einheit(en)?)([_ ]label)?:?", re.I)
+
+
 def _header(
     above: list[int], cells: list[list[str]], width: int, separator: str
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """(names, units) from the lines above the first row; both empty without a header."""
-    if not above:
-        return (), ()
     if separator == " ":  # `# a | b` over columns of blanks
         cells = [[cell for cell in row if cell != "|"] for row in cells]
-    last = _uncommented(cells[above[-1]], width)
-    unit_row: list[str] = []
-    if len(above) > 1 and _units_only(last) and len(cells[above[-2]]) >= min(2, width):
-        unit_row, last = (
-            [cell.strip("[]() ") for cell in last],
-            _uncommented(cells[above[-2]], width),
-        )
-    last = last[: filled(last)]
-    if len(last) < min(2, width):
+    rows = [_uncommented(cells[i], width) for i in above[-_MOST_ABOVE:]]
+    while rows and len(rows[-1]) == 1 < width and _SECTION.fullmatch(rows[-1][0]):
+        rows.pop()
+    if not rows:
         return (), ()
-    names = [split_unit(cell)[0] for cell in last]
-    found = [split_unit(cell)[1] for cell in last]
-    return tuple(names), tuple(
-        (unit_row[k] if k < len(unit_row) else "") or found[k] for k in range(len(last))
-    )
+    at = _row_of_names(rows, width)
+    names = rows[at][: filled(rows[at])]
+    if len(names) < min(2, width):
+        return (), ()
+    stated = [cell.strip("[]() ") for cell in _row_of_units(rows, at)]
+    stated += [""] * (len(names) - len(stated))
+    split = [split_unit(cell) for cell in names]
+    units_of = [one or own for one, (_, own) in zip(stated, split, strict=False)]
+    return tuple(name for name, _ in split), tuple(units_of)
+
+
+def _row_of_names(rows: list[list[str]], width: int) -> int:
+    """Which of the rows of a header holds the names.
+
+    The last but those of units, of statistics, and of one word again and again. What stands below
+    units, and names no time as what stands above them does, are the places of an amplifier.
+    """
+    last = at = len(rows) - 1
+    alike = [k for k, row in enumerate(rows) if len(row) == len(rows[last])]
+    names = [_names_in(row) for row in rows]
+    timed = [any(map(is_time_name, row)) for row in names]
+    if last and _units_only(rows[last]) and len(rows[last - 1]) >= min(2, width):
+        at = last - 1
+    if width > 1 and len(names[at]) < min(2, filled(rows[at])):
+        others = [(timed[k], len(names[k]), k) for k in alike if len(names[k]) > len(names[at])]
+        at = max(others)[2] if others else at
+    two_up = at - 2
+    between = two_up in alike and _units_only(rows[at - 1])
+    return two_up if between and timed[two_up] and not timed[at] else at
+
+
+def _names_in(row: list[str]) -> set[str]:
+    """The cells of a row that can be names: no statistics, none without a letter; none of units."""
+    if _units_only(row):
+        return set()
+    letters = {cell for cell in row if re.search(r"[^\W\d_]", split_unit(cell)[0])}
+    return {cell for cell in letters if cell.lower() not in _STATISTICS}
+
+
+def _row_of_units(rows: list[list[str]], at: int) -> list[str]:
+    """The units below the names of row `at`, next above them, or behind a word for units."""
+    width = len(rows[at])
+    for row in rows[at + 1 :]:
+        if len(row) <= width and _has_unit(row):
+            return row
+    if at and len(rows[at - 1]) == width and _units_only(rows[at - 1]):
+        return rows[at - 1]
+    labelled = (row for row in rows[:at] if _OF_UNITS.fullmatch(row[0]) and _has_unit(row[1:]))
+    row = next(labelled, [""])
+    return row[1:] if filled(row) == width + 1 else ["", *row[1:]]
+
+
+def _has_unit(row: list[str]) -> bool:
+    """True if a cell is a unit that is known, and no statistic (min may be either)."""
+    cells = (cell.strip("[]() ") for cell in row if cell and cell.lower() not in _STATISTICS)
+    return any(units.canonical(cell) is not None for cell in cells)
 
 
 def _uncommented(cells: list[str], width: int) -> list[str]:

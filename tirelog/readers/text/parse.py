@@ -42,7 +42,7 @@ from tirelog.readers.text.kernels import (
     parse_rows,
     unquoted,
 )
-from tirelog.readers.text.layout import LOST_WORDS, Layout
+from tirelog.readers.text.layout import LOST_WORDS, Layout, ungrouped
 from tirelog.readers.text.times import MISSING, Nanoseconds, column_ns
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -209,6 +209,10 @@ def normalized(layout: Layout, block: Block) -> Block:
     A newline stands behind its last row.
     """
     quote = layout.quote.encode()
+    if layout.grouping:
+        text = bytes(block).decode(layout.encoding, errors="surrogateescape")
+        text = ungrouped(text, *layout.grouping)
+        block = text.encode(layout.encoding, errors="surrogateescape")
     if layout.enclosed:
         data = bytes_of(block)
         out = np.empty(data.size, np.uint8)

@@ -18,6 +18,7 @@ from collections import deque
 from collections.abc import Generator, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -33,25 +34,30 @@ from tirelog.readers.base import (
     Samples,
     Series,
     SeriesList,
+    counted_floats,
+    days_since,
     lost_samples,
     of_damaged,
     rate_in_words,
     runs,
+    samples_lost,
     with_stated_units,
 )
 from tirelog.readers.text.columns import (
     Columns,
     assign_columns,
     clock_columns,
-    counts_days,
     decimals,
     most_decimals,
     name_of_column,
     placed,
+    refuse_long_form,
     resolution_s,
     start_iso,
     stated_unit,
     stated_units,
+    successive,
+    time_unit,
 )
 from tirelog.readers.text.kernels import LARGEST, TICK_PLACES
 from tirelog.readers.text.layout import LOST_WORDS, Layout, filled, is_number, sniff, split_cells
@@ -64,10 +70,13 @@ from tirelog.vocabulary.quality import Quality
 
 #: the name of the one group of a text log: all columns share the row's clock
 GROUP = "rows"
+#: what a column of times is called in the plan of rows, where columns have several clocks; no
+#: channel has a blank in its name
+_CLOCK = "clock of block"
 #: threads that parse, and blocks that are parsed or wait to be used at one time
 _THREADS, _AHEAD = 2, 4
 #: what begins again with times of a form
-_ROUNDS = {"hms": "midnight", "mmss": "hour"}
+_ROUNDS = {"hms": "midnight", "hhmmss": "midnight", "mmss": "hour"}
 #: stamps above this many seconds are kept as whole numbers until the first one is taken off
 _EXACT_ABOVE_S = 1e6
 
@@ -102,7 +111,7 @@ class TextReader:
         self.report = ReadReport(
             format="text" if source.kind == "plain" else f"text, {source.kind}"
         )
-        self.report.start = start_iso(self.layout, self.columns, self._plan.us)
+        self.report.start = start_iso(self.layout, self.columns, self._plan.us, setup)
         self.report.remarks += said + _about_names(self.layout, self.columns) + _about_time(self)
         self.report.losses += [
             f"line {line} holds NUL bytes and was left out; copy the log again"
@@ -126,11 +135,30 @@ class TextReader:
             if self.columns.peaks
             else None
         )
-        self.groups = (self._group(tuple(channels)),)
+        self.groups = self._groups(channels)
         self._origin: int | float | None = None
         self._last_ns: int | None = None
         self._bad: dict[str, list[tuple[int, str]]] = {"row": [], "cell": []}
         self._seen: set[str] = set()
+
+    def _groups(self, channels: list[str]) -> tuple[Group, ...]:
+        """All channels, or those of each clock if their columns have several."""
+        columns, layout = self.columns, self.layout
+        if not columns.clocks:
+            return (self._group(tuple(channels)),)
+        members: dict[int, list[str]] = {}
+        for channel in channels:
+            members.setdefault(columns.time_of(channel), []).append(channel)
+        self._times = list(members)
+        return tuple(
+            Group(
+                f"{GROUP}_{time + 1}",
+                tuple(own),
+                stamp_resolution_s=resolution_s(layout, replace(columns, time=time)),
+                decimals={c: self._plan.places[columns.values[c]] for c in own},
+            )
+            for time, own in members.items()
+        )
 
     def _group(self, channels: tuple[str, ...]) -> Group:
         columns, layout = self.columns, self.layout
@@ -169,7 +197,11 @@ class TextReader:
                     line += parsed.lines
                     if parsed.size:
                         rows += parsed.size
-                        yield self._block(parsed)
+                        block = self._block(parsed)
+                        if self.columns.clocks:
+                            yield from self._by_clock(block, parsed)
+                        else:
+                            yield block
             self._finish(rows, line)
         finally:
             self._source.close()
@@ -216,8 +248,33 @@ class TextReader:
         if parsed.errors is not None:
             flags += self._errors(parsed)
         self._count("rows", parsed.size)
-        ordered = {channel: values[channel] for channel in self.groups[0].channels}
+        channels = (channel for group in self.groups for channel in group.channels)
+        ordered = {channel: values[channel] for channel in channels}
         return RawBlock(GROUP, ordered, self._stamps(parsed), parsed.number, tuple(flags))
+
+    def _by_clock(self, block: RawBlock, parsed: Parsed) -> Iterator[RawBlock]:
+        """The block's channels clock by clock, without rows that hold nothing of them."""
+        stamps_of = [
+            counted_floats(parsed.values[time], self._plan.places[time]) * self.columns.clocks[time]
+            for time in self._times
+        ]
+        if self._origin in (None, np.inf):
+            firsts = [stamps[~np.isnan(stamps)][:1] for stamps in stamps_of]
+            self._origin = float(np.concatenate(firsts).min(initial=np.inf))
+        for group, stamps in zip(self.groups, stamps_of, strict=True):
+            lost = [samples_lost(block.values[channel]) for channel in group.channels]
+            kept = ~(np.isnan(stamps) & np.logical_and.reduce(lost))
+            before = np.append(0, np.cumsum(kept)).tolist()
+            yield RawBlock(
+                group.name,
+                {channel: block.values[channel][kept] for channel in group.channels},
+                stamps[kept] - self._origin,
+                flags=tuple(
+                    (channel, before[start], before[stop], word)
+                    for channel, start, stop, word in block.flags
+                    if channel in group.channels
+                ),
+            )
 
     def _stamps(self, parsed: Parsed) -> FloatArray | None:
         """Seconds from the log's first stamp."""
@@ -251,7 +308,8 @@ class TextReader:
         return [
             (channel, start, stop, Quality.ERROR_CODE)
             for start, stop in runs(codes > 0)
-            for channel in self.groups[0].channels
+            for group in self.groups
+            for channel in group.channels
         ]
 
     def _count(self, what: str, number: int) -> None:
@@ -316,17 +374,18 @@ def _about_time(reader: TextReader) -> list[str]:
         return []
     name = layout.names[time] if time < len(layout.names) else ""
     by_size = log.time_unit is None and stated_unit(layout, time) is None
-    if reader.columns.form == "number" and by_size and counts_days(layout, time):
+    since = days_since(successive(layout, time)[0])
+    if reader.columns.form == "number" and by_size and since:
         return [
-            f"column #{time + 1}{f' {name!r}' if name else ''} is taken for days since 1900, as "
-            'spreadsheets write dates; if it is none of them write time_unit = "s" under [log] in '
-            "the setup"
+            f"column #{time + 1}{f' {name!r}' if name else ''} is taken for days since {since} "
+            'dates; if it is none of them write time_unit = "s" under [log] in the setup'
         ]
     if not reader.columns.guessed:
         return []
+    unit = time_unit(layout, reader.setup, time)
     return [
         f"column #{time + 1}{f' {name!r}' if name else ''} rises in even steps and is taken for "
-        "the time in s; if it is none, name another as time under [log] in the setup"
+        f"the time in {unit}; if it is none, name another as time under [log] in the setup"
     ]
 
 
@@ -367,6 +426,8 @@ def cut_off(layout: Layout, line: str) -> bool:
 
 
 def _plan(layout: Layout, columns: Columns, setup: Setup) -> RowPlan:
+    own = {f"{_CLOCK} {time + 1}": time for time in columns.clocks}
+    columns = replace(columns, values=columns.values | own)
     time = columns.time or 0  # a form of stamp is there only with a column of stamps
     stamps = [row[time] for row in layout.rows if len(row) > time]
     us = columns.form == "dmy" and month_first(stamps)
@@ -389,7 +450,7 @@ def _plan(layout: Layout, columns: Columns, setup: Setup) -> RowPlan:
     gratings = {
         column
         for channel, column in columns.values.items()
-        if setup.channels[channel].kind.startswith("fbg_")
+        if channel not in own and setup.channels[channel].kind.startswith("fbg_")
     }
     places = {column: decimals(layout, column) for column in columns.values.values()}
     return RowPlan(
@@ -424,6 +485,7 @@ def columns(source: ByteSource, log: str) -> SeriesList:
         layout = placed(sniff(source.head(), log))
     finally:
         source.close()
+    refuse_long_form(layout, log)
     taken, time = clock_columns(layout, Setup())
     if layout.counts or layout.ragged or layout.misfit:
         found = _gratings(layout, layout.counts_at + layout.counts, taken)

@@ -18,6 +18,7 @@ import struct
 import tempfile
 import zipfile
 import zlib
+from codecs import getincrementaldecoder
 from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
@@ -138,6 +139,32 @@ def _member(archive: zipfile.ZipFile, file: zipfile.ZipInfo) -> Iterator[bytes]:
             yield part
 
 
+def _as_utf_8(pieces: Iterator[bytes]) -> Iterator[bytes]:
+    """Pieces of UTF-16 as UTF-8, as their first letters show it; others as they are."""
+    first = next(pieces, b"")
+    encoding = _utf_16(first[:4096])
+    if not encoding:
+        yield first
+        yield from pieces
+        return
+    decoder = getincrementaldecoder(encoding)("replace")
+    for piece in chain([first], pieces):
+        yield decoder.decode(piece).encode()
+    yield decoder.decode(b"", True).encode()
+
+
+def _utf_16(head: bytes) -> str:
+    """The encoding of text that is UTF-16, by its mark or as every other byte is 0; else ''."""
+    if head.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):  # UTF-32
+        return ""
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    even, odd = head[::2].count(0), head[1::2].count(0)
+    if max(even, odd) <= len(head) // 5 or min(even, odd) * 9 >= max(even, odd):
+        return ""
+    return "utf-16-be" if even > odd else "utf-16-le"
+
+
 class ByteSource:
     """The unpacked bytes of a log, read forward only.
 
@@ -154,7 +181,7 @@ class ByteSource:
         self.kind = next(
             (kind for kind, magic in _MAGIC.items() if start.startswith(magic)), "plain"
         )
-        self._pieces = self._read(start)
+        self._pieces = _as_utf_8(self._read(start))
         self._held = b""
 
     def _read(self, start: bytes) -> Iterator[bytes]:

@@ -11,6 +11,8 @@ Forms, each recognized on its own cells (see `form_of`):
           field above 12 proves it)
     hms   13:00:00.5, 13-00-00.5 (also with a trailing colon)
           -> ns since midnight
+    basic 20220414T130000.5
+    hhmmss 130000.50 as a number
     mmss  59:30.5, minutes and seconds with decimals, as spreadsheets show times
           -> ns since the full hour, or since a timer's start
 A time of day may be one of twelve hours: 01:00:00.5 PM.
@@ -90,17 +92,20 @@ def times_alike(
 
 
 #: nanoseconds after which times of a form begin again
-ROUNDS_NS = {"hms": 86_400 * 10**9, "mmss": 3_600 * 10**9}
+ROUNDS_NS = {"hms": 86_400 * 10**9, "hhmmss": 86_400 * 10**9, "mmss": 3_600 * 10**9}
 #: forms that hold a date
-_DATED = ("iso", "dmy")
+DATED = ("iso", "basic", "dmy")
 
 _SECOND = r"(?P<sec>\d{1,2})(?:[.,:](?P<frac>\d{1,9})(?P<more>\d*))?"
 _HALF = r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?"
 _CLOCK = rf"(?P<h>\d{{1,2}})(?P<s>[:\-.])(?P<m>\d{{1,2}})(?:(?P=s){_SECOND})?{_HALF}"
+_DIGITS = r"(?P<h>\d{2})(?P<m>\d{2})(?P<sec>\d{2})(?:[.,](?P<frac>\d{1,9})(?P<more>\d*))?"
 _OFFSET = r"\s*(?P<off>Z|[+-]\d{2}:?\d{2})?"
 _REST = rf"(?:[T _]+{_CLOCK}{_OFFSET})?"
 FORMS = {
     "iso": re.compile(rf"(?P<Y>\d{{4}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<D>\d{{1,2}}){_REST}"),
+    "basic": re.compile(rf"(?P<Y>\d{{4}})(?P<M>\d{{2}})(?P<D>\d{{2}})[T_ ]{_DIGITS}{_OFFSET}"),
+    "hhmmss": re.compile(_DIGITS),
     "dmy": re.compile(rf"(?P<D>\d{{1,2}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<Y>\d{{4}}){_REST}"),
     "hms": re.compile(rf"(?P<h>\d{{1,2}})(?P<s>[:\-])(?P<m>\d{{1,2}})(?P=s){_SECOND}{_HALF}:?"),
     "mmss": re.compile(r"(?P<m>\d{1,3}):(?P<sec>\d{2})[.,](?P<frac>\d{1,9})(?P<more>\d*)"),
@@ -115,9 +120,12 @@ def _matched(cell: str) -> tuple[str, re.Match[str]] | None:
 
 
 def form_of(cell: str) -> str | None:
-    """The form's name of one cell, None if it is no time."""
+    """The form's name of one cell, None if it is no time, or a number that may be one."""
     found = _matched(cell)
-    return found and found[0]
+    if not found or found[0] == "hhmmss":
+        return None
+    # digits alone may be a number of any kind
+    return None if found[0] == "basic" and one_ns(cell, "basic") == MISSING else found[0]
 
 
 def has_clock(cell: str) -> bool:
@@ -185,7 +193,7 @@ def column_ns(
             same = np.flatnonzero(lengths[left] == cell.size)
             cells = data[starts[left[same], None] + np.arange(cell.size)]
             roles, offset_s = _roles(match, us and form == "dmy"), _offset_s(match.groupdict())
-            values, alike = times_alike(cells, cell, roles, form in _DATED, offset_s)
+            values, alike = times_alike(cells, cell, roles, form in DATED, offset_s)
             out[left[same[alike]]] = values[alike]
             done[same[alike]] = True
         left = left[~done]

@@ -1,0 +1,51 @@
+"""Property: pulses of any share of a step, also of one step a turn, tell the speed."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from tirelog.data.setup import parse_setup
+from tirelog.runs.ingest import open_recording
+from tirelog.wheel.table import encoder_speed
+
+RATE_HZ, RADIUS_M = 10_000.0, 0.3
+
+
+def turns(ramp: bool) -> np.ndarray:
+    """The wheel's turns at each sample, shape (n,): at 20 per second, or from 8 to 25."""
+    time = np.arange(60_000) / RATE_HZ
+    return 8.0 * time + 0.5 * 17.0 / 6.0 * time**2 if ramp else 20.0 * time
+
+
+@pytest.mark.parametrize("ramp", [False, True])
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+@pytest.mark.parametrize("steps", [1, 6])
+@pytest.mark.parametrize("duty", [0.02, 0.06, 0.2, 0.5, 0.8, 0.94, 0.98])
+def test_pulses_tell_the_speed(
+    tmp_path: Path, duty: float, steps: int, noise: float, ramp: bool
+) -> None:
+    if steps * 25 / RATE_HZ > 0.4 * min(duty, 1 - duty):
+        pytest.skip("a pulse of fewer than three samples")
+    angle = turns(ramp)
+    signal = 5.0 * ((steps * angle + 0.3) % 1.0 < duty)
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["tach"] = signal + noise * np.random.default_rng(2).standard_normal(signal.size)
+        file.attrs["fs"] = RATE_HZ
+    setup = parse_setup(
+        f'[tire]\nrolling_radius_m = {RADIUS_M}\n[channels.e]\nkind = "wheel_encoder"\n'
+        f'source = "tach"\nunit = "V"\nsteps = {steps}\n',
+        "log.toml",
+    )
+    with open_recording(str(tmp_path / "log.h5"), setup) as recording:
+        columns, _, remarks = encoder_speed(recording)
+    rate = np.gradient(angle, 1.0 / RATE_HZ)
+    truth = np.interp(columns["time_s"], np.arange(angle.size) / RATE_HZ, rate)
+    assert set(columns["quality"]) == {"ok"}
+    assert columns["time_s"].size >= angle[-1] - 3.0
+    error = columns["speed_m_s"] / (2.0 * np.pi * RADIUS_M * truth) - 1.0
+    assert np.abs(error).max() < 0.01
+    assert np.abs(np.mean(error)) < 2e-4
+    assert not any("repaired" in remark for remark in remarks)
+    assert any("edges of one kind" in said for said in remarks) == (not 0.25 < duty < 0.75)
