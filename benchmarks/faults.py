@@ -529,7 +529,10 @@ def judged(
     after = np.clip(np.searchsorted(truth["time_s"], time), 1, truth["time_s"].size - 1)
     nearer = time - truth["time_s"][after - 1] < truth["time_s"][after] - time
     at = after - nearer
-    right = truth[name][at]
+    # an encoder's rows are its turns, which lie between the passages
+    right = (
+        np.interp(time, truth["time_s"], truth[name]) if name == "speed_m_s" else truth[name][at]
+    )
     se = np.sqrt(sum(np.nan_to_num(rows[e].to_numpy(float)[ok]) ** 2 for e in errors if e in rows))
     off = np.abs(values[ok] - right)
     unit = least * (np.abs(right) if relative else 1.0)
