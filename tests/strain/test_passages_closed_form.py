@@ -13,7 +13,7 @@ from tirelog.dsp.filters import (
     white_noise,
 )
 from tirelog.strain.passages.match import Signal, fit
-from tirelog.strain.passages.search import (
+from tirelog.wheel.pulses import (
     PULSE,
     bucket_medians,
     half_level,

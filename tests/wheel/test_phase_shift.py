@@ -162,7 +162,7 @@ def test_rows_do_not_depend_on_the_blocks(monkeypatch):
     drive, tread = Drive(*DYNAMIC), moving(seed=13_000)
     whole = run(drive, tread)
     monkeypatch.setattr("tirelog.dsp.teeth.BLOCK", 40_000)
-    monkeypatch.setattr("tirelog.wheel.coarse_patch.PIECE", 30_000)
+    monkeypatch.setattr("tirelog.wheel.fronts.PIECE", 30_000)
     parts = run(drive, tread)
     np.testing.assert_allclose(parts.shift_deg, whole.shift_deg, atol=1e-6)
     np.testing.assert_allclose(parts.width_deg, whole.width_deg, atol=1e-6)

@@ -22,7 +22,6 @@ from tirelog.strain.passages.passage_flags import (
     may_have_stopped,
     turns_between,
 )
-from tirelog.strain.passages.search import AT_ONCE, PULSE, usual
 from tirelog.strain.passages.template import (
     FOUND,
     INTERVALS,
@@ -39,6 +38,7 @@ from tirelog.strain.passages.template import (
     spline_sums,
 )
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
+from tirelog.wheel.pulses import AT_ONCE, PULSE, usual
 
 # ---- The centre of each passage by a matched filter.
 #
