@@ -34,7 +34,7 @@ from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, 
 from tirelog.vocabulary.quality import Quality, marked
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 from tirelog.wheel.angle import WheelAngle
-from tirelog.wheel.pulses import decimate, patch_sign, pulses_in, spline
+from tirelog.wheel.pulses import decimate, patch_sign, pulses_in, spline, spline_at
 
 #: radians of a degree
 DEGREE = np.pi / 180
@@ -228,7 +228,8 @@ class Form:
 def _form(u: FloatArray, y: FloatArray, reach: float, intervals: int) -> Form | None:
     """The form of samples `y` (s,) at `u` (s,) [rad] from the middle; None if it has no fronts."""
     used = np.isfinite(y) & (np.abs(u) < reach)
-    angle, level = spline(u[used], y[used], reach, intervals, POINTS)
+    angle = np.linspace(-reach, reach, POINTS)
+    level = spline_at(spline(u[used], y[used], reach, intervals), angle, reach)
     slope, half = np.gradient(level, angle), level - 0.5
     crossed, centre = np.flatnonzero((half[1:] > 0.0) != (half[:-1] > 0.0)), POINTS // 2
     falls = crossed[(half[crossed] > 0.0) & (crossed < centre)]
@@ -311,7 +312,9 @@ def _learned(channel: Channel, angle: AngleFunction, rows: Records) -> Form | No
     if like.sum() < FEWEST or spread < 3.0 * float(np.median(own)):
         return form
     used = np.isfinite(left) & (np.abs(u) < form.reach_rad) & like[owner]
-    _, change = spline(u[used], left[used], form.reach_rad, intervals, POINTS, growth[owner[used]])
+    sizes, reach = growth[owner[used]], form.reach_rad
+    solved = spline(u[used], left[used], reach, intervals, sizes)
+    change = spline_at(solved, form.angle_rad, reach)
     bent = np.gradient(change, form.angle_rad) * spread
     wider, narrower = (_steep_width(form.angle_rad, form.slope + one) for one in (bent, -bent))
     return replace(form, change=change, lead=(wider - narrower) / (4.0 * spread))

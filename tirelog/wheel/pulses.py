@@ -469,31 +469,38 @@ def _third_moment(channel: Channel) -> float:
 
 
 def spline(
-    place: FloatArray, values: FloatArray, reach: float, intervals: int, points: int,
+    place: FloatArray,
+    values: FloatArray,
+    reach: float,
+    intervals: int,
     sizes: FloatArray | float = 1.0,
-) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """The least-squares cubic spline through samples: even abscissae and its values, (points,).
+) -> FloatArray:
+    """Coefficients of the least-squares cubic spline through samples, (intervals + 3,).
 
     Of `values` (s,) at `place` (s,) within +-`reach`, with even knots; they have the spline times
     `sizes`.
     """
     cell, weights = _bumps(place, reach, intervals)
-    weights = tuple(sizes * bump for bump in weights)
+    bumps = [sizes * one for one in weights]
     normal, right = np.zeros((intervals + 3, intervals + 3)), np.zeros(intervals + 3)
     every = np.arange(intervals)
-    for a, bump in enumerate(weights):
+    for a, bump in enumerate(bumps):
         right[every + a] += np.bincount(cell, bump * values, intervals)
-        for b, other in enumerate(weights):
-            normal[every + a, every + b] += np.bincount(cell, bump * other, intervals)
-    # smoothing: weight of the squared third differences against the mean number of samples in a
-    # knot interval; twice as much smooths what is narrower than a knot interval further
+        for b, other in enumerate(bumps[: a + 1]):
+            products = np.bincount(cell, bump * other, intervals)
+            normal[every + a, every + b] += products
+            normal[every + b, every + a] += products if a > b else 0.0
+    # smoothing: weight of the squared third differences against the samples in a knot interval;
+    # twice as much smooths what is narrower than a knot interval further
     rough = np.diff(np.eye(intervals + 3), 3, axis=0)
-    normal += 1e-3 * np.trace(normal) / intervals * rough.T @ rough
-    normal += 1e-12 * np.eye(intervals + 3)
-    solved = np.linalg.solve(normal, right)
-    grid = np.linspace(-reach, reach, points)
-    cell, weights = _bumps(grid, reach, intervals)
-    return grid, np.sum([bump * solved[cell + a] for a, bump in enumerate(weights)], axis=0)
+    normal += 2e-3 * max(float(np.trace(normal)) / intervals, 0.5) * rough.T @ rough
+    return np.asarray(np.linalg.solve(normal + 1e-12 * np.eye(intervals + 3), right), np.float64)
+
+
+def spline_at(coefficients: FloatArray, place: FloatArray, reach: float) -> FloatArray:
+    """The spline of `coefficients` over +-`reach` at `place` (s,), (s,)."""
+    cell, weights = _bumps(place, reach, coefficients.size - 3)
+    return np.asarray(sum(one * coefficients[cell + a] for a, one in enumerate(weights)))
 
 
 def _bumps(
