@@ -116,6 +116,13 @@ def test_width_has_no_bias_with_speed(sharp_deg, spike):
     assert abs(slope * 15) < 0.03
 
 
+def test_fronts_lie_at_half_of_the_level_beside_a_lobe():
+    """(1 + spike) / (1 + exp(-outside / sharp)) is a half at outside = -sharp log(1 + 2 spike)."""
+    tread = Tread(sharp_deg=0.8, spike=0.5, seed=5100, blur_s=0.0)
+    width = run(Drive((0, 20), (10, 14)), tread).width_deg
+    assert np.nanmean(width) == pytest.approx(25.0 - 2 * 0.8 * np.log(2.0), abs=0.03)
+
+
 @pytest.mark.parametrize("sign", [-1, 1])
 @pytest.mark.parametrize("gravity", [True, False])
 def test_either_sign_and_gravity_or_not(sign, gravity):

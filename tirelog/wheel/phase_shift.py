@@ -23,6 +23,7 @@ from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.filters import runs
 from tirelog.dsp.teeth import crossings, probe
 from tirelog.errors import DataLoss, SetupError, UsageError
+from tirelog.runs.in_memory import without_spikes
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, Use, good, marked
 from tirelog.wheel.angle import (
@@ -292,7 +293,8 @@ def measure_phase_shift(
     said = [*wheel.remarks, *([radius.remark] if radius.remark else [])]
     for channel in accelerometers:
         low, high, share = limits(channel)
-        found = find_fronts(without_held(channel, low, high), wheel, radius.radius_m, (low, high))
+        held = without_spikes(without_held(channel, low, high))
+        found = find_fronts(held, wheel, radius.radius_m, (low, high))
         if found is None:
             refuse_swapped(recording, channel, encoder)
             raise DataLoss(

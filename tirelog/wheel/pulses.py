@@ -493,7 +493,7 @@ def spline(
     # smoothing: weight of the squared third differences against the samples in a knot interval;
     # twice as much smooths what is narrower than a knot interval further
     rough = np.diff(np.eye(intervals + 3), 3, axis=0)
-    normal += 2e-3 * max(float(np.trace(normal)) / intervals, 0.5) * rough.T @ rough
+    normal += 2e-3 * float(np.trace(normal)) / intervals * rough.T @ rough
     return np.asarray(np.linalg.solve(normal + 1e-12 * np.eye(intervals + 3), right), np.float64)
 
 
