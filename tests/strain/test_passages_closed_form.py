@@ -13,14 +13,14 @@ from tirelog.dsp.filters import (
     white_noise,
 )
 from tirelog.strain.passages.match import Signal, fit
+from tirelog.strain.passages.template import MOST_SAMPLES, ROW, TABLE, Template
+from tirelog.vocabulary.arrays import records
 from tirelog.wheel.pulses import (
     PULSE,
     bucket_medians,
     half_level,
     turning_points,
 )
-from tirelog.strain.passages.template import MOST_SAMPLES, ROW, TABLE, Template
-from tirelog.vocabulary.arrays import records
 
 
 @pytest.mark.parametrize(
