@@ -39,10 +39,10 @@ FOLDERS = {
     "runs": (7, 1600),
     "simulation": (14, 2330),
     "storage": (4, 630),
-    "strain": (20, 3720),
+    "strain": (19, 3320),
     "tables": (4, 320),
     "vocabulary": (9, 360),
-    "wheel": (8, 1480),
+    "wheel": (8, 1575),
 }
 #: numbers with a name at the top of a module, and classes, in the whole package
 CONSTANTS, CLASSES = 776, 315

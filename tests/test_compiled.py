@@ -21,7 +21,7 @@ SAMPLES = ROOT / "sample_data"
 
 PROGRAM = """
 import numpy as np
-from tirelog.strain.passages.search import turning_points
+from tirelog.wheel.pulses import turning_points
 points = np.empty(5, np.int64)
 count = turning_points(np.array([0, 3, 1, 4], np.float32), 1.0, points)
 print(count, points[:count].tolist(), hasattr(turning_points, "py_func"))

@@ -112,6 +112,13 @@ def test_width_has_no_bias_with_speed(sharp_deg, spike):
     assert abs(15 * np.polyfit(speed, width, 1)[0]) < 0.03
 
 
+def test_fronts_lie_at_half_of_the_level_beside_a_lobe():
+    """(1 + spike) / (1 + exp(-outside / sharp)) is a half at outside = -sharp log(1 + 2 spike)."""
+    tread = Tread(sharp_deg=0.8, spike=0.5, seed=5100, blur_s=0.0)
+    width = run(Drive((0, 20), (10, 14)), tread).width_deg
+    assert np.nanmean(width) == pytest.approx(25.0 - 2 * 0.8 * np.log(2.0), abs=0.03)
+
+
 @pytest.mark.parametrize(("sign", "gravity"), [(-1, True), (1, True), (1, False)])
 def test_either_sign_and_gravity_or_not(sign, gravity):
     drive, tread = Drive(*DYNAMIC), Tread(sign=sign, gravity=gravity, seed=6000)
@@ -155,7 +162,7 @@ def test_rows_do_not_depend_on_the_blocks(monkeypatch):
     drive, tread = Drive(*DYNAMIC), moving(seed=13_000)
     whole = run(drive, tread)
     monkeypatch.setattr("tirelog.dsp.teeth.BLOCK", 40_000)
-    monkeypatch.setattr("tirelog.wheel.coarse_patch.PIECE", 30_000)
+    monkeypatch.setattr("tirelog.wheel.fronts.PIECE", 30_000)
     parts = run(drive, tread)
     np.testing.assert_allclose(parts.shift_deg, whole.shift_deg, atol=1e-6)
     np.testing.assert_allclose(parts.width_deg, whole.width_deg, atol=1e-6)

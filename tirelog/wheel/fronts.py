@@ -1,513 +1,417 @@
-"""Fronts of the contact patch in a radial acceleration, found, sampled and matched."""
+"""Fronts of the contact patch in a radial acceleration (P4 section IV B), by its own form.
+
+    pulses (`wheel.pulses`), wheel angle --once a turn--> PASSAGE: rough middle and half width
+        --samples beside the patch--> level outside, its slope, gravity
+        --samples about the patch in steps from inside to outside, passages laid over--> Form
+        --least squares of each passage's shift and stretch--> fronts, a row per passage
+
+The acceleration is Omega^2 (w'' + w - R), outward positive (errata): a level -Omega^2 R all around,
+and nothing in the patch, where the tread is straight. A front is where the signal, with gravity's
+part taken off, crosses half of the level outside, extrapolated from beside it: a fixed share of the
+step at every speed. A fixed threshold in m/s^2 would let the width shrink with speed (errata).
+
+A known form uses the whole flank, from the lobe beside the patch to its middle, and reaches the
+Cramer-Rao bound. Fronts lie at the form's half level, moved and stretched as the passage is; where
+a passage's form follows speed or acceleration, what it leaves at the half level is taken off by a
+regression. Lobes that grow with the patch move half of the level, and not the flanks' steep part:
+a stretch follows that part, and with it the edge of the contact.
+
+The angle is that of an encoder, or of the passages themselves. Angles [rad] grow in the direction
+of rolling; everything is worked out for the passages of a piece of the log at once.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.polynomial import polynomial
 
 from tirelog.data.recording import Channel
 from tirelog.dsp.filters import sliding_median
+from tirelog.dsp.pitch import AngleFunction
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
-from tirelog.vocabulary.quality import Quality, QualityFlags, marked, none_of
+from tirelog.vocabulary.quality import Quality, marked
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 from tirelog.wheel.angle import WheelAngle
-from tirelog.wheel.coarse_patch import (
-    DEGREE,
-    binned,
-    find_dips,
-    flanks_of,
-    moved,
-    ranges,
-    samples,
-)
+from tirelog.wheel.pulses import decimate, patch_sign, pulses_in, spline, spline_at
 
-# ---- Fronts by the flank's mean form, learnt from the log itself.
-#
-# The same crossing, nearer to the bound.
-#
-#     crossings by cubics
-#         --samples aligned by them, least squares of a spline--> mean form of entry and exit
-#     form, samples of one passage --least squares of one shift--> matched place
-#     cubics minus matched places
-#         --regression on speed, acceleration and width--> what the form's change moves the crossing
-#
-# A known form uses the whole flank, from the spike beside the patch to the patch's middle, and
-# reaches the Cramer-Rao bound of a shift; the cubic uses what lies about the crossing, and the
-# crossing is what a front is. Where the form changes with speed or load the matched place and the
-# crossing part, and the regression gives the difference back: on the average the matched front is
-# the
-# cubics'.
-#
-# A patch that grows lifts the lobes beside it, and half of the level then lies farther inside: on a
-# ring by an eighth of what the patch has grown, while the steepest part of the flank keeps its
-# distance from the edge of the contact to a hundredth. So a width that moves is followed by that
-# part
-# (`_grown`); of the usual width the fronts are at half of the level.
+#: radians of a degree
+DEGREE = np.pi / 180
+#: samples read at once: their columns stay in the cache
+PIECE = 1 << 15
 
-#: passages without a fault that a form needs, and of which at most it is learnt; twice as many of
-#: the latter tell the form to 0.7 of the noise
-LEAST, MOST = 40, 400
-#: reach of the form on the outer side and on the inner one, in half widths of the patch
-OUTER, INNER = 1.0, 0.8
-#: knots of the spline lie so far apart, in level over the flank's slope; twice as far apart, the
-#: spline rounds off what is as steep as the flank
-KNOTS = 0.35
-#: degree of the polynomial through a flank: the least that has a steepest place and its own lobes;
-#: a cubic sees an eighth of what a ring's fronts move by, two more see nothing else
-DEGREE_OF_FLANK = 5
-#: half width of its window, in level over the flank's slope, and not beyond the patch's middle, or
-#: the other flank is in it; half as wide, noise moves the steepest place as much as the patch does
-FLANK_REACH = 1.5
-#: passages over which errors are as large as what is left of the signal says, and so many at least
-#: that tell it by their widths; twice as many follow a change of road half as soon
-SMOOTH, FEWEST = 101, 9
-#: steps of the least squares, and the longest of them [deg]; twice as long ones could leave the
-#: flank
-STEPS, LONGEST = 3, 1.0
+#: a passage, NaN where it was not found. What it is looked for by: wheel angle of its middle and
+#: half width, rate of the wheel, the vehicle's acceleration, noise of the angle. Then what is
+#: filled: level outside, its slope by the angle and standard error for a noise of one, level
+#: inside, gravity in the signal; the fronts' angles, standard errors and slopes [steps/rad]; flags
+PASSAGE = np.dtype(
+    [("middle_rad", "f8"), ("half_rad", "f8"), ("rate_rad_s", "f8"), ("ahead_m_s2", "f8"),
+     ("angle_noise_rad", "f8"), ("level_m_s2", "f8"), ("tilt_m_s2", "f8"), ("level_share", "f8"),
+     ("inside_m_s2", "f8"), ("gravity_m_s2", "f8"), ("entry_rad", "f8"), ("exit_rad", "f8"),
+     ("middle_se_rad", "f8"), ("width_se_rad", "f8"), ("entry_slope", "f8"),
+     ("exit_slope", "f8"), ("quality", "u4")]
+)  # fmt: skip
+
+# ---- Samples about the passages, and the levels outside and inside.
+
+#: the level is taken from this range beside each front [rad]; half of the first lies in the lobes
+#: of the front, twice the second reaches beyond the top of the wheel
+BESIDE = 25 * DEGREE, 130 * DEGREE
+#: and the level inside from this share of the patch, about its middle: beyond it a short patch
+#: bends already; doubled, lengths of 70 mm come out 1 % longer
+INSIDE = 0.35
 
 
-def matched(
-    channel: Channel,
-    wheel: WheelAngle,
-    flanks: Records,
-    cubic: tuple[FloatArray, FloatArray, FloatArray],
-    spoilt: IntArray,
-) -> tuple[FloatArray, FloatArray, float]:
-    """(places [rad], standard errors) of all fronts, (2 n,) as `flanks`; how widths magnify them.
-
-    A width that is followed farther than the flanks move by themselves magnifies its noise; the
-    middle has none of that.
-
-    Those of `cubic` (places, errors, slopes in levels/rad) if the log is too short for a form or a
-    passage does not fit it. `spoilt`: fronts with something wrong. Errors are by the noise, and
-    larger by as much as the samples lie farther from what was fitted than that.
-    """
-    place, se, slope = cubic
-    n = flanks.size // 2
-    good = np.isfinite(place)
-    good[spoilt] = False
-    good = np.tile(good[:n] & good[n:], 2)
-    if good.sum() < 2 * LEAST:
-        return place, se * _scatter(place, se), 1.0
-    half = 0.5 * float(np.median((place[n:] - place[:n])[good[:n]]))
-    flanks = moved(flanks, place)
-    result, error = place.copy(), se.copy()
-    for entries in (True, False):
-        side = np.arange(n) + (0 if entries else n)
-        steepness = float(np.median(np.abs(slope[side][good[side]])))
-        low, high = (-OUTER * half, INNER * half) if entries else (-INNER * half, OUTER * half)
-        form = _mean_flank(
-            channel, wheel, flanks[_some(side[good[side]])], (low, high), KNOTS / steepness
-        )
-        result[side], error[side], left = _shifts(channel, wheel, flanks[side], form)
-        error[side] *= _about(left)
-    by_form = result[n:] - result[:n]
-    result += _difference(place - result, by_form, flanks, good)
-    # a matched place farther from the crossing than so many standard errors is not taken: noise
-    # does it once in 2e6; half of it would drop one in 80
-    known = np.isfinite(result) & (np.abs(result - place) < 5.0 * se)
-    result, error = np.where(known, result, place), np.where(known, error, se * _scatter(place, se))
-    lead = _grown(channel, wheel, moved(flanks, result), result, error, slope, good)
-    result += lead
-    seen = good[:n] & np.isfinite(by_form) & np.isfinite(result[n:] - result[:n])
-    magnified = _slope(by_form[seen], (result[n:] - result[:n])[seen])
-    return result, error, max(magnified, 1.0)
-
-
-def _slope(x: FloatArray, y: FloatArray) -> float:
-    """By how much y (n,) grows with x (n,); 1 if x does not move."""
-    x = x - x.mean()
-    square = float(x @ x)
-    return float(x @ y) / square if square > 0.0 else 1.0
-
-
-def _some(rows: IntArray) -> IntArray:
-    return rows[np.linspace(0, rows.size - 1, min(rows.size, MOST)).astype(np.int64)]
-
-
-def _samples(
-    channel: Channel, wheel: WheelAngle, flanks: Records, reach: float
+def samples(
+    channel: Channel, angle: AngleFunction, rows: Records, reach_rad: FloatArray
 ) -> Iterator[tuple[IntArray, IntArray, FloatArray, FloatArray]]:
-    """(rows, owner, angle from the owner's front [rad], level) of the samples, piece by piece.
+    """(numbers of passages, owner, angle from its middle [rad], value) of samples, by pieces.
 
-    They lie within `reach` [rad] of the fronts, and a little more; owners count in the `rows`.
+    Of those within `reach_rad` (n,) of the middles of the `rows` (n,) of PASSAGE, (s,) each; owners
+    count in the numbers. Rows whose samples are strewn over more than a few pieces are left out.
     """
-    windows = np.full(flanks.size, reach + LONGEST * DEGREE)
-    for piece in samples(channel, wheel, flanks, *ranges(channel, wheel, flanks, windows)):
-        yield piece[:4]
-
-
-def _mean_flank(
-    channel: Channel, wheel: WheelAngle, flanks: Records, reach: tuple[float, float], step: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The mean flank: angles from the front [rad], levels outside and slopes [1/rad] there, (g,).
-
-    The least-squares cubic spline through the samples of all `flanks`, aligned by place, with even
-    knots about `step` apart within `reach`.
-    """
-    low, high = reach
-    intervals = max(round((high - low) / step), 4)
-    left, right = 1e-9 * np.eye(intervals + 3), np.zeros(intervals + 3)
-
-    def bumps(u: FloatArray) -> FloatArray:
-        """The cubic B-splines about the knots at `u` (n,), shape (n, intervals + 3)."""
-        place = (u - low) * (intervals / (high - low))
-        away = np.abs(place[:, None] - np.arange(-1.0, intervals + 2))
-        wide, narrow = np.maximum(2.0 - away, 0.0), np.maximum(1.0 - away, 0.0)
-        return np.asarray((wide**3 - 4.0 * narrow**3) / 6.0)
-
-    for _, _, u, y in _samples(channel, wheel, flanks, max(-low, high)):
-        inside = np.isfinite(y) & (u >= low) & (u <= high)
-        columns = bumps(u[inside])
-        left += columns.T @ columns
-        right += columns.T @ y[inside]
-    angle = np.linspace(low, high, 8193)  # straight lines between miss a ten-millionth of a level
-    level = bumps(angle) @ np.linalg.solve(left, right)
-    return angle, level, np.gradient(level, angle)
-
-
-def _shifts(
-    channel: Channel,
-    wheel: WheelAngle,
-    flanks: Records,
-    form: tuple[FloatArray, FloatArray, FloatArray],
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(places [rad] at which the form fits best, standard errors, misfits), shape (n,).
-
-    The errors are by noise; a misfit is the root of what the form leaves over what noise does. NaN
-    if samples are missing.
-    """
-    place, se, left = np.full((3, flanks.size), np.nan)
-    angle, levels, slopes = form
-    low, high = angle[0], angle[-1]
-    for group, owner, u, y in _samples(channel, wheel, flanks, max(-low, high)):
-        part = flanks[group]
-        lost = np.bincount(owner[~np.isfinite(y)], minlength=group.size) > 0
-        u, y = np.nan_to_num(u, nan=10.0), np.nan_to_num(y)
-        shift = np.zeros(group.size)
-        for _ in range(STEPS):
-            at = u - shift[owner]
-            weight = _weight(at, low, high)
-            level, slope = np.interp(at, angle, levels), np.interp(at, angle, slopes)
-            known = np.bincount(owner, weight * slope**2, group.size)
-            known[known == 0] = np.inf  # nothing tells the place: it stays
-            step = -np.bincount(owner, weight * slope * (y - level), group.size) / known
-            shift += np.clip(step, -LONGEST * DEGREE, LONGEST * DEGREE)
-        # a level that is wrong by a share moves the fit by what its form times its slope says
-        lever = np.bincount(owner, weight * slope * level, group.size) / known
-        own = np.sqrt(np.bincount(owner, (weight * slope) ** 2, group.size)) / known
-        of_noise = part["noise"] / (np.abs(part["level"]) * part["rate"] ** 2)
-        lost |= np.isinf(known)
-        place[group] = np.where(lost, np.nan, part["angle"] + shift)
-        noise = np.hypot(own, lever * part["level_share"]) * of_noise
-        se[group] = np.hypot(noise, part["angle_noise"])
-        at = u - shift[owner]
-        weight, rest = _weight(at, low, high), y - np.interp(at, angle, levels)
-        square = np.bincount(owner, weight * rest**2, group.size)
-        free = np.bincount(owner, weight, group.size) - 1.0  # the place is fitted
-        misfit = np.sqrt(square / np.maximum(free, 1.0)) / of_noise
-        left[group] = np.where(lost, np.nan, misfit)
-    return place, se, left
-
-
-def _weight(u: FloatArray, low: float, high: float) -> FloatArray:
-    """1 within `low` to `high`, falling to 0 over the tenth at each end.
-
-    Which samples fall into it must not matter.
-    """
-    return np.clip(np.minimum(u - low, high - u) / (0.1 * (high - low)), 0.0, 1.0)
-
-
-def _about(left: FloatArray) -> FloatArray:
-    """What errors grow by where `left` (n,) is above one, by its median over SMOOTH passages."""
-    left = np.nan_to_num(left, nan=1.0)
-    usual = sliding_median(left, min(SMOOTH, left.size))
-    return np.asarray(np.maximum(usual, 1.0), dtype=np.float64)
-
-
-def _scatter(place: FloatArray, se: FloatArray) -> FloatArray:
-    """How much more widths scatter from passage to passage than their noise says, (2 n,).
-
-    At least 1: a cubic is not the flank's exact form, and samples fall on it differently from
-    passage to passage. Of a rough road it holds what the patch itself does.
-    """
-    n = place.size // 2
-    width, own = place[n:] - place[:n], np.hypot(se[:n], se[n:])
-    scatter = np.abs(width[1:-1] - 0.5 * (width[:-2] + width[2:])) / (
-        0.6745 * np.sqrt(1.5) * own[1:-1]
-    )
-    if scatter.size < FEWEST:
-        return np.ones(2 * n)
-    usual = _about(scatter)
-    return np.tile(np.concatenate([usual[:1], usual, usual[-1:]]), 2)
-
-
-def _difference(
-    difference: FloatArray, width: FloatArray, flanks: Records, good: np.ndarray
-) -> FloatArray:
-    """How far crossings lie beyond matched places, shape (2 n,).
-
-    Least squares on speed, its square, acceleration and width, for each side.
-    """
-    n = flanks.size // 2
-    speed, ahead = flanks["rate"][:n], flanks["ahead"][:n]
-    columns = np.stack([speed, speed**2, ahead, width], axis=1)
-    result = np.full((2, n), np.nan)
-    for side, y, rows in zip(result, difference.reshape(2, n), good.reshape(2, n), strict=True):
-        rows = rows & np.isfinite(y) & np.isfinite(width)
-        if rows.sum() < LEAST:
+    begin, end = (channel.axis.index(time) for time in _ends(angle, rows, reach_rad))
+    # where the angle is not known a window begins at the one before, or ends at the one after
+    begin = np.fmax.accumulate(np.append(0.0, begin))[1:]
+    end = np.fmin.accumulate(np.append(end, channel.size)[::-1])[::-1][:-1]
+    first, last = (np.ceil(one).astype(np.int64) for one in (begin, end))
+    sizes, at = np.maximum(last - first, 0), 0
+    while at < rows.size:
+        start = int(first[at])
+        some = np.arange(at, at + max(int(np.searchsorted(first[at:], start + PIECE)), 1))
+        at += some.size
+        some = some[first[some] + sizes[some] - start <= 4 * PIECE]
+        if not sizes[some].any():
             continue
-        middle, size = columns[rows].mean(axis=0), np.maximum(columns[rows].std(axis=0), 1e-12)
-        design = np.column_stack([np.ones(n), (columns - middle) / size])
-        for _ in range(3):
-            solved = np.linalg.lstsq(design[rows], y[rows], rcond=1e-6)[0]
-            left = np.abs(y - np.nan_to_num(design) @ solved)
-            with np.errstate(invalid="ignore"):
-                rows = rows & (left < 4 * 1.4826 * float(np.median(left[rows])))
-        side[:] = design @ solved
-    return result.ravel()
+        owner = np.repeat(np.arange(some.size), sizes[some])
+        before = np.cumsum(sizes[some]) - sizes[some]
+        index = np.arange(owner.size) + (first[some] - before)[owner]
+        values = channel.read(start, int(index[-1]) + 1)[index - start]
+        turned = angle.at(channel.axis.at(index.astype(np.float64)))
+        yield some, owner, turned - rows["middle_rad"][some[owner]], values
 
 
-def _grown(
-    channel: Channel,
-    wheel: WheelAngle,
-    flanks: Records,
-    place: FloatArray,
-    se: FloatArray,
-    slope: FloatArray,
-    good: np.ndarray,
-) -> FloatArray:
-    """How much farther the flanks' steepest parts move than their half levels, shape (2 n,) [rad].
+def _ends(angle: AngleFunction, rows: Records, reach_rad: FloatArray) -> list[FloatArray]:
+    """Times [s] at which windows of `reach_rad` (n,) about the middles begin and end, (n,) each."""
+    return [angle.time_at(rows["middle_rad"] + side * reach_rad) for side in (-1.0, 1.0)]
 
-    With the patch's width, from its usual one, as much outwards on both sides, so that the middle
-    stays; zero if the width hardly moves.
+
+def _sums(owner: IntArray, columns: FloatArray, weight: FloatArray, n: int) -> FloatArray:
+    """Weighted sums over each owner's samples of products of all `columns` (c, s), (n, c, c)."""
+    made = np.empty((n, len(columns), len(columns)))
+    for i, column in enumerate(columns):
+        for j in range(i + 1):
+            made[:, i, j] = made[:, j, i] = np.bincount(owner, weight * column * columns[j], n)
+    return made
+
+
+def fill_levels(channel: Channel, angle: AngleFunction, rows: Records, sign: float) -> None:
+    """Fills the levels of the `rows` (n,) of PASSAGE, and gravity if the signal holds it.
+
+    A straight line and cos(phi) by least squares of what lies beside the patch. What goes with
+    cos(phi) is gravity as far as it does not follow the squared speed; it counts unless the data
+    speak against it. `sign`: of the level outside.
     """
-    n = flanks.size // 2
-    width, own = place[n:] - place[:n], np.hypot(se[:n], se[n:])
-    known = good[:n] & np.isfinite(width) & np.isfinite(own)
-    if known.sum() < LEAST:
-        return np.zeros(2 * n)
-    usual, spread = float(np.mean(width[known])), float(np.std(width[known]))
-    # a width follows the steepest part of the flanks if it moves by more than so many of its
-    # errors: what the noise moves would be followed too.  Half of it would let an eighth of noise
-    # in
-    if spread < 3.0 * float(np.median(own[known])):
-        return np.zeros(2 * n)
-    grown = np.nan_to_num((width - usual) / spread)
-    leads = []
-    for side in (np.arange(n), n + np.arange(n)):
-        rows = _some(side[known])
-        reach = min(FLANK_REACH / float(np.median(np.abs(slope[rows]))), 0.5 * usual)
-        parts = []
-        for group, owner, u, y in _samples(channel, wheel, flanks[rows], 2.0 * reach):
-            inside = np.isfinite(y) & (np.abs(u) < 2.0 * reach)
-            parts.append(np.stack([u, y, grown[rows[group] % n][owner]])[:, inside])
-        u, y, z = np.concatenate(parts, axis=1)
-        leads.append(_lead(u, y, z, reach))
-    outwards = 0.5 * (leads[1] - leads[0])
-    return np.concatenate([-outwards * grown, outwards * grown])
+    sums, inside = np.zeros((rows.size, 4, 4)), np.zeros(rows.size)
+    for some, owner, phi, values in samples(channel, angle, rows, rows["half_rad"] + BESIDE[1]):
+        away = np.abs(phi) - rows["half_rad"][some[owner]]
+        there = np.isfinite(values + phi)
+        phi, values = np.where(there, phi, 0.0), np.where(there, values, 0.0)
+        beside = there & (away > BESIDE[0]) & (away < BESIDE[1])
+        columns = np.stack([np.ones(phi.size), phi, np.cos(phi), values])
+        sums[some] = _sums(owner, columns, beside, some.size)
+        within = there & (away < (INSIDE - 1.0) * rows["half_rad"][some[owner]])
+        count = np.bincount(owner, within, some.size)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            inside[some] = np.bincount(owner, within * values, some.size) / count
+    known = sums[:, 0, 0] > 10.0
+    sums[~known] = np.eye(4)
+    rising = np.linalg.solve(sums[:, :3, :3] + 1e-9 * np.eye(3), sums[:, :3, 3:])[:, 2, 0]
+    square = rows["rate_rad_s"] ** 2
+    used = known & np.isfinite(rising + square)
+    # a speed that hardly changes cannot tell what follows it from gravity
+    follows = used.any() and float(np.ptp(square[used])) > 0.2 * float(np.median(square[used]))
+    told = np.polyfit(square[used], rising[used], int(follows))[-1] if used.any() else 0.0
+    gravity = sign * STANDARD_GRAVITY_M_S2 * (sign * told > 0.3 * STANDARD_GRAVITY_M_S2)
+    normal = sums[:, :2, :2] + 1e-9 * np.eye(2)
+    lines = np.linalg.solve(normal, sums[:, :2, 3:] - gravity * sums[:, :2, 2:3])[..., 0]
+    lines[~known] = np.nan
+    rows["level_m_s2"], rows["tilt_m_s2"], rows["gravity_m_s2"] = *lines.T, gravity
+    rows["level_share"] = np.sqrt(np.linalg.inv(normal)[:, 0, 0])
+    step = inside - gravity - lines[:, 0]
+    # a sensor whose level inside is further off zero than that outside does not tell levels (a
+    # piezo element): there it is measured. Else it is nothing, which knows it without an error
+    coupled = known.any() and np.nanmedian((inside - gravity) / step) > 0.5
+    rows["inside_m_s2"] = np.where(coupled, inside - gravity, 0.0)
 
 
-def _lead(u: FloatArray, y: FloatArray, z: FloatArray, reach: float) -> float:
-    """How far the steepest place leads the half level if z is one more [rad].
-
-    By a polynomial whose coefficients are linear in z, in a window around the steepest place; zero
-    if there is none.
-    """
-    powers = np.arange(DEGREE_OF_FLANK + 1)
-    centre = 0.0
-    # steps that centre the window on the steepest place; twice as many take twice as long for it
-    for _ in range(4):
-        x = (u - centre) / reach
-        inside = np.abs(x) < 1.0
-        weight = np.sqrt(1.0 - x[inside] ** 2)
-        columns = weight[:, None] * x[inside, None] ** powers
-        design = np.concatenate([columns, z[inside, None] * columns], axis=1)
-        solved = np.linalg.lstsq(design, weight * y[inside], rcond=1e-9)[0]
-        usual, change = solved[: powers.size], solved[powers.size :]
-        centre += np.nan_to_num(_steepest(usual)[0]) * reach
-    leads = [steepest - half for steepest, half in map(_steepest, (usual - change, usual + change))]
-    return float(np.nan_to_num(0.5 * (leads[1] - leads[0]) * reach))
+def _scaled(rows: Records, owner: IntArray, phi: FloatArray, values: FloatArray) -> FloatArray:
+    """The signal (s,) at `phi` [rad] from the middles, 0 inside the patch and 1 outside."""
+    own = rows[owner]
+    gravity, inside = own["gravity_m_s2"], own["inside_m_s2"]
+    # the car's acceleration swings with the wheel as gravity does
+    ahead = np.sign(gravity) * own["ahead_m_s2"]
+    still = values - gravity * np.cos(phi) - ahead * np.sin(phi) - inside
+    scaled: FloatArray = still / (own["level_m_s2"] + own["tilt_m_s2"] * phi - inside)
+    return scaled
 
 
-def _steepest(form: FloatArray) -> tuple[float, float]:
-    """(where a polynomial within +-1 is steepest, where it is half of the level next to that).
+# ---- The form of a passage, and each passage's shift and growth against it.
 
-    NaN if it is steepest near an end, or nowhere half of the level.
-    """
-    place = np.linspace(-1.0, 1.0, 4097)
-    bend, change = (polynomial.polyder(form, k) for k in (2, 3))
-    level, slope = (polynomial.polyval(place, polynomial.polyder(form, k)) for k in (0, 1))
-    steepest = int(np.argmax(np.abs(slope) * (np.abs(place) < 0.9)))
-    crossed = np.flatnonzero((level[1:] > 0.5) != (level[:-1] > 0.5))
-    if abs(place[steepest]) > 0.89 or not crossed.size:
-        return np.nan, np.nan
-    at = place[steepest]
-    near = crossed[np.argmin(np.abs(crossed - steepest))]
-    # a step of Newton from the nearest place of the grid
-    return (
-        at - polynomial.polyval(at, bend) / polynomial.polyval(at, change),
-        place[near] + (0.5 - level[near]) / slope[near],
-    )
-
-
-# ---- Where the flanks of the patch signal cross half of the level outside, each by a cubic of
-# its own.
-#
-#     flanks, half widths of the windows --normalised samples--> weighted cubic least squares
-#         --root--> place, standard error, slope
-#
-# The cubic follows the flank's own shape, so nothing is assumed about it.
-
-
-def crossings(
-    channel: Channel,
-    wheel: WheelAngle,
-    flanks: Records,
-    window: FloatArray,
-    limits: tuple[float, float],
-) -> tuple[FloatArray, FloatArray, FloatArray, QualityFlags]:
-    """(angle of the crossing, its standard error, the slope there, quality) of all fronts.
-
-    The crossing of the half level [rad]; the slope in levels/rad. `window` (2,): half widths [rad]
-    of entries' and of exits' windows, wider if one would hold too few samples.
-    """
-    # samples that a flank has at least: a cubic takes four, and three are left to tell the noise;
-    # twice as many widen windows with few samples, and take more of the front's bend into them
-    least = 0.5 * (7 + 0.5) * flanks["rate"] / channel.axis.rate_Hz
-    windows = np.maximum(np.repeat(window, flanks.size // 2), least)
-    # samples are read so much wider, for a place that was a little off [deg]; twice as wide reads
-    # that much more
-    first, last = ranges(channel, wheel, flanks, windows + 1.0 * DEGREE)
-    result = np.full((3, first.size), np.nan)
-    quality = none_of(first.size)
-    for rows, owner, u, y, values in samples(channel, wheel, flanks, first, last):
-        part, shift = flanks[rows], np.zeros(rows.size)
-        for _ in range(2):  # the second time around the place that the first has found
-            found, lost = _solve(
-                owner, u - shift[owner], y, part, windows[rows], rows < flanks.size // 2
-            )
-            place = shift + found[0]
-            near = np.abs(place - shift) < 3 * DEGREE
-            result[:, rows] = part["angle"] + place, found[1], found[2]
-            shift = np.where(near, place, shift)
-        beyond = (values <= limits[0]) | (values >= limits[1])
-        clipped = np.bincount(owner[beyond], minlength=rows.size) > 0
-        quality[rows] |= marked(lost, Quality.GAP) | marked(clipped, Quality.CLIPPED)
-    short = last - first < 5
-    at_end = (first < 1) | (last >= channel.size - 1)
-    quality |= marked(short & at_end, Quality.EDGE_OF_LOG) | marked(short & ~at_end, Quality.GAP)
-    return result[0], result[1], result[2], quality
-
-
-def _solve(
-    owner: IntArray,
-    u: FloatArray,
-    y: FloatArray,
-    flanks: Records,
-    windows: FloatArray,
-    entries: BoolArray,
-) -> tuple[FloatArray, BoolArray]:
-    """((3, n) place [rad], standard error and slope, n samples lost) by cubic least squares.
-
-    Of n fronts whose samples lie at `u` (s,) [rad] and have the levels `y`; `entries` (n,):
-    whether the signal leaves its level there.
-    """
-    n = windows.size
-    u = u / windows[owner]
-    inside, known = np.abs(u) < 1.0, np.isfinite(y)
-    lost = np.bincount(owner[inside & ~known], minlength=n) > 0
-    owner, u, y = owner[inside & known], u[inside & known], y[inside & known] - 0.5
-    weight = 1.0 - u * u  # a window without edges: which samples fall into it must not matter
-    powers = np.stack([np.bincount(owner, weight * u**k, n) for k in range(7)])
-    squares = np.stack([np.bincount(owner, weight**2 * u**k, n) for k in range(7)])
-    right = np.stack([np.bincount(owner, weight * y * u**k, n) for k in range(4)], axis=-1)
-    left, between = (
-        np.stack([p[k : k + 4] for k in range(4)]).transpose(2, 0, 1) for p in (powers, squares)
-    )
-    enough = (np.bincount(owner, minlength=n) >= 5) & (powers[0] > 1.0)
-    left[~enough] = np.eye(4)
-    inverse = np.linalg.inv(left + 1e-9 * powers[0][:, None, None] * np.eye(4))
-    c = np.einsum("nij,nj->ni", inverse, right)
-    covariance = inverse @ between @ inverse
-    root = np.zeros(n)
-    for _ in range(8):
-        value = c[:, 0] + root * (c[:, 1] + root * (c[:, 2] + root * c[:, 3]))
-        slope = c[:, 1] + root * (2 * c[:, 2] + root * 3 * c[:, 3])
-        root = np.clip(root - value / np.where(slope == 0, np.inf, slope), -1.0, 1.0)
-    at = np.stack([np.ones_like(root), root, root**2, root**3], axis=-1)
-    share = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", at, covariance, at), 0.0))
-    slope = c[:, 1] + root * (2 * c[:, 2] + root * 3 * c[:, 3])
-    level = np.abs(flanks["level"]) * flanks["rate"] ** 2
-    noise = np.hypot(share, 0.5 * flanks["level_share"]) * flanks["noise"] / level
-    sure = enough & np.where(entries, slope < 0, slope > 0) & (np.abs(root) < 1)
-    se = np.hypot(noise / np.abs(np.where(sure, slope, 1.0)) * windows, flanks["angle_noise"])
-    return np.where(sure, np.stack([root * windows, se, slope / windows]), np.nan), lost
-
-
-# ---- The two fronts of every passage of an in-tire accelerometer (P4 section IV B).
-#
-# To a few hundredths of a degree.
-#
-#     Dips (coarse)
-#         --samples within a few degrees of each front--> cubic through the flank
-#         --half of the level--> crossing
-#         --the flank's own mean form, matched--> Fronts
-#
-# A front is where the signal, divided by Omega^2 and with gravity's part subtracted, crosses half
-# of
-# the level outside, extrapolated from beside it. Inside the patch the tread moves straight and the
-# true acceleration is nothing, so half of the level is a fixed share of the step at every speed; a
-# fixed threshold in m/s^2 would let the width shrink with speed (errata). The cubic (`cubic`)
-# assumes
-# nothing about the flank; the matched form (`match`) has less noise, and the cubics' mean.
-#
-# Angles [rad] are those of `WheelAngle`. Everything is worked out for all fronts of a piece of the
-# log at once.
-
-
-#: half width of the flank's window: this share of the level over the flank's median slope, within
-#: bounds [deg], from a first guess
-FLANK_SHARE, NARROW, WIDE, FIRST_GUESS = 1.5, 0.7, 6.0, 2.5
-#: passages before and after the middle of the log that the slope is learnt from; twice as many
-#: tell it to 0.7 of the error
-LEARN_FROM = 150
-#: passages that tell how far they are apart without their fronts: their median is known to a tenth
-#: of a degree, where one step of a hundred is 3.6; twice as many leave logs of ten turns untold
-PASSAGES = 8
-
-
-#: a passage, NaN if it was not found: where its middle was looked for; wheel angles of its fronts,
-#: their standard errors from noise (accelerometer and wheel angle) and misfit; its flags.  The same
-#: in all rows: level outside over Omega^2 [m], with the sign as recorded; whether the signal holds
-#: gravity; the wheel angle from passage to passage, 2 pi if the encoder's steps are right; how much
-#: more of the noise a width has than its fronts
-FRONTS = np.dtype(
-    [("expected_rad", "f8"), ("entry_rad", "f8"), ("exit_rad", "f8"), ("entry_se_rad", "f8"),
-     ("exit_se_rad", "f8"), ("quality", "u4"), ("level_m", "f8"), ("gravity", "?"),
-     ("turn_rad", "f8"), ("magnified", "f8")]
+#: reach of the form in half widths of the patch; twice as far is level, where nothing is told
+REACH = 2.0
+#: share of the reach about the middle in which the form gives way as the patch grows: flanks and
+#: lobes keep their shape; twice as far, it stretches the flanks
+GIVES_WAY = 0.25
+#: points of the form's table: straight lines between miss a ten-millionth of a level
+POINTS = 8193
+#: passages that the form is learnt from, rounds of that, and steps of each least squares; twice as
+#: many of the first tell the form to 0.7 of the noise, of the others take twice as long
+LEARNT_FROM, ROUNDS, STEPS = 400, 3, 3
+#: passages that tell how the form follows speed and growth; half as many take ringing for it
+FEWEST = 40
+#: knots of the form at first; then they lie so far apart, in level over the flank's slope; twice as
+#: far apart, it rounds off what is as steep as the flank
+INTERVALS, KNOTS = 40, 0.35
+#: longest step of a shift and of a growth [rad], and how far they lead; twice as long ones could
+#: leave the flank
+LONGEST, FARTHEST = 1.0 * DEGREE, 3.0 * DEGREE
+#: passages over which errors are as large as what is left of the signal says; twice as many follow
+#: a change of road half as soon
+SMOOTH = 101
+#: share of what tells a front that must be there, and share that may be lost without a word
+LEAST_TOLD, LOST = 0.5, 0.02
+#: what is fitted of a passage: shift of the form and growth of each half [rad], their normal matrix
+#: (with that of the level), rms of what is left; then of entry and exit: what its samples tell of
+#: the front, the share that is lost, mean and slope of what is left there, over the form's own
+FITTED = np.dtype(
+    [("shift", "f8"), ("growth", "f8"), ("normal", "f8", (3, 3)), ("misfit", "f8"),
+     ("told", "f8", 2), ("lost", "f8", 2), ("left", "f8", 2), ("steeper", "f8", 2)]
 )  # fmt: skip
 
 
-def gravity_in(dips: Records, sign: int) -> bool:
-    """Whether the level holds gravity's one per turn.
+@dataclass(frozen=True)
+class Form:
+    """The mean passage over the angle from its middle, (g,), and where it crosses half its step.
 
-    Least squares of level, its own once-per-turn part and gravity over all degrees beside the
-    patch; if the speed hardly changes the second and third cannot be told apart and the second
-    is left out. Gravity is left in the model unless the data speak against it.
+    `angle_rad` even over +-`reach_rad`; `level` is 0 inside and about 1 outside, `slope` [1/rad];
+    `fronts_rad` (2,): entry and exit, with the slopes there `steepness` (2,). `change` (g,): how
+    the level follows the growth [1/rad]; `lead`: how much farther the steepest places move with it.
     """
-    normal = dips["normal"].sum(axis=0)
-    left, right = normal[:, :3], normal[:, 3]
-    scale = np.sqrt(np.maximum(np.diag(left), 1e-300))
-    unit = left / np.outer(scale, scale)
-    columns = [0, 1, 2] if np.linalg.cond(unit) < 3e3 else [0, 2]
-    solved = (
-        np.linalg.lstsq(unit[np.ix_(columns, columns)], (right / scale)[columns], rcond=1e-12)[0]
-        / scale[columns]
-    )
-    return bool(sign * solved[-1] > 0.3 * STANDARD_GRAVITY_M_S2)
+
+    angle_rad: FloatArray
+    level: FloatArray
+    slope: FloatArray
+    reach_rad: float
+    fronts_rad: FloatArray
+    steepness: FloatArray
+    change: FloatArray | float = 0.0
+    lead: float = 0.0
+
+    def moved(self, shift: FloatArray, growth: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Angles (s,) on the form of those at `shift` from the middle; what growth moves there.
+
+        Of passages that have grown by `growth` (s,) [rad] on either side.
+        """
+        soft = GIVES_WAY * self.reach_rad
+        inside = shift / (1.0 + growth / soft)
+        u = np.where(np.abs(inside) < soft, inside, shift - np.sign(shift) * growth)
+        return u, np.clip(u / soft, -1.0, 1.0)
+
+    def near(self, u: FloatArray, side: int) -> tuple[FloatArray, FloatArray]:
+        """(distance from the front of a `side`, in steps, weight of being near it) at `u`."""
+        steps = (u - self.fronts_rad[side]) * abs(self.steepness[side])
+        return steps, np.clip(1.0 - (2.0 * steps) ** 2, 0.0, 1.0)
+
+
+def _form(u: FloatArray, y: FloatArray, reach: float, intervals: int) -> Form | None:
+    """The form of samples `y` (s,) at `u` (s,) [rad] from the middle; None if it has no fronts."""
+    used = np.isfinite(y) & (np.abs(u) < reach)
+    angle = np.linspace(-reach, reach, POINTS)
+    level = spline_at(spline(u[used], y[used], reach, intervals), angle, reach)
+    slope, half = np.gradient(level, angle), level - 0.5
+    crossed, centre = np.flatnonzero((half[1:] > 0.0) != (half[:-1] > 0.0)), POINTS // 2
+    falls = crossed[(half[crossed] > 0.0) & (crossed < centre)]
+    rises = crossed[(half[crossed] <= 0.0) & (crossed > centre)]
+    if not (falls.size and rises.size):
+        return None
+    at = np.array([falls[-1], rises[0]])
+    fronts = angle[at] - half[at] / (half[at + 1] - half[at]) * (angle[1] - angle[0])
+    return Form(angle, level, slope, reach, fronts, slope[at])
+
+
+def _fit(
+    form: Form, owner: IntArray, phi: FloatArray, y: FloatArray, n: int
+) -> tuple[Records, FloatArray, FloatArray]:
+    """The form fitted to each of `n` passages, (n,) of FITTED; angles on it and what is left, (s,).
+
+    Their samples lie at `phi` (s,) [rad] from the rough middles and have the levels `y`, NaN where
+    lost.
+    """
+    there, found = np.isfinite(y), np.zeros(n, FITTED)
+    phi, y = np.nan_to_num(phi, nan=np.pi), np.where(there, y, 0.0)
+    for step in range(STEPS + 1):
+        u, grows = form.moved(phi - found["shift"][owner], found["growth"][owner])
+        level = np.interp(u, form.angle_rad, form.level)
+        slope = np.interp(u, form.angle_rad, form.slope)
+        # which samples fall into the window must not matter
+        weight = np.clip(10.0 * (1.0 - np.abs(u) / form.reach_rad), 0.0, 1.0)
+        left = np.where(there, y - level, 0.0)
+        sums = _sums(owner, np.stack([-slope, -slope * grows, level, left]), weight * there, n)
+        found["normal"] = sums[:, :3, :3] + 1e-9 * np.eye(3)
+        if step < STEPS:
+            moves = np.linalg.solve(found["normal"][:, :2, :2], sums[:, :2, 3:])[..., 0]
+            for name, move in zip(("shift", "growth"), moves.T, strict=True):
+                found[name] += np.clip(move, -LONGEST, LONGEST)
+    free = np.bincount(owner, weight * there, n) - 2.0  # shift and growth are fitted
+    found["misfit"] = np.sqrt(sums[:, 3, 3] / np.maximum(free, 1.0))
+    for side, front in enumerate(form.fronts_rad):
+        tells = weight * slope**2 * (u * front > 0.0)
+        told, whole = (np.bincount(owner, tells * one, n) for one in (there, 1.0))
+        steps, near = form.near(u, side)
+        count, square = (
+            np.maximum(np.bincount(owner, near * there * steps**k, n), 1e-9) for k in (0, 2)
+        )
+        found["told"][:, side], found["lost"][:, side] = told, 1.0 - told / (whole + 1e-300)
+        found["left"][:, side] = np.bincount(owner, near * left, n) / count
+        found["steeper"][:, side] = np.bincount(owner, near * steps * left, n) / square
+    return found, u, np.where(there, left, np.nan)
+
+
+def _learned(channel: Channel, angle: AngleFunction, rows: Records) -> Form | None:
+    """The form of the `rows` (n,) of PASSAGE; None if it has no two fronts.
+
+    Each round lays the passages over as the form of the round before fits them.
+    """
+    known = rows[np.isfinite(rows["level_m_s2"])]
+    some = known[np.linspace(0, known.size - 1, min(known.size, LEARNT_FROM)).astype(np.int64)]
+    if not some.size:
+        return None
+    parts = [np.zeros((3, 0))]
+    for part, owner, phi, values in samples(channel, angle, some, _window(some)):
+        parts.append(np.stack([part[owner], phi, _scaled(some[part], owner, phi, values)]))
+    number, phi, y = np.concatenate(parts, axis=1)
+    owner, half = number.astype(np.int64), float(np.median(some["half_rad"]))
+    u, intervals, like = phi, INTERVALS, np.ones(some.size, bool)
+    for _ in range(ROUNDS):
+        learnt = _form(np.where(like[owner], u, np.inf), y, REACH * half, intervals)
+        if learnt is None:
+            return None
+        form = learnt
+        found, u, left = _fit(form, owner, phi, y, some.size)
+        # passages with more than this times the usual residual are not learnt from
+        like = found["misfit"] < 3.0 * np.median(found["misfit"])
+        half, steepest = 0.5 * float(np.ptp(form.fronts_rad)), float(np.abs(form.steepness).max())
+        intervals = int(np.clip(2.0 * form.reach_rad * steepest / KNOTS, 16.0, 400.0))
+    growth = found["growth"] - np.mean(found["growth"][like])
+    spread = float(np.std(growth[like]))
+    own = found["misfit"] * np.sqrt(np.linalg.inv(found["normal"][:, :2, :2])[:, 1, 1])
+    # the form follows the growth if this moves by more than so many of its errors: what the noise
+    # moves would be followed too.  Half of it would let an eighth of noise in
+    if like.sum() < FEWEST or spread < 3.0 * float(np.median(own)):
+        return form
+    used = np.isfinite(left) & (np.abs(u) < form.reach_rad) & like[owner]
+    sizes, reach = growth[owner[used]], form.reach_rad
+    solved = spline(u[used], left[used], reach, intervals, sizes)
+    change = spline_at(solved, form.angle_rad, reach)
+    bent = np.gradient(change, form.angle_rad) * spread
+    wider, narrower = (_steep_width(form.angle_rad, form.slope + one) for one in (bent, -bent))
+    return replace(form, change=change, lead=(wider - narrower) / (4.0 * spread))
+
+
+def _steep_width(angle: FloatArray, slope: FloatArray) -> float:
+    """Angle between the steep parts on either side of the middle."""
+    # the power is high enough to see little but the steepest place, and low enough for its noise:
+    # a third less or more moves widths by a hundredth of what they grow
+    steep = slope**6
+    right, left = (np.average(angle, weights=steep * (angle * side > 0.0)) for side in (1.0, -1.0))
+    return float(right - left)
+
+
+def _window(rows: Records) -> FloatArray:
+    """Reach of the samples that a fit of each of the `rows` needs, (n,) [rad]."""
+    half = rows["half_rad"]
+    return np.asarray(REACH * np.maximum(half, np.median(half)) + FARTHEST, np.float64)
+
+
+def _followed(left: FloatArray, rows: Records, good: BoolArray) -> FloatArray:
+    """What of `left` (n,) goes with speed, its square and acceleration, or is always there, (n,).
+
+    By least squares over the `good` (n,); nothing if these are too few.
+    """
+    speed, ahead = rows["rate_rad_s"], rows["ahead_m_s2"]
+    columns = np.nan_to_num([np.ones(rows.size), speed, speed**2, ahead]).T
+    scale = np.maximum(np.abs(columns[good]).max(axis=0, initial=0.0), 1e-12)
+    if good.sum() < FEWEST:
+        return np.zeros(rows.size)
+    solved = np.linalg.lstsq(columns[good] / scale, left[good], rcond=1e-6)[0] / scale
+    return np.asarray(columns @ solved, np.float64)
+
+
+def fill_fronts(
+    channel: Channel, angle: AngleFunction, rows: Records, sign: float, noise: float,
+    limits: tuple[float, float] = (-np.inf, np.inf),
+) -> None:  # fmt: skip
+    """Fills levels and fronts of the `rows` (n,) of PASSAGE, which are in the order of the angle.
+
+    `sign` of the level outside, `noise` of a sample, `limits` at which the sensor clips. Errors are
+    by the noise, and larger by as much as samples lie farther from the form than that.
+    """
+    for name in ("entry_rad", "exit_rad", "middle_se_rad", "width_se_rad"):
+        rows[name] = np.nan
+    fill_levels(channel, angle, rows, sign)
+    form = _learned(channel, angle, rows)
+    if form is None:
+        return
+    found, clipped = np.zeros(rows.size, FITTED), np.zeros(rows.size, bool)
+    for some, owner, phi, values in samples(channel, angle, rows, _window(rows)):
+        part = rows[some]
+        y = _scaled(part, owner, phi, values)
+        found[some] = _fit(form, owner, phi, y, some.size)[0]
+        beyond = (values <= limits[0]) | (values >= limits[1])
+        beyond &= np.abs(phi) < REACH * part["half_rad"][owner]
+        clipped[some] = np.bincount(owner, beyond, some.size) > 0
+    told = found["told"] * rows["rate_rad_s"][:, None]
+    short = ~(told > LEAST_TOLD * np.median(told, axis=0)).all(axis=1)
+    begin, end = _ends(angle, rows, _window(rows))
+    first, last = channel.axis.at(np.array([0.0, channel.size - 1.0]))
+    at_end = ~((begin >= first) & (end <= last))
+    lost = (found["lost"] > LOST).any(axis=1)
+    rows["quality"] |= marked(short & at_end, Quality.EDGE_OF_LOG)
+    rows["quality"] |= marked((short & ~at_end) | lost, Quality.GAP)
+    rows["quality"] |= marked(clipped, Quality.CLIPPED)
+    # a passage that moves farther is another
+    near = (np.abs(found["shift"]) < FARTHEST) & (np.abs(found["growth"]) < FARTHEST)
+    known = near & ~short & np.isfinite(rows["level_m_s2"])
+    nan, good = np.where(known, 1.0, np.nan), known & (rows["quality"] == 0)
+    growth = found["growth"] - (np.mean(found["growth"][good]) if good.any() else 0.0)
+    for side, name in enumerate(("entry", "exit")):
+        front, steep = form.fronts_rad[side], form.steepness[side]
+        usual = np.average(
+            form.change + 0.0 * form.level, weights=form.near(form.angle_rad, side)[1]
+        )
+        more = _followed(found["left"][:, side] - usual * growth, rows, good)
+        grown = np.sign(front) * (found["growth"] + form.lead * growth)
+        place = rows["middle_rad"] + found["shift"] + front - more / steep + grown
+        rows[f"{name}_rad"] = place * nan
+        rows[f"{name}_slope"] = steep + found["steeper"][:, side] * abs(steep)
+    of_noise = noise / np.abs(rows["level_m_s2"] - rows["inside_m_s2"])
+    misfit = np.where(good, found["misfit"] / of_noise, 1.0)
+    wider = np.maximum(sliding_median(misfit, min(SMOOTH, misfit.size)), 1.0) * of_noise * nan
+    inverse = np.linalg.inv(found["normal"][:, :2, :2])
+    by_level = (inverse @ found["normal"][:, :2, 2:])[..., 0] * rows["level_share"][:, None]
+    own = np.hypot(np.sqrt(np.diagonal(inverse, axis1=1, axis2=2)), by_level) * wider[:, None]
+    of_angle = np.sqrt(0.5) * rows["angle_noise_rad"]
+    rows["middle_se_rad"] = np.hypot(own[:, 0], of_angle)
+    rows["width_se_rad"] = 2.0 * np.hypot((1.0 + form.lead) * own[:, 1], of_angle)
+
+
+# ---- The passages of an accelerometer beside an encoder.
+
+#: passages that tell how far they are apart without their fronts: their median is known to a tenth
+#: of a degree, where one step of a hundred is 3.6; twice as many leave logs of ten turns untold
+PASSAGES = 8
 
 
 def find_fronts(
@@ -515,97 +419,91 @@ def find_fronts(
     wheel: WheelAngle,
     radius_m: float,
     limits: tuple[float, float] = (-np.inf, np.inf),
-) -> Records | None:
-    """All passages of an accelerometer channel, (n,) of FRONTS; None if it has none.
+) -> tuple[Records, float] | None:
+    """(passages (n,) of PASSAGE, wheel angle between them [rad]) of an accelerometer channel.
 
-    `radius_m` the rolling radius, `limits` at which it clips.
+    None if it has none; the angle is 2 pi if the encoder's steps are right. `radius_m` the rolling
+    radius, `limits` at which it clips.
     """
-    passages = _passages(find_dips(binned(channel, wheel.angle)))
-    if passages is None:
+    found = _passages(channel, wheel.angle)
+    if found is None:
         return None
-    dips, turn = passages
-    sign = int(np.sign(np.median(dips["level"])))
-    dips, expected, row = _expected(dips[np.sign(dips["level"]) == sign], wheel, turn)
-    gravity = gravity_in(dips, sign)
-    flanks = flanks_of(dips, wheel, radius_m, sign * STANDARD_GRAVITY_M_S2 if gravity else 0.0)
-    n = row.size
-    window = np.full(2, FIRST_GUESS * DEGREE)
-    some = slice(max(n // 2 - LEARN_FROM, 0), n // 2 + LEARN_FROM)
-    for _ in range(2):
-        part = np.concatenate([flanks[:n][some], flanks[n:][some]])
-        slope = crossings(channel, wheel, part, window, limits)[2]
-        window = np.clip(
-            [
-                FLANK_SHARE / np.nanmedian(np.abs(s))
-                if np.isfinite(s).any()
-                else FLANK_SHARE * DEGREE
-                for s in np.split(slope, 2)
-            ],
-            NARROW * DEGREE,
-            WIDE * DEGREE,
-        )
-    place, se, slope, quality = crossings(channel, wheel, flanks, window, limits)
-    place, se, magnified = matched(
-        channel, wheel, flanks, (place, se, slope), np.flatnonzero(quality)
+    middle, half, turn, sign, noise = found
+    seen, expected, row = _expected(middle, wheel, turn)
+    time, span = wheel.angle.time_at(middle[seen]), 0.1
+    change = wheel.speed_rad_s(time + span / 2) - wheel.speed_rad_s(time - span / 2)
+    rows = records(
+        PASSAGE,
+        middle_rad=middle[seen],
+        half_rad=half[seen],
+        rate_rad_s=wheel.speed_rad_s(time),
+        ahead_m_s2=np.nan_to_num(radius_m * change / span),
+        angle_noise_rad=wheel.angle.noise_at(time),
     )
+    fill_fronts(channel, wheel.angle, rows, sign, noise, limits)
+    saturated = np.abs(rows["level_m_s2"]) > 0.95 * min(-limits[0], limits[1])
+    rows["quality"] |= marked(saturated, Quality.CLIPPED)
+    nan, lost = np.nan, np.uint32(Quality.LOST_PEAK)
     fronts = records(
-        FRONTS, expected_rad=expected, entry_rad=np.nan, exit_rad=np.nan, entry_se_rad=np.nan,
-        exit_se_rad=np.nan, quality=np.uint32(Quality.LOST_PEAK), gravity=gravity, turn_rad=turn,
-        magnified=magnified, level_m=sign * abs(float(np.median(dips["level"]))),
+        PASSAGE, middle_rad=expected, entry_rad=nan, exit_rad=nan, middle_se_rad=nan,
+        width_se_rad=nan, rate_rad_s=nan, quality=lost,
     )  # fmt: skip
-    for name, both in (("rad", place), ("se_rad", se)):
-        fronts[f"entry_{name}"][row], fronts[f"exit_{name}"][row] = both[:n], both[n:]
-    saturated = np.abs(flanks["level"][:n]) * flanks["rate"][:n] ** 2 > 0.95 * min(
-        -limits[0], limits[1]
-    )
-    fronts["quality"][row] = quality[:n] | quality[n:] | marked(saturated, Quality.CLIPPED)
-    return fronts
+    fronts[row] = rows
+    return fronts, turn
 
 
 def patch_turn(channel: Channel, wheel: WheelAngle) -> float:
-    """Wheel angle from passage to passage [rad], by the first piece of the log that shows it.
+    """Wheel angle from passage to passage [rad], by the beginning of the log that shows it.
 
-    NaN if none has PASSAGES of them.
+    NaN if there are fewer than PASSAGES of them.
     """
-    for piece in binned(channel, wheel.angle):
-        found = _passages(find_dips([piece]))
+    size = 2 * PIECE
+    while True:
+        part = replace(channel, axis=replace(channel.axis, size=min(size, channel.size)))
+        found = _passages(part, wheel.angle)
         if found and found[0].size >= PASSAGES:
-            return found[1]
-    return float("nan")
+            return found[2]
+        if size >= channel.size:
+            return float("nan")
+        size *= 4
 
 
-def _passages(dips: Records) -> tuple[Records, float] | None:
-    """(dips of the usual width, wheel angle between them [rad]); None if they do not recur.
+def _passages(
+    channel: Channel, angle: AngleFunction
+) -> tuple[FloatArray, FloatArray, float, float, float] | None:
+    """(middles, half widths [rad], angle between them [rad], sign of the level, noise of a sample).
 
-    The angle is 2 pi if the encoder has as many steps as the setup says. Most dips come after a
-    whole number of like turns; noise does not.
+    Of pulses of the usual width while the wheel rolls forwards. None if they do not recur: most
+    come after a whole number of like turns; noise does not.
     """
-    if dips.size < 3:
+    sign = patch_sign(channel)
+    pulses, data = pulses_in(channel, decimate(channel, sign), sign)
+    entry, leave = (
+        angle.at(channel.axis.at(pulses["middle"] + side * pulses["width"])) for side in (-0.5, 0.5)
+    )
+    middle, half = 0.5 * (entry + leave), 0.5 * (leave - entry)
+    climbing = np.fmax.accumulate(np.append(-np.inf, middle))
+    known = (middle > climbing[:-1]) & (half > 2.0 * DEGREE) & (half < 35.0 * DEGREE)
+    middle, half = middle[known], half[known]
+    if middle.size < 3:
         return None
-    turn = float(np.median(np.diff(_middle(dips))))
-    width = dips["exit_rad"] - dips["entry_rad"]
-    share = width / np.median(width)
-    dips = dips[(share < 1.7) & (share > 0.55)]
-    steps = np.diff(_middle(dips)) / turn
+    turn, share = float(np.median(np.diff(middle))), half / np.median(half)
+    usual = (share < 1.7) & (share > 0.55)
+    middle, half = middle[usual], half[usual]
+    steps = np.diff(middle) / turn
     recurring = np.abs(steps - np.rint(steps)) < 0.03
-    if dips.size < 3 or turn <= 0.3 * np.pi or float(np.mean(recurring)) <= 0.6:
+    if middle.size < 3 or turn <= 0.3 * np.pi or float(np.mean(recurring)) <= 0.6:
         return None
-    return dips, turn
-
-
-def _middle(dips: Records) -> FloatArray:
-    """Wheel angles [rad] of the middles of the patch."""
-    return np.asarray(0.5 * (dips["entry_rad"] + dips["exit_rad"]), np.float64)
+    return middle, half, turn, -sign, data.noise
 
 
 def _expected(
-    dips: Records, wheel: WheelAngle, turn: float
-) -> tuple[Records, FloatArray, IntArray]:
-    """(dips that recur once per turn, expected middles of all passages, the dips' rows).
+    middle: FloatArray, wheel: WheelAngle, turn: float
+) -> tuple[BoolArray, FloatArray, IntArray]:
+    """(which of the passages recur once per turn, expected middles of all passages, their rows).
 
-    The middles in rad; the rows are those of the dips among the passages.
+    The middles in rad; the rows are those of the former among the latter.
     """
-    middle = _middle(dips)
     stretch = wheel.angle.stretch_at(wheel.angle.time_at(middle))
     kept = np.ones(middle.size, bool)
     if abs(turn / (2 * np.pi) - 1) < 0.01:
@@ -618,7 +516,7 @@ def _expected(
             usual = float(np.median(spread[ahead.argmax() + np.arange(ahead.max())]))
             kept[rows] = np.abs(np.angle(np.exp(1j * (middle[rows] - usual)))) < 15 * DEGREE
     ends = middle[[0, -1]]
-    dips, middle = dips[kept], middle[kept]
+    middle = middle[kept]
     turns = np.maximum(np.rint(np.diff(middle) / turn).astype(np.int64), 1)
     row = np.concatenate([[0], np.cumsum(turns)])
     before, after = np.rint(np.abs(middle[[0, -1]] - ends) / turn).astype(np.int64)
@@ -630,4 +528,4 @@ def _expected(
             inside[-1] + turn * np.arange(1, after + 1),
         ]
     )
-    return dips, expected, row + before
+    return kept, expected, row + before

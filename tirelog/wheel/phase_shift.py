@@ -23,6 +23,7 @@ from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.filters import runs, unlike_neighbours
 from tirelog.dsp.teeth import crossings, probe
 from tirelog.errors import DataLoss, SetupError, UsageError
+from tirelog.runs.in_memory import without_spikes
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, Use, good, marked
 from tirelog.wheel.angle import (
@@ -179,18 +180,15 @@ def refuse_steps_by_patch(recording: Recording, wheel: WheelAngle) -> None:
 def doubts(
     recording: Recording,
     channel: Channel,
-    wheel: WheelAngle,
     fronts: Records,
     radius: Radius,
     share: float,
 ) -> list[str]:
-    """Sentences on the whole channel.
-
-    SetupError: the patch does not come once in `steps` steps, or its level is no rotation's.
-    """
+    """Sentences on the whole channel.  SetupError: its level is no rotation's."""
     said: list[str] = []
-    refuse_steps(recording, wheel, float(fronts["turn_rad"][0]))
-    ratio = abs(float(fronts["level_m"][0])) / radius.radius_m
+    with np.errstate(invalid="ignore", divide="ignore"):
+        level_m = float(np.nanmedian(fronts["level_m_s2"] / fronts["rate_rad_s"] ** 2))
+    ratio = abs(level_m) / radius.radius_m
     what = (
         f"the level outside the patch is {ratio:.3g} times Omega^2 R, as of a sampling rate wrong "
         f"by a factor {abs(ratio) ** 0.5:.3g} or a unit by {ratio:.3g}"
@@ -204,8 +202,8 @@ def doubts(
             f"channel {channel.name}: {100 * share:.2g} % of the samples stand at its limits "
             "(clipped)"
         )
-    outward = "outward" if fronts["level_m"][0] < 0 else "inward"
-    gravity = "with" if fronts["gravity"][0] else "without"
+    outward = "outward" if level_m < 0 else "inward"
+    gravity = "with" if fronts["gravity_m_s2"].any() else "without"
     said.append(
         f"channel {channel.name}: {outward} positive by its level outside the patch, {gravity} "
         "gravity"
@@ -295,8 +293,9 @@ def measure_phase_shift(
     said = [*wheel.remarks, *([radius.remark] if radius.remark else [])]
     for channel in accelerometers:
         low, high, share = limits(channel)
-        fronts = find_fronts(without_held(channel, low, high), wheel, radius.radius_m, (low, high))
-        if fronts is None:
+        held = without_spikes(without_held(channel, low, high))
+        found = find_fronts(held, wheel, radius.radius_m, (low, high))
+        if found is None:
             refuse_swapped(recording, channel, encoder)
             raise DataLoss(
                 f"channel {channel.name} shows no patch: its signal does not fall below half of "
@@ -305,7 +304,9 @@ def measure_phase_shift(
                 "faster than 2 m/s",
                 file=recording.log,
             )
-        said += doubts(recording, channel, wheel, fronts, radius, share)
+        fronts, turn_rad = found
+        refuse_steps(recording, wheel, turn_rad)
+        said += doubts(recording, channel, fronts, radius, share)
         yield _passages(recording, channel, wheel, radius, fronts, zero, forces, said)
         said = []
 
@@ -323,7 +324,7 @@ def _passages(
     """Fronts as a table's rows."""
     entry, leave = fronts["entry_rad"], fronts["exit_rad"]
     found = np.isfinite(entry) & np.isfinite(leave)
-    middle = np.where(found, 0.5 * (entry + leave), fronts["expected_rad"])
+    middle = np.where(found, 0.5 * (entry + leave), fronts["middle_rad"])
     time, turns = turns_about(wheel, middle, radius.radius_m)
     speed = radius.radius_m * wheel.speed_rad_s(time)
     low, high = (wheel.angle.time_at(middle + side * (15 / DEG + 0.3)) for side in (-1.0, 1.0))
@@ -351,10 +352,9 @@ def _passages(
             "gave the whole teeth back",
         ]
     without = _without_zero(zero) if np.isnan(offset) else ""
-    se = np.hypot(fronts["entry_se_rad"], fronts["exit_se_rad"]) * DEG
-    width_se = se * fronts["magnified"]
     # what both fronts have in common stays in their middle
-    middle_se = np.hypot(se / 2, np.sqrt(0.5) * wheel.angle.shared_noise_at(time) * DEG)
+    shared = np.sqrt(0.5) * wheel.angle.shared_noise_at(time)
+    middle_se = np.hypot(fronts["middle_se_rad"], shared) * DEG
     means = {}
     for force in recording.of_kind("vertical_load", "longitudinal_force") if forces else ():
         # the mean of a turn in which the wheel stood is no passage's
@@ -362,8 +362,8 @@ def _passages(
         means[force.kind] = means_between(force, turns.begin_s, end)
     return EdgeTimes(
         recording.log, channel.name, radius.radius_m, recording.setup.conditions.driven, time,
-        speed, turns.acceleration_m_s2, turn - width / 2, turn + width / 2, width, width_se,
-        turn - offset, middle_se,
+        speed, turns.acceleration_m_s2, turn - width / 2, turn + width / 2, width,
+        fronts["width_se_rad"] * DEG, turn - offset, middle_se,
         steady, quality, zero_speed, tuple(said), without, means,
         _example(channel, wheel, fronts, clean),
     )  # fmt: skip
@@ -380,7 +380,7 @@ def _example(channel: Channel, wheel: WheelAngle, fronts: Records, clean: np.nda
     time = wheel.angle.time_at(middle + np.array([-0.8, 0.0, 0.8]))
     first, last = (int(i) for i in channel.axis.index(np.nan_to_num(time))[::2])
     at = channel.axis.time(first, last)
-    level = fronts["level_m"][row] * wheel.speed_rad_s(time[1:2]) ** 2
+    level = fronts["level_m_s2"][row]
     both = np.resize(np.array([entry - middle, leave - middle]), at.size) * DEG
     return np.stack([(wheel.angle.at(at) - middle) * DEG, channel.read(first, last) / level, both])
 

@@ -53,13 +53,13 @@ from tirelog.process_pool import shared_out, shares
 from tirelog.runs.in_memory import readable_apart, without_spikes
 from tirelog.strain.passages.find import (
     Passages,
-    patch_sign,
     refuse_swapped_surface,
     trusted_passages,
 )
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS, STRAIN
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
+from tirelog.wheel.pulses import patch_sign
 
 # ---- The stacks of several logs, numbered through.
 #

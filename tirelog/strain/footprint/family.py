@@ -398,18 +398,15 @@ class EdgeFamily:
         return np.asarray(np.exp(1j * np.multiply.outer(xi_m, self.kappa_1_m)))
 
     def on_grid(
-        self, spectra: ComplexArray, points: int, half_window_m: float, finer: int = 1
+        self, spectra: ComplexArray, points: int, half_window_m: float
     ) -> tuple[FloatArray, FloatArray]:
         """Waves of `spectra` (n, c) on an even grid: abscissae (g,), waves (g, c).
 
-        The grid has `points` x `finer` per revolution and reaches to +-`half_window_m`.
-
-        What straight lines between every `finer`-th point take off on average, sinc^2(kappa step
-        / 2), is made up for.
+        The grid has `points` per revolution and reaches to +-`half_window_m`. What straight lines
+        between its points take off on average, sinc^2(kappa step / 2), is made up for.
         """
         kept = min(self.kappa_1_m.size, points // 2)
         straightened = np.sinc(np.arange(1, kept + 1) / points) ** 2
-        points *= finer
         padded = np.zeros((spectra.shape[1], points // 2 + 1), complex)
         padded[:, 1 : kept + 1] = spectra[:kept].T * (0.5 * points / straightened)
         step = 2.0 * np.pi * self.radius_m / points

@@ -14,8 +14,6 @@ times `by_speed2` x (the row's squared speed - the table's) is added to the heig
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from tirelog.kernels import compiled
@@ -40,26 +38,6 @@ FIT = np.dtype(
     [("height", "f8"), ("offset", "f8"), ("shift", "f8"), ("length", "f8"), ("damping", "f8"),
      ("tilt", "f8"), ("length_se", "f8"), ("chi2", "f8"), ("used", "f8")]
 )  # fmt: skip
-
-
-class ClassSums(NamedTuple):
-    """What the rows of one class of speed leave about a form, each put where it is.
-
-    own            (n, OWN): each row's own solution, 0 if it has too few samples
-    chi2, used     (n,): its squared residual over sigma^2, samples used
-    left, counts   (cells,): sums of residuals over heights by place in the window, and how many
-    """
-
-    own: FloatArray
-    chi2: FloatArray
-    used: FloatArray
-    left: FloatArray
-    counts: FloatArray
-
-    @property
-    def free(self) -> FloatArray:
-        """Degrees of freedom of each row, (n,)."""
-        return np.maximum(self.used - OWN, 1.0)
 
 
 def motion_of(
@@ -208,14 +186,14 @@ def _fit(
     odd_sd: float, columns: FloatArray, place: FloatArray, gram: FloatArray, inverse: FloatArray,
     whole: FloatArray,
 ) -> tuple[int, float]:  # fmt: skip
-    """Fills `whole` (FITTED,) with the fit of one row, if it has FITTED samples.
+    """Fills `whole` (FITTED,) with the fit of one row, if it has OWN samples.
 
     Samples used, and their mean, which is off. The rest is filled on the way.
     """
     used, middle = look_up(
         values, motion, table, grid, grid["shift_m"], 1.0, FITTED - 1, FITTED, columns, place
     )  # fmt: skip
-    if used >= FITTED:
+    if used >= OWN:
         products(columns, used, FITTED, gram)
         rough = own_inverse(gram, FITTED, sigma, odd_sd, inverse)
         fitted(gram, inverse, rough, np.empty((3, OWN)), whole)
@@ -225,17 +203,20 @@ def _fit(
 @compiled
 def fit_rows(
     values: FloatArray, motion: Records, number: IntArray, tables: FloatArray, grids: Records,
-    sigma: float, odd_sd: float, found: Records,
+    sigma: float, odd_sd: float, found: Records, left: FloatArray,
 ) -> None:  # fmt: skip
     """Fills `found` (n,) of FIT with the fit of each row of `values` (n, m) against its form.
 
-    Form `number` (n,) of the `tables` (k, g, FITTED) on `grids` (k,); `motion` (n,). `found` comes
-    as NaN, which a row with too few samples keeps. The offset is the values' own. `sigma`: standard
-    deviation of a value; `odd_sd`: of damping and tilt, in heights.
+    Form `number` (n,) of the `tables` (k, g, FITTED) on `grids` (k,); `motion` (n,). A row with too
+    few samples keeps what `found` comes with. The offset is the values' own. `sigma`: standard
+    deviation of a value; `odd_sd`: of damping and tilt, in heights. Added to `left` (2, cells):
+    what the fits leave over their heights by place in the window, and how many samples.
     """
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
     gram, inverse = np.empty((FITTED + 1, FITTED + 1)), np.empty((OWN, OWN))
-    whole = np.empty(FITTED)
+    whole, cells = np.empty(FITTED), left.shape[1]
+    # a form is learnt of passages with as many samples as they have numbers, if there are no others
+    least = OWN if cells else FITTED
     for row in range(values.shape[0]):
         k, made = number[row], found[row]
         used, middle = _fit(
@@ -243,54 +224,32 @@ def fit_rows(
             inverse, whole,
         )  # fmt: skip
         made["used"] = used
-        if used < FITTED:
+        if used < least:
             continue
         made["height"], made["offset"] = whole[HEIGHT], whole[OFFSET] + middle
         made["shift"], made["length"] = whole[SHIFT], whole[LENGTH]
         made["damping"], made["tilt"] = whole[DAMPING], whole[TILT]
         made["length_se"] = np.sqrt(inverse[LENGTH, LENGTH])
         made["chi2"] = max(quadratic_form(gram, FITTED, whole), 0.0) / sigma**2
+        if cells:
+            _add_residuals(columns, place, used, grids[k], whole, left)
 
 
 @compiled
-def class_sums(
-    values: FloatArray, motion: Records, table: FloatArray, grid: Record, by_speed2: float,
-    sigma: float, odd_sd: float, cells: int,
-) -> ClassSums:  # fmt: skip
-    """What the rows of one class of speed leave about a form.
-
-    `values` (n, m) move as `motion` (n,) says; `table` (g, OWN) on `grid`, one GRID: a passage's
-    own columns but the offset, and one that follows the squared speed.
-    """
-    wide = table.shape[1] + 1
-    count = values.shape[0]
-    rows, chi2, samples = np.zeros((count, OWN)), np.zeros(count), np.zeros(count)
-    left, counts = np.zeros(cells), np.zeros(cells)
-    columns, place = np.empty((values.shape[1] + SPARE, wide + 1)), np.empty(values.shape[1])
-    gram, inverse = np.empty((wide + 1, wide + 1)), np.empty((OWN, OWN))
-    per_cell = cells / (2.0 * grid["half_window_m"])
-    for row in range(values.shape[0]):
-        used, _ = look_up(
-            values[row], motion[row], table, grid, grid["shift_m"], by_speed2, wide - 2, wide,
-            columns, place,
-        )  # fmt: skip
-        samples[row] = used
-        if used < OWN:
-            continue
-        products(columns, used, wide, gram)
-        own_inverse(gram, wide, sigma, odd_sd, inverse)
-        own = rows[row]
-        apply_inverse(inverse, gram[wide], own)
-        for k in range(used):
-            residual = columns[k, wide]
-            for i in range(OWN):
-                residual -= columns[k, i] * own[i]
-            chi2[row] += (residual / sigma) ** 2
-            xi = grid["first_m"] + place[k] * grid["step_m"]
-            cell = min(int((xi + grid["half_window_m"]) * per_cell), cells - 1)
-            left[cell] += residual / own[HEIGHT]
-            counts[cell] += 1.0
-    return ClassSums(rows, chi2, samples, left, counts)
+def _add_residuals(
+    columns: FloatArray, place: FloatArray, used: int, grid: Record, whole: FloatArray,
+    left: FloatArray,
+) -> None:  # fmt: skip
+    """Adds what a fit leaves of its `used` samples to `left` (2, cells), as of `fit_rows`."""
+    half_window, cells = grid["half_window_m"], left.shape[1]
+    for k in range(used):
+        residual = columns[k, FITTED]
+        for i in range(FITTED):
+            residual -= columns[k, i] * whole[i]
+        xi = grid["first_m"] + place[k] * grid["step_m"]
+        cell = min(int((xi + half_window) * (0.5 * cells / half_window)), cells - 1)
+        left[0, cell] += residual / whole[HEIGHT]
+        left[1, cell] += 1.0
 
 
 # ---- Compiled: a traction beside a passage's form, for each of many onsets (`slip_onset`).
@@ -550,29 +509,6 @@ def follow_rows(
         made["length_se"] = told[top]["length_se"]
         made["shift"], made["to_go"] = shift, best[SHIFT] / best[HEIGHT]
         made["rival"] += made["chi2"]
-
-
-@compiled
-def moved_waves(
-    phases: FloatArray, first: IntArray, share: FloatArray, factors: FloatArray, out: FloatArray
-) -> None:
-    """Adds to `out` (c, g) the waves, moved along the tread for each of the c onsets.
-
-    `phases` (f, w, n): every f-th point of the w waves from the first, second, ... on, so that a
-    grid step of `out` is a step of each. Row t takes the waves from place `first[t]` + `share[t]`
-    of all their points on, straight between these, times `factors` (w, c).
-    """
-    finer = phases.shape[0]
-    for t in range(out.shape[0]):
-        row, begin, phase = out[t], first[t] // finer, first[t] % finer
-        after = begin + (phase + 1) // finer
-        for w in range(phases.shape[1]):
-            # slices, so that neighbours are worked on at once
-            here = phases[phase, w, begin : begin + row.size]
-            there = phases[(phase + 1) % finer, w, after : after + row.size]
-            a, b = factors[w, t] * (1.0 - share[t]), factors[w, t] * share[t]
-            for k in range(row.size):
-                row[k] += a * here[k] + b * there[k]
 
 
 @compiled

@@ -24,13 +24,11 @@ import numpy as np
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.strain.footprint.family import HIGHEST, LOWEST, ComplexArray
 from tirelog.strain.footprint.kernels import (
+    FIT,
     GRID,
-    HEIGHT,
     OWN,
-    SHIFT,
-    ClassSums,
-    class_sums,
     distance_along,
+    fit_rows,
     motion_of,
 )
 from tirelog.strain.footprint.reference import (
@@ -251,7 +249,7 @@ def grid_of(
 
 
 def form_table(
-    reference: Reference, number: int, half_window_m: float
+    reference: Reference, number: int, half_window_m: float, points: int = TABLE_POINTS
 ) -> tuple[FloatArray, Record]:
     """The columns that a fit needs at speed `number`, and their grid.
 
@@ -275,6 +273,7 @@ def form_table(
                 -reference.inertia * spectra[:, 3],
             ]
         ),
+        points,
     )
     if reference.residuals is not None and reference.residual_xi_m is not None:
         xi = grid["first_m"] + grid["step_m"] * np.arange(columns.shape[0])
@@ -302,65 +301,64 @@ STEPS, UNLIKELY, FARTHEST = (0.002, 0.02), 5.0, 0.3
 UNFOLLOWED = 2.0
 
 
-def _sums(
+def _fits(
     reference: Reference, number: int, sample: PatchWindows, noise: float, half_window_m: float
-) -> ClassSums:
-    """What the passages of one class leave about the form, each put where it is.
+) -> tuple[Records, FloatArray]:
+    """The fits (n,) of FIT of the passages of one class, 0 without; what they leave (`fit_rows`).
 
     The class' form holds at its own speed: the tension of each passage follows its squared speed.
     """
-    # height, -shift, length, damping, tilt | tension
-    spectra = reference.family.jacobian(reference.shapes[number])
-    moved = -1j * reference.family.kappa_1_m * spectra[:, 0]
-    columns = np.column_stack([spectra[:, 0], moved, spectra[:, [1, 5, 6, 3]]])
-    # the same while a form is learnt, in half of the time: what the straight lines miss, up to 5e-5
-    # of a passage's height, is a tenth of the noise of the quietest log; half as many miss four
-    # times as much
-    table, grid = grid_of(reference, number, half_window_m, columns, 2048)
-    sigma = noise / np.sqrt(sample.averaged)
+    # in half of the time: what the straight lines of so few points miss, up to 5e-5 of a passage's
+    # height, is a tenth of the noise of the quietest log; half as many miss four times as much
+    plain = replace(reference, residuals=None)
+    table, grid = form_table(plain, number, half_window_m, 2048)
+    found, left = np.zeros(len(sample.row), FIT), np.zeros((2, CELLS))
+    every, grids = np.zeros(len(sample.row), np.int64), np.stack([grid])
     # weak knowledge of a passage's own damping and tilt; twice as much lets the noise of a passage
     # move them twice as far
-    return class_sums(
-        sample.values, sample.motion, table, grid, -reference.inertia, sigma, 0.5, CELLS
-    )
+    fit_rows(
+        sample.values, sample.motion, every, table[None], grids,
+        noise / np.sqrt(sample.averaged), 0.5, found, left,
+    )  # fmt: skip
+    return found, left
 
 
 def _averages(
     reference: Reference,
     samples: list[PatchWindows],
-    sums: list[ClassSums],
+    fits: list[tuple[Records, FloatArray]],
     noise: float,
     half_window_m: float,
     unlike: float,
 ) -> list[Average]:
     """Mean passages of the classes, each row put where the class' form is.
 
-    What is quadratic in the rows' lengths and shifts, which are linear in their fits, is taken off.
     `unlike`: what a mean misses, as a share of its height.
     """
     family, made = reference.family.up_to(HIGHEST_SHARE), []
     basis, kappa = family.basis(cell_centres(half_window_m)), family.kappa_1_m
-    for shape, sample, one in zip(reference.shapes, samples, sums, strict=True):
-        spectra, own = family.jacobian(shape), one.own[one.own[:, HEIGHT] > 0.0]
-        own = own if len(own) else np.eye(OWN)[:1]  # no passage is like the form: it stays there
-        beside = own[:, SHIFT:] / own[:, :1]
-        low, middle, high = np.quantile(beside, (0.16, 0.5, 0.84), axis=0)
-        spread = 0.5 * (0.5 * (high - low)) ** 2
-        change = np.column_stack([-1j * kappa * spectra[:, 0], spectra[:, [1, 5, 6]]]) @ middle
-        bent = (
-            spread[1] * family.second_by_length(shape, spectra)
-            - spread[0] * kappa**2 * spectra[:, 0]
-        )
-        plain, moved = (basis @ np.column_stack([spectra[:, 0], change - bent])).real.T
-        height, size = float(np.median(own[:, HEIGHT])), float(np.ptp(plain))
-        counts = np.maximum(one.counts, 1.0)
-        sigma2 = noise**2 / (sample.averaged * counts)
+    for shape, sample, (found, (left, counts)) in zip(reference.shapes, samples, fits, strict=True):
+        spectra, like = family.jacobian(shape), found[found["height"] > 0.0]
+        height = float(np.median(like["height"])) if like.size else 1.0
+        # no passage is like the form: it stays there
+        beside = [
+            float(np.median(like[name] / like["height"])) if like.size else 0.0
+            for name in ("shift", "length", "damping", "tilt")
+        ]
+        change = np.column_stack([-1j * kappa * spectra[:, 0], spectra[:, [1, 5, 6]]]) @ beside
+        plain, moved = (basis @ np.column_stack([spectra[:, 0], change])).real.T
+        size, many = float(np.ptp(plain)), np.maximum(counts, 1.0)
+        sigma2 = noise**2 / (sample.averaged * many)
         # weight of a cell without samples, so that a class without any is known to nothing and not
         # unknown
-        weight = (one.counts > 0.0) / (sigma2 / (height * size) ** 2 + unlike**2) + 1e-6
-        values = (plain + moved + one.left / counts) / size
-        made.append(Average(sample.speed_m_s, values, weight))
+        weight = (counts > 0.0) / (sigma2 / (height * size) ** 2 + unlike**2) + 1e-6
+        made.append(Average(sample.speed_m_s, (plain + moved + left / many) / size, weight))
     return made
+
+
+def _free(found: Records) -> FloatArray:
+    """Degrees of freedom of fits (n,) of FIT; what is quadratic in them is not free."""
+    return np.asarray(np.maximum(found["used"] - OWN, 1.0), np.float64)
 
 
 def refine_edges(
@@ -376,26 +374,26 @@ def refine_edges(
     best, trial = reference, reference
     # rounds of refining, at most; twice as many only help a refinement that has not settled by then
     for again in range(6):
-        sums = [_sums(trial, k, s, noise, half_window_m) for k, s in enumerate(samples)]
-        samples, sums = _without_foreign(samples, sums, trial, noise, half_window_m)
-        free = float(sum(one.free.sum() for one in sums))
-        misfit = float(sum(one.chi2.sum() for one in sums)) / free
+        fits = [_fits(trial, k, s, noise, half_window_m) for k, s in enumerate(samples)]
+        samples, fits = _without_foreign(samples, fits, trial, noise, half_window_m)
+        free = float(sum(_free(found).sum() for found, _ in fits))
+        misfit = float(sum(np.sum(found["chi2"]) for found, _ in fits)) / free
         if again and misfit >= best.misfit:
             break  # where a whole step does harm, shorter ones gain next to nothing
         gain = best.misfit / misfit - 1.0 if again else np.inf
-        averages = _averages(trial, samples, sums, noise, half_window_m, 0.0)
+        averages = _averages(trial, samples, fits, noise, half_window_m, 0.0)
         problem = AverageFit(
             trial.family, averages, half_window_m, trial.shapes[0].half_length_m, own=False
         )
         start = problem.start(trial)
         found = descend(problem, start)
-        left = np.array([one.left / np.maximum(one.counts, 1.0) for one in sums])
+        left = np.array([total / np.maximum(counts, 1.0) for _, (total, counts) in fits])
         smooth = np.array([np.convolve(row, (0.25, 0.5, 0.25), "same") for row in left])
         lengths = np.array([shape.half_length_m for shape in trial.shapes])
         errors = np.sqrt(np.diag(problem.lengths(found.normal)) * max(misfit, 1.0))
         best = replace(
             trial,
-            heights=np.array([float(np.median(one.own[:, HEIGHT])) for one in sums]),
+            heights=np.array([float(np.median(found["height"])) for found, _ in fits]),
             length_se_m=2.0 * lengths * errors,
             misfit=misfit,
             freedom=free,
@@ -413,21 +411,21 @@ def refine_edges(
 
 def _without_foreign(
     samples: list[PatchWindows],
-    sums: list[ClassSums],
+    fits: list[tuple[Records, FloatArray]],
     reference: Reference,
     noise: float,
     half_window_m: float,
-) -> tuple[list[PatchWindows], list[ClassSums]]:
+) -> tuple[list[PatchWindows], list[tuple[Records, FloatArray]]]:
     """Samples without the passages that fit the start much worse than their neighbours do."""
-    kept, again = list(samples), list(sums)
-    for number, one in enumerate(sums):
-        share = one.chi2 / one.free
+    kept, again = list(samples), list(fits)
+    for number, (found, _) in enumerate(fits):
+        share = found["chi2"] / _free(found)
         # passages with more than this times the usual misfit do not belong; three times the usual
         # size; twice as much keeps passages of 4.2 times
-        good = (share < 9.0 * max(float(np.median(share)), 1.0)) & (one.own[:, HEIGHT] > 0)
+        good = (share < 9.0 * max(float(np.median(share)), 1.0)) & (found["height"] > 0)
         if good.any() and not good.all():
             kept[number] = samples[number].take(good)
-            again[number] = _sums(reference, number, kept[number], noise, half_window_m)
+            again[number] = _fits(reference, number, kept[number], noise, half_window_m)
     return kept, again
 
 
@@ -441,9 +439,9 @@ def learn_form(
     error the standard deviation over all lengths that the averages and the prior allow, each with
     the form that fits best there: the valley of length against pressure is bent.
     """
-    sums = [_sums(reference, k, s, noise, half_window_m) for k, s in enumerate(samples)]
-    samples, sums = _without_foreign(samples, sums, reference, noise, half_window_m)
-    averages = _averages(reference, samples, sums, noise, half_window_m, UNLIKE)
+    fits = [_fits(reference, k, s, noise, half_window_m) for k, s in enumerate(samples)]
+    samples, fits = _without_foreign(samples, fits, reference, noise, half_window_m)
+    averages = _averages(reference, samples, fits, noise, half_window_m, UNLIKE)
     problem = AverageFit(
         reference.family, averages, half_window_m, reference.shapes[0].half_length_m, own=True
     )

@@ -47,13 +47,11 @@ from tirelog.strain.footprint.slip_onset import (
     TOO_SMALL,
     WORST_SPEED,
     FrictionRatio,
-    TractionWaves,
     as_starts,
     followed_onsets,
     form_error,
     slip_onsets,
     sought_onsets,
-    traction_table,
     traction_waves,
 )
 from tirelog.strain.passages.find import Passages
@@ -252,7 +250,6 @@ class Forms:
         self.columns, self.grids = (np.stack(part) for part in zip(*made, strict=True))
         self.half_length_m = np.array([shape.half_length_m for shape in self.reference.shapes])
         self.shift_m = self.reference.shifts_m
-        self._waves: dict[int, TractionWaves] = {}
         self._tractions: dict[tuple[int, int, float], FloatArray] = {}
 
     def nearest(self, speed_m_s: FloatArray) -> IntArray:
@@ -269,10 +266,9 @@ class Forms:
         """
         key = number, every, ratio
         if key not in self._tractions:
-            if number not in self._waves:
-                self._waves[number] = traction_waves(self.reference, number, self._half_window_m)
-            L = float(self.half_length_m[number])
-            self._tractions[key] = traction_table(self._waves[number], L, ratio, every)
+            self._tractions[key] = traction_waves(
+                self.reference, number, self._half_window_m, ratio, every
+            )
         return self._tractions[key]
 
     def gains(self, knot: int, windows: PatchWindows, sigma: float) -> FloatArray:
@@ -295,8 +291,9 @@ class Forms:
         sigma = noise / np.sqrt(windows.averaged)
         found = np.full(number.size, np.nan, FIT)
         fit_rows(
-            windows.values, windows.motion, number, self.columns, self.grids, sigma, ODD_SD, found
-        )
+            windows.values, windows.motion, number, self.columns, self.grids, sigma, ODD_SD, found,
+            np.zeros((2, 0)),
+        )  # fmt: skip
         height, used = found["height"], found["used"]
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = {name: found[name] / height for name in FIT.names or ()}

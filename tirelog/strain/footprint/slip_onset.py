@@ -25,12 +25,10 @@ from tirelog.errors import UsageError
 from tirelog.strain.footprint.kernels import (
     FITTED,
     follow_rows,
-    moved_waves,
     seek_rows,
 )
 from tirelog.strain.footprint.learn import (
     REMARKABLE,
-    TABLE_POINTS,
     EdgeForm,
     PatchWindows,
     grid_of,
@@ -38,9 +36,6 @@ from tirelog.strain.footprint.learn import (
 from tirelog.strain.footprint.reference import Reference
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, Record, Records, records
 
-#: steps of the waves that are moved per step of the form's table; what straight lines between them
-#: take off is a quarter of what they do there, and twice as many take off a quarter of that
-FINER = 2
 #: onsets that are tried, as a share of the half length, coarse steps and fine ones between them
 FIRST, LAST, COARSE, FINE = -0.8, 0.94, 22, 5
 #: sliding over sticking friction of P2 Table 1 (0.6 / 0.8) and its standard deviation: from 0.6 to
@@ -97,55 +92,28 @@ def onset_grid(half_length_m: float) -> FloatArray:
     return half_length_m * np.linspace(FIRST, LAST, (COARSE - 1) * FINE + 1)
 
 
-#: what the waves of all tractions at one speed are made of: those of the edges (g, 2) on the grid
-#: of the form's table; those of the onset on one FINER times as fine, (FINER, 3, G), every FINER-th
-#: of their points from each of the first ones on; how many points there are, and how far apart [m]
-TractionWaves = tuple[FloatArray, FloatArray, int, float]
+def traction_waves(
+    reference: Reference, number: int, half_window_m: float, ratio: float, every: int = 1
+) -> FloatArray:
+    """Waves (g, c) of tractions at speed `number` of `reference`, on its form's grid.
 
-
-def traction_waves(reference: Reference, number: int, half_window_m: float) -> TractionWaves:
-    """The waves of tractions at speed `number` of `reference`.
-
-    The load of a traction is made of powers of xi that begin at the entry edge or at the onset, and
-    of the point load there. So few waves, moved along the tread, make those of all onsets.
+    A column per onset, every `every`-th of `onset_grid`; `ratio` of sliding to sticking friction.
+    The size is of the order of one.
     """
     family, shape = reference.family, reference.shapes[number]
-    L, kappa = shape.half_length_m, family.kappa_1_m
-    by_point = family.receptance(shape) / L
-    by_step, by_ramp = by_point / (1j * kappa), by_point / kappa**2
-    at_entry, at_exit = np.exp(1j * kappa * L), np.exp(-1j * kappa * L)
-    edges = np.column_stack([by_step * at_entry, (1.0 + 1j * kappa * L) * at_exit * by_ramp])
-    fixed, _ = grid_of(reference, number, half_window_m, edges)
-    onset = np.column_stack([by_point, by_step, by_ramp])
-    xi, moving = family.on_grid(onset, TABLE_POINTS, 1.02 * half_window_m + L, FINER)
-    padded = np.pad(moving.T, ((0, 0), (0, -len(moving) % FINER)))
-    phases = np.ascontiguousarray(padded.reshape(len(padded), -1, FINER).transpose(2, 0, 1))
-    return fixed, phases, len(moving), float(xi[1] - xi[0])
-
-
-def traction_table(waves: TractionWaves, L: float, ratio: float, every: int = 1) -> FloatArray:
-    """Waves (g, c) of tractions on the grid of the form's table, a column per onset.
-
-    `ratio` of sliding to sticking friction, `L` the form's half length [m]. The onsets are every
-    `every`-th of `onset_grid`, the size is of the order of one.
-    """
-    fixed, phases, points, step_m = waves
+    L, turning = shape.half_length_m, 1j * family.kappa_1_m[:, None]
     onset = onset_grid(L)[::every]
-    # adhering: steps at both ends; sliding: the integral of xi exp(-i kappa xi) from the onset
-    # to the exit is (1 + i kappa xi) exp(-i kappa xi) / kappa^2 between them
-    adhering = (L - onset) / L
-    made = adhering[:, None] * fixed[:, 0] - (2.0 * ratio / L) * fixed[:, 1]
-    factors = np.array(
-        [
-            (ratio - 1.0) * (L - onset**2 / L),
-            -adhering - 2.0 * ratio / L * onset,
-            np.full(onset.size, 2.0 * ratio / L),
-        ]
-    )
-    place = points // 2 - FINER * (len(fixed) // 2) - onset / step_m
-    first = np.floor(place).astype(np.int64)
-    moved_waves(phases, first, place - first, factors, made)
-    return np.ascontiguousarray(made.T)
+    adhering, slide = (L - onset) / L, 2.0 * ratio / L
+    by_point = family.receptance(shape)[:, None] / L
+    # loads as powers of xi that begin at the entry edge or at the onset, or end at the exit, and
+    # the point load at the onset. Adhering: steps at both ends; sliding: the integral of xi
+    # exp(-i kappa xi) from the onset to the exit is (1 + i kappa xi) exp(-i kappa xi) / kappa^2
+    # between them
+    load = adhering / turning * np.exp(turning * L)
+    load = load + slide / turning**2 * (1.0 + turning * L) * np.exp(-turning * L)
+    point = (ratio - 1.0) * (L - onset**2 / L) - (adhering + slide * onset) / turning
+    load += (point - slide / turning**2) * np.exp(-turning * onset)
+    return grid_of(reference, number, half_window_m, by_point * load)[0]
 
 
 @dataclass(frozen=True)

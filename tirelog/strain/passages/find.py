@@ -2,7 +2,7 @@
 
 The clock of every other estimator.
 
-    Channel --search--> rough middles and widths
+    Channel --`wheel.pulses`--> rough middles and widths
             --match: a template learnt from some, all fitted by it--> times
             --kinematics--> speeds --marks--> words --> Passages, one row per passage
 
@@ -21,17 +21,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.plausibility import doubt_of_rate, doubt_of_vehicle, implausible
-from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
+from tirelog.data.recording import Channel, Recording
 from tirelog.data.setup import PLAUSIBLE
 from tirelog.errors import SetupError, UsageError
 from tirelog.runs.in_memory import without_spikes
 from tirelog.strain.passages import passage_flags
 from tirelog.strain.passages.match import Signal, match, one_turn
 from tirelog.strain.passages.passage_flags import TURN_RAD, kinematics, turns_between
-from tirelog.strain.passages.search import AT_ONCE, decimate, pulses_in
 from tirelog.strain.passages.template import Template
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked
+from tirelog.wheel.pulses import AT_ONCE, decimate, patch_sign, pulses_in
 
 # ---- Whether what was found are passages of a tire at all: the gate before any speed is told.
 #
@@ -146,10 +146,6 @@ def _width_turns(channel: Channel, pulses: Records) -> float:
 FEW_PULSES = 8
 #: and so many times the highest are left out: jumps of so many sizes; twice as many look as often
 MOST_LEVELS = 3
-#: which way radial acceleration's patch points is told from so many pieces of this length [s]: a
-#: turn or more above 2 m/s, and the level outside changes little within.  This share of each side
-#: is taken for wild: a fifth of the patch's own share of a turn; twice as many look twice as long
-SIGN_PIECES, SIGN_S, SIGN_CUT = 64, 1.0, 0.01
 
 
 @dataclass(frozen=True)
@@ -223,37 +219,6 @@ class Passages:
     def acceleration_m_s2(self) -> FloatArray:
         """Longitudinal acceleration, positive in drive."""
         return self.radius_m * self.alpha_rad_s2
-
-
-def patch_sign(channel: Channel) -> float:
-    """+1 if the patch is a maximum of the recorded signal, -1 if it is a minimum.
-
-    Strain: minimum on the outer surface, maximum on the inner. Radial acceleration: the side on
-    which a short stretch's third moment lies, since the patch takes some hundredths of a turn and
-    stands far out of the rest, whichever way the sensor counts and whether or not it tells the
-    level outside (a piezo element does not).
-    """
-    if channel.kind == "radial_acceleration":
-        return 1.0 if _third_moment(channel) >= 0 else -1.0
-    return 1.0 if channel.surface == "inner" else -1.0
-
-
-def _third_moment(channel: Channel) -> float:
-    """Sum of the third moments of pieces of SIGN_S from all over the channel.
-
-    Each about its own median, wild samples cut to size.
-    """
-    size = min(max(int(SIGN_S * channel.axis.rate_Hz), 1), BLOCK_SAMPLES)
-    total = 0.0
-    for start in np.unique(
-        np.linspace(0, max(channel.size - size, 0), SIGN_PIECES).astype(np.int64)
-    ).tolist():
-        some = channel.read(start, start + size)
-        some = some[np.isfinite(some)]
-        if some.size:
-            low, middle, high = np.quantile(some, [SIGN_CUT, 0.5, 1.0 - SIGN_CUT])
-            total += float(np.sum((np.clip(some, low, high) - middle) ** 3))
-    return total
 
 
 def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONCE) -> Passages:

@@ -22,10 +22,8 @@ from tirelog.strain.passages.passage_flags import (
     may_have_stopped,
     turns_between,
 )
-from tirelog.strain.passages.search import AT_ONCE, PULSE, usual
 from tirelog.strain.passages.template import (
     FOUND,
-    INTERVALS,
     MOST_SAMPLES,
     ROW,
     SAMPLE,
@@ -36,9 +34,9 @@ from tirelog.strain.passages.template import (
     Template,
     fit_rows,
     learned_template,
-    spline_sums,
 )
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
+from tirelog.wheel.pulses import AT_ONCE, PULSE, usual
 
 # ---- The centre of each passage by a matched filter.
 #
@@ -118,45 +116,35 @@ def fit(
     return found
 
 
-def curve_sums(
-    signal: Signal, start: Records, window_rad: float
-) -> tuple[FloatArray, FloatArray, int]:
-    """The rows' samples, scaled to height 1, as what a template's curve is learnt from.
+def window_samples(
+    signal: Signal, rows: Records, window_rad: float
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """The samples around passages: owner, angle from its centre [rad] and value, (N,) each.
 
-    Normal equations of a spline over +-`window_rad`, the upper triangle (s, s) and the right side
-    (s,), and how many samples are in them.
+    Within +-`window_rad` of the `rows` (n,) of ROW, in order; patch upward, less the offset and
+    over the height. Lost samples and those at the ends of the channel's range are left out.
     """
-    normal, right = np.zeros((INTERVALS + 3, INTERVALS + 3)), np.zeros(INTERVALS + 3)
-    count, room = 0, np.empty(MOST_SAMPLES, SAMPLE)
-    spans, _ = _spans(signal, start, window_rad)
-    for part, source in _blocks(signal, start, spans):
-        count += spline_sums(source, start[part], spans[part], window_rad, normal, right, room)
-    return normal, right, count
-
-
-def residuals(
-    signal: Signal, template: Template, start: Records, found: Records
-) -> tuple[FloatArray, FloatArray]:
-    """Angles [rad] of the samples of all rows, and what the fits leave of them, (N,) each.
-
-    What is left is a share of the height. Lost samples and those outside of the template are left
-    out.
-    """
-    angles, left = [np.zeros(0)], [np.zeros(0)]
-    spans, _ = _spans(signal, start, template.window_rad)
-    for part, source in _blocks(signal, start, spans):
-        for span, row, made in zip(spans[part], start[part], found[part], strict=True):
-            index = np.arange(
-                span["first"], span["stop"], -((span["first"] - span["stop"]) // MOST_SAMPLES)
-            )
-            tau = signal.channel.axis.at(index.astype(np.float64)) - made["time_s"]
-            phi = (made["omega_rad_s"] + 0.5 * row["alpha_rad_s2"] * tau) * tau
-            value = signal.sign * source.samples[index + span["shift"]] - made["offset"]
-            inside = np.isfinite(value) & (np.abs(phi) <= template.window_rad)
-            shape = np.interp(phi[inside], template.phi_rad, template.values)
-            angles.append(phi[inside])
-            left.append(value[inside] / made["height"] - shape)
-    return np.concatenate(angles), np.concatenate(left)
+    parts = [np.zeros((3, 0))]
+    spans, _ = _spans(signal, rows, window_rad)
+    for part, source in _blocks(signal, rows, spans):
+        first, stop, shift = (spans[part][name] for name in ("first", "stop", "shift"))
+        stride = -((first - stop) // MOST_SAMPLES)
+        sizes = -((first - stop) // stride)
+        owner = np.repeat(np.arange(sizes.size), sizes)
+        number = np.arange(owner.size) - (np.cumsum(sizes) - sizes)[owner]
+        index = first[owner] + stride[owner] * number
+        values = source.samples[index + shift[owner]]
+        time_s, omega, alpha, offset, height = (
+            rows[name][part][owner]
+            for name in ("time_s", "omega_rad_s", "alpha_rad_s2", "offset", "height")
+        )
+        tau = signal.channel.axis.at(index.astype(np.float64)) - time_s
+        phi = (omega + 0.5 * alpha * tau) * tau
+        scaled = (signal.sign * values - offset) / height
+        used = (values > source.low) & (values < source.high) & (np.abs(phi) <= window_rad)
+        parts.append(np.stack([owner + part.start, phi, scaled])[:, used])
+    owner, phi, scaled = np.concatenate(parts, axis=1)
+    return owner.astype(np.int64), phi, scaled
 
 
 # ---- The template of a log's own passages.
@@ -198,7 +186,7 @@ def learn_template(signal: Signal, start: Records, good: IntArray) -> Template |
     at = start[clusters(good, LEARNT_FROM, CLUSTERS)]
     like, template = np.ones(at.size, bool), None
     for _ in range(LEARNING_ROUNDS):
-        template = learned_template(curve_sums(signal, at[like], window), window)
+        template = learned_template(*window_samples(signal, at[like], window)[1:], window)
         if template is None:
             return None
         found = fit(signal, template, at, window)
@@ -222,7 +210,10 @@ def _scatter(signal: Signal, template: Template, at: Records) -> FloatArray:
     """
     at = at[np.unique(np.linspace(0, at.size - 1, SCATTER_FROM).astype(np.int64))]
     found = fit(signal, template, at)
-    phi, rest = residuals(signal, template, at, found)
+    for name in ("time_s", "omega_rad_s", "height", "offset"):
+        at[name] = found[name]
+    _, phi, values = window_samples(signal, at, template.window_rad)
+    rest = values - np.interp(phi, template.phi_rad, template.values)
     place = (phi / template.window_rad + 1.0) * 0.5 * SCATTER_PARTS
     part = np.clip(place.astype(np.int64), 0, SCATTER_PARTS - 1)
     size = np.abs(rest)

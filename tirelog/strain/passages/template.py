@@ -17,13 +17,12 @@ import numpy as np
 
 from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, Record, Records, records
+from tirelog.wheel.pulses import spline, spline_at
 
-# ---- Compiled loops over the windows of passages: the matched fit, and the curve of a template.
+# ---- Compiled loops over the windows of passages: the matched fit.
 #
 #     Source, SPAN of each row --read_window--> Scratch: samples, times, weights
 #         --Gauss-Newton on the template--> FOUND of each row
-#         --cubic B-splines over the angle--> normal equations of a template's curve
-#     coefficients --> value and slope at any angle
 #
 # A window is a row's SPAN of the channel, thinned to MOST_SAMPLES.
 
@@ -78,67 +77,6 @@ SAMPLE = np.dtype(
     [("value", "f8"), ("time_s", "f8"), ("weight", "f8"), ("stuck", "f8"), ("phi", "f8"),
      ("shape", "f8"), ("slope", "f8"), ("scatter", "f8"), ("residual", "f8"), ("bend", "f8")]
 )  # fmt: skip
-
-
-@compiled
-def spline_sums(
-    source: Source, rows: Records, spans: Records, window_rad: float, normal: FloatArray,
-    right: FloatArray, room: Records,
-) -> int:  # fmt: skip
-    """Adds the rows' samples to the normal equations of a cubic spline; how many.
-
-    The samples are less the offset and over the height, the spline is over +-`window_rad`.
-
-    rows, spans  (n,) of ROW and SPAN
-    normal       (s, s), of which the upper triangle is added to; right (s,): s - 3 knot intervals
-    """
-    intervals = right.size - 3
-    used = 0
-    for k in range(rows.shape[0]):
-        count, _ = read_window(source, spans[k], room)
-        row = rows[k]
-        for i in range(count):
-            tau = room[i]["time_s"] - row["time_s"]
-            phi = (row["omega_rad_s"] + 0.5 * row["alpha_rad_s2"] * tau) * tau
-            value = (room[i]["value"] - row["offset"]) / row["height"]
-            if room[i]["weight"] > 0 and abs(phi) < window_rad and abs(value) < 2.0:
-                place = min(
-                    max((phi + window_rad) * (intervals / (2.0 * window_rad)), 0.0),
-                    intervals - 1e-9,
-                )
-                cell = int(place)
-                for a in range(4):
-                    weight = basis(place - cell, a)
-                    right[cell + a] += weight * value
-                    for b in range(a, 4):
-                        normal[cell + a, cell + b] += weight * basis(place - cell, b)
-                used += 1
-    return used
-
-
-@compiled
-def spline_curve(coefficients: FloatArray, window_rad: float, phi: FloatArray) -> FloatArray:
-    """The spline over +-`window_rad` at `phi` (n,) [rad], (n,)."""
-    intervals, value = coefficients.size - 3, np.zeros(phi.size)
-    for i in range(phi.size):
-        place = (phi[i] + window_rad) * (intervals / (2.0 * window_rad))
-        place = min(max(place, 0.0), intervals - 1e-9)
-        cell = int(place)
-        for a in range(4):
-            value[i] += basis(place - cell, a) * coefficients[cell + a]
-    return value
-
-
-@compiled
-def basis(u: float, which: int) -> float:
-    """Cubic B-spline number `which`, 0 to 3, of those that live at `u` in [0, 1] between knots."""
-    if which == 0:
-        return (1 - u) ** 3 / 6.0
-    if which == 1:
-        return (3 * u**3 - 6 * u**2 + 4) / 6.0
-    if which == 2:
-        return (-3 * u**3 + 3 * u**2 + 3 * u + 1) / 6.0
-    return u**3 / 6.0
 
 
 # ---- Compiled: normal equations, of the passages' template here and of their form in `footprint`.
@@ -482,19 +420,6 @@ class Template:
         )
 
 
-def _coefficients(normal: FloatArray, right: FloatArray, count: int) -> FloatArray:
-    """The least-squares spline's coefficients, (s,), from sums over `count` samples.
-
-    `normal` (s, s) upper triangle, `right` (s,) of the normal equations.
-    """
-    rough = np.diff(np.eye(right.size), 3, axis=0)
-    whole = normal + np.triu(normal, 1).T + 1e-12 * np.eye(right.size)
-    # smoothing: weight of the squared third differences against the mean number of samples in a
-    # knot interval; twice as much smooths what is narrower than a knot interval further
-    whole += 1e-3 * max(count / INTERVALS, 1.0) * rough.T @ rough
-    return np.asarray(np.linalg.solve(whole, right), np.float64)
-
-
 def half_height(phi: FloatArray, values: FloatArray) -> tuple[float, float] | None:
     """(middle, half width) of the crossings of half of the height, or None without such.
 
@@ -513,22 +438,23 @@ def half_height(phi: FloatArray, values: FloatArray) -> tuple[float, float] | No
     return float(0.5 * (entry + leave)), float(0.5 * (leave - entry))
 
 
-def learned_template(sums: tuple[FloatArray, FloatArray, int], window: float) -> Template | None:
+def learned_template(phi: FloatArray, values: FloatArray, window: float) -> Template | None:
     """The template of samples, within +-`window` [rad], or None.
 
-    `sums`: normal equations of its curve and how many samples (`spline_sums`). None if the curve
-    has no two half-level crossings. Its table covers a window of WINDOW_HALF_WIDTHS half widths
-    around the middle of the crossings, as far as `window` allows.
+    `values` (N,) at `phi` (N,) [rad] from the centres. None if the curve has no two half-level
+    crossings. Its table covers a window of WINDOW_HALF_WIDTHS half widths around the middle of the
+    crossings, as far as `window` allows.
     """
-    coefficients = _coefficients(*sums)
+    used = (np.abs(phi) < window) & (np.abs(values) < 2.0)
+    solved = spline(phi[used], values[used], window, INTERVALS)
     grid = np.linspace(-window, window, TABLE)
-    found = half_height(grid, spline_curve(coefficients, window, grid))
+    found = half_height(grid, spline_at(solved, grid, window))
     if found is None:
         return None
     middle, half_width = found
     reach = min(WINDOW_HALF_WIDTHS * half_width, WIDEST_RAD, window - abs(middle))
     table = np.linspace(-reach, reach, TABLE)
-    curve = spline_curve(coefficients, window, table + middle)
+    curve = spline_at(solved, table + middle, window)
     base = 0.5 * (curve[0] + curve[-1])
     height = curve.max() - base
     values = (curve - base) / height
