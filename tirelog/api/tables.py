@@ -203,7 +203,7 @@ def phase_shift(
     >>> import tirelog
     >>> table = tirelog.phase_shift("sample_data/encoder.h5")
     >>> round(float(table.patch_width_deg.median()), 1)
-    13.2
+    13.4
     """
     options = {"calibration": calibration, "zero": zero, "by_time": by_time}
     return _table("phase-shift", logs, setup, options)
@@ -237,7 +237,7 @@ def calibrate(
     --------
     >>> import tirelog
     >>> round(tirelog.calibrate("sample_data/encoder_ramp.h5").patch_width_deg, 1)
-    13.2
+    13.4
     """
     options = {"zero": zero, "forces": True}
     parts = (p for r in each_log(logs, setup) for p in parts_of(r, "phase-shift", options))

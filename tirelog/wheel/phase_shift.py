@@ -20,7 +20,7 @@ import numpy as np
 
 from tirelog.data.plausibility import implausible
 from tirelog.data.recording import Channel, Recording
-from tirelog.dsp.filters import runs, unlike_neighbours
+from tirelog.dsp.filters import runs, sliding_median, unlike_neighbours
 from tirelog.dsp.teeth import crossings, probe
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.runs.in_memory import without_spikes
@@ -334,7 +334,7 @@ def _passages(
         | marked(~found, Quality.LOST_PEAK)
     )
     reading = np.where(found, middle, np.nan)
-    turn, moved, strange = _one_turn(reading, wheel, time)
+    turn, moved, strange = _one_turn(reading, wheel, time, good(quality, Use.FRONTS))
     quality |= marked(strange, Quality.REVERSING)
     width = (leave - entry) * DEG
     # degrees by which one turn alone may differ from those around, in shift or width
@@ -390,7 +390,7 @@ BEFORE = 5
 
 
 def _one_turn(
-    middle: FloatArray, wheel: WheelAngle, time: FloatArray
+    middle: FloatArray, wheel: WheelAngle, time: FloatArray, sound: np.ndarray
 ) -> tuple[FloatArray, int, np.ndarray]:
     """(middles within one turn [deg], times that whole teeth were given back, passages).
 
@@ -398,7 +398,8 @@ def _one_turn(
 
     After a standstill, a hole or samples that were held, the count may have lost whole teeth. The
     patch cannot have moved by half a tooth, so its place against the passages before gives them
-    back. If that of a stretch lies between two teeth the wheel must have rolled the other way.
+    back; those that are not `sound` (n,) tell nothing. If the place of a stretch lies between two
+    teeth the wheel must have rolled the other way.
     """
     tooth = 360.0 / wheel.steps
     known = np.isfinite(middle)
@@ -407,14 +408,16 @@ def _one_turn(
     usual = float(np.angle(np.exp(1j * middle[known]).sum()))
     turn = np.angle(np.exp(1j * (middle - usual))) * DEG
     stretch = wheel.angle.stretch_at(time)
-    order, lost = np.flatnonzero(known), 0.0
-    first, moved, strange = float(np.median(turn[order[:BEFORE]])), 0, np.zeros(middle.size, bool)
-    before = [first]
-    for row in order.tolist():
-        teeth = round((turn[row] - sorted(before)[len(before) // 2]) / tooth) * tooth
-        moved, lost = moved + (teeth != lost), teeth
-        turn[row] -= teeth
-        before = [*before[1 - BEFORE :], turn[row]]
+    order, strange = np.flatnonzero(known), np.zeros(middle.size, bool)
+    first = float(np.median(turn[order[:BEFORE]]))
+    before, lost = [first], np.zeros(order.size)
+    for number, row in enumerate(order.tolist()):
+        lost[number] = round((turn[row] - sorted(before)[len(before) // 2]) / tooth) * tooth
+        turn[row] -= lost[number]
+        before = [*before[1 - BEFORE :], turn[row]] if sound[row] else before
+    # one passage that is read elsewhere is no lost count, nor are those beside a hole
+    lost = lost[sound[order]]
+    moved = np.count_nonzero(np.diff(sliding_median(lost, 3))) if lost.size else 0
     for number in np.unique(stretch[known]):
         rows = known & (stretch == number)
         # forces do not move the patch's usual place by more than this after a standstill; twice as
