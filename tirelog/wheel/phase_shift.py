@@ -417,7 +417,7 @@ def _one_turn(
         before = [*before[1 - BEFORE :], turn[row]] if sound[row] else before
     # one passage that is read elsewhere is no lost count, nor are those beside a hole
     lost = lost[sound[order]]
-    moved = np.count_nonzero(np.diff(sliding_median(lost, 3))) if lost.size else 0
+    moved = int(np.count_nonzero(np.diff(sliding_median(lost, 3)))) if lost.size else 0
     for number in np.unique(stretch[known]):
         rows = known & (stretch == number)
         # forces do not move the patch's usual place by more than this after a standstill; twice as
