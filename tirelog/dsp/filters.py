@@ -287,38 +287,45 @@ def step_of(values: FloatArray) -> float:
     return float(moved.min()) if repeated and moved.size else 0.0
 
 
-class SampleNoise:
-    """Gathers the noise of a channel while its blocks pass by.
+def rounding(channel: Channel) -> float:
+    """Standard deviation of what the source of a channel rounds, if its samples show its step.
 
-    Blocks are to start at multiples of PIECE_SAMPLES. What the source rounds is noise too, if its
-    samples show its step, before another channel was taken off.
+    The median of sixteen pieces, before another channel was taken off.
+    """
+    recorded = channel.recorded or channel
+    starts = np.linspace(0, max(recorded.size - PIECE_SAMPLES, 0), 16).astype(np.int64).tolist()
+    steps = [step_of(recorded.read(first, first + PIECE_SAMPLES)) for first in starts]
+    return float(np.median(steps)) / 12**0.5
+
+
+class SampleNoise:
+    """Gathers the noise of a channel of `size` samples while its blocks pass by.
+
+    `resolution` is the step of the source (0: unknown). Blocks are to start at multiples of
+    PIECE_SAMPLES.
     """
 
-    def __init__(self, channel: Channel) -> None:
-        size = channel.size
-        self._recorded = channel.recorded or channel
+    def __init__(self, size: int, resolution: float) -> None:
         self._starts = np.unique(
             np.linspace(0, max(size - PIECE_SAMPLES, 0), PIECES).astype(np.int64)
             // PIECE_SAMPLES
             * PIECE_SAMPLES
         )
-        self._steps = [channel.resolution]
+        self._rounding = resolution / 12**0.5
         self._sigmas: list[float] = []
 
     def take(self, start: int, values: FloatArray) -> None:
         """A block that starts at sample `start`."""
         for first in self._starts[(self._starts >= start) & (self._starts < start + values.size)]:
             self._sigmas.append(white_noise(values[first - start : first - start + PIECE_SAMPLES]))
-            self._steps.append(step_of(self._recorded.read(first, first + PIECE_SAMPLES)))
 
     def sigma(self) -> float:
         """Median over the pieces, never below the rounding of the source.
 
-        That is its step / sqrt(12); NaN if all is lost or too short.
+        That is resolution / sqrt(12); NaN if all is lost or too short.
         """
         finite = [sigma for sigma in self._sigmas if np.isfinite(sigma)]
-        rounding = max(self._steps[0], float(np.median(self._steps))) / 12**0.5
-        return max(float(np.median(finite)), rounding) if finite else float("nan")
+        return max(float(np.median(finite)), self._rounding) if finite else float("nan")
 
 
 # ---- Means and medians over sliding windows: x (n,), width --> (n,), the array reflected at its

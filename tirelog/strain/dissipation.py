@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
-from tirelog.dsp.filters import bridged, differentiator, outliers, sliding_median
+from tirelog.dsp.filters import bridged, differentiator, outliers, rounding, sliding_median
 from tirelog.kernels import compiled
 from tirelog.runs.in_memory import released
 from tirelog.strain.passages.find import Passages
@@ -387,7 +387,7 @@ def dissipation(
     rows = np.flatnonzero(whole & np.isfinite(speed))
     factor, floor = np.full((2, n), np.nan)
     unlike = np.zeros(n, bool)
-    sigma2 = passages.noise**2 / of_each
+    sigma2 = max(passages.noise, rounding(channel)) ** 2 / of_each
     with np.errstate(invalid="ignore", divide="ignore"):
         # white noise, which has the rounding in it
         square = sigma2 * float((coefficients**2).sum())

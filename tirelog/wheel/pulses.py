@@ -209,7 +209,7 @@ def decimate(channel: Channel, sign: float, block_samples: int = AT_ONCE) -> Dec
     sample is the median with its neighbours.
     """
     bucket = bucket_samples(channel.axis.rate_Hz)
-    noise = SampleNoise(channel)
+    noise = SampleNoise(channel.size, channel.resolution)
     medians = np.empty(-(-channel.size // bucket), np.float32)
     low, high = np.inf, -np.inf
     for start, values in _median_blocks(channel, sign, bucket, medians, block_samples):
