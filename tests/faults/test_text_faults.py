@@ -211,3 +211,9 @@ def test_zeros_that_a_few_bytes_unpack_to_are_not_all_held(monkeypatch):
     for _ in text_source.ByteSource(Pipe(data), "log.csv").blocks(0):
         pass
     assert max(held) < 100 << 20  # of 192 MB
+
+
+def test_a_lone_mark_above_a_header_is_passed_over():
+    reader, block = read("#\n" + log().replace(",", "\t"), SETUP)
+    assert block.values["a"].size == 200
+    assert not reader.report.losses

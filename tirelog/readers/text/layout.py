@@ -481,7 +481,8 @@ def _header(
     """(names, units) from the lines above the first row; both empty without a header."""
     if separator == " ":  # `# a | b` over columns of blanks
         cells = [[cell for cell in row if cell != "|"] for row in cells]
-    rows = [_uncommented(cells[i], width) for i in above[-_MOST_ABOVE:]]
+    # a lone `#` leaves nothing of its line
+    rows = [row for i in above[-_MOST_ABOVE:] if (row := _uncommented(cells[i], width))]
     while rows and len(rows[-1]) == 1 < width and _SECTION.fullmatch(rows[-1][0]):
         rows.pop()
     if not rows:
