@@ -190,7 +190,8 @@ def _edges(
 ) -> FloatArray:
     """Edges (n, PARTS + 1) [means] of the parts of each revolution, which are alike in angle.
 
-    A parabola on either side of the patch centre, with the wheel's speed there.
+    A parabola on either side of the patch centre, with the wheel's speed there, ends at the
+    revolution's `bounds`, two of (n,) [means].
     """
     side = np.linspace(-1.0, 1.0, PARTS + 1)
     half = (np.pi / passages.omega_rad_s * filled.rate_Hz / averaged)[:, None]
@@ -237,7 +238,7 @@ def _energies(
     half = coefficients.size // 2
     side = coefficients[:half][::-1].copy()
     step = max(min(block_samples, MOST_AT_ONCE) // averaged, 4 * coefficients.size)
-    of, to = np.flatnonzero(np.diff(near, prepend=False, append=False))
+    entry, leave = np.flatnonzero(np.diff(near, prepend=False, append=False))
     parts = _edges(passages, filled, bounds, averaged)
     parts = np.clip(np.where(known[:, None], parts, 0.0), 0, last).astype(np.int64)
     energy, bend = np.zeros((len(passages), PARTS)), np.zeros(len(passages))
@@ -264,11 +265,11 @@ def _energies(
                 edges = np.clip(edges, 1, means.size - 1)
                 of_parts = sums_within(slope**2, edges[:, :-1].ravel(), edges[:, 1:].ravel())
                 energy[rows] += of_parts.reshape(-1, PARTS)
-                bend[rows] += sums_within(np.gradient(slope) ** 2, edges[:, of], edges[:, to])
+                bend[rows] += sums_within(np.gradient(slope) ** 2, edges[:, entry], edges[:, leave])
     return energy, bend, np.diff(parts).astype(np.float64)
 
 
-def _settled(
+def _factors(
     parts: FloatArray, sizes: FloatArray, white: float, near: BoolArray
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """(factor, the noise's share that was taken off it, whether it is unlike others), (n,) each.
@@ -392,7 +393,7 @@ def dissipation(
         # white noise, which has the rounding in it
         square = sigma2 * float((coefficients**2).sum())
         scale, white = step / speed, means * square
-        factor[rows], floor[rows], unlike[rows] = _settled(
+        factor[rows], floor[rows], unlike[rows] = _factors(
             energy[rows] * scale[rows, None], of_parts[rows] * scale[rows, None], square, near
         )
         beyond = np.maximum(floor / scale - white, 0.0)
@@ -405,8 +406,8 @@ def dissipation(
         # slower noise adds to the slope over as many means as the filter's edge is slow, and all of
         # it may be the tire's own; half of the patch's noise may be none, if it is rounding
         variance += (0.5 * near.mean() * white) ** 2
-        held = np.maximum(factor, 0.0) / scale
-        variance += beyond / means * held * coefficients.size + beyond**2
+        signal = np.maximum(factor, 0.0) / scale
+        variance += beyond / means * signal * coefficients.size + beyond**2
         error = np.hypot(np.sqrt(variance) * step / speed, factor * passages.speed_se_m_s / speed)
         known = np.abs(factor[np.isfinite(factor)])
         # a standard error above so many factors, the row's or the log's usual one, tells nothing
