@@ -93,7 +93,7 @@ def test_the_answer_comes_first_with_verdict_evidence_and_next_command(model_pag
     sections = re.findall(r'<section id="([\w-]+)"', markup(model_page))
     assert sections[0] == "answer"
     text = words(part(model_page, "answer"))
-    assert "water_film is missing" in text
+    assert "Missing: hydrodynamic wedge ahead of the entry edge (water_film)" in text
     assert re.search(r"\d+ revolutions in \d+ manoeuvres, [\d.]+ to [\d.]+ m/s", text)
     assert "load 3434, 3800 N; inflation pressure 220 kPa" in text
     assert re.search(r"probability\s+<=? ?[\d.e-]+\s+of being noise", text)
@@ -110,8 +110,9 @@ def test_the_rungs_are_the_ladder_s(model_page: Path) -> None:
     rungs = re.findall(r"<li>(.*?)</li>", part(model_page, "answer"), re.S)
     assert len(rungs) == len(taken) >= 2
     for rung, step in zip(rungs, taken, strict=True):
-        said = (f"{1e6 * step[name]:.3g}" for name in ("rmse_heldout", "noise_floor"))
-        assert "{} microstrain, noise floor {}".format(*said) in words(rung)
+        assert f"{1e6 * step['rmse_heldout']:.3g} microstrain" in words(rung)
+    floor = f"The upright mark is the noise floor, {1e6 * taken[-1]['noise_floor']:.3g} microstrain"
+    assert words(part(model_page, "answer")).count(floor) == 1
     lengths = [float(width) for width in re.findall(r"width:([\d.]+)%", "".join(rungs))]
     errors = np.array([step["rmse_heldout"] for step in taken])
     np.testing.assert_allclose(lengths, 100.0 * errors / errors.max(), atol=0.06)
@@ -169,6 +170,8 @@ def test_a_page_without_a_model_opens_with_what_was_measured(page_file: Path) ->
     assert re.search(r"Speed [\d.]+ to [\d.]+ m/s", text)
     assert "Contact length, best estimate" in text
     assert "tirelog model new --carcass beam" in text
+    figures = data(page_file)["figures"]
+    assert {"answer-speed", "answer-passage-strain"} <= set(figures)
 
 
 def colours_by_log(page: Path) -> dict[str, set[str]]:

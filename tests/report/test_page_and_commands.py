@@ -100,8 +100,9 @@ def test_the_diagnosis_is_the_command_s(folder: Path, command: Command) -> None:
     assert found["sentence"] in text
     assert f"Next: {found['next_command']}" in text
     card, _ = said(folder, "answer")
-    assert f"the model as it came {without} microstrain" in card
-    assert f"{without} → {before}" in card
+    assert f"your model {without} microstrain" in card
+    assert f"{before} microstrain" in card
+    assert f"{after} microstrain" in card
     _, compared = said(folder, "model")
     assert without == f"{1e6 * answer(command, compared)['rmse_heldout']:.3g}"
     ranked = data(folder / "page.html")["figures"]["ranking"]["traces"]

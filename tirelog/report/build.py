@@ -95,7 +95,9 @@ def build(
         told += _models(report, recordings, climbed, asked, model, progress, colours, seen)
     answers = [section for section in told if section.card is not None]
     if not answers:
-        answers = [models.without_a_model(seen, asked, "What is known of a model stands below.")]
+        answers = [models.without_a_model(seen, asked, "What is known of a model is below.")]
+    shown = first_pictures(report.sections)
+    answers = [one if one.figures else replace(one, figures=shown) for one in answers]
     report.sections[:0] = [*answers, *(section for section in told if section.card is None)]
     report.papers += used_papers(report.sections)
     report.commands += dict.fromkeys(
@@ -103,6 +105,12 @@ def build(
     )
     report.provenance += _provenance(recordings, asked)
     return report
+
+
+def first_pictures(sections: Sequence[Section]) -> list[Figure]:
+    """The speed, and a passage with its edges: what an answer shows that has no picture."""
+    drawn = [s.figures[0] for s in sections if s.figures and s.id in ("drive", "footprint")]
+    return [replace(one, id=f"answer-{one.id}", half=True) for one in drawn]
 
 
 def _title(recordings: Sequence[Recording], asked: ReportRequest) -> str:

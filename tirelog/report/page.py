@@ -212,7 +212,7 @@ class Card:
     word      the verdict in a word or two; sentence: what it says
     facts     (term, text): measured on what, how sure, ...
     rungs     models on the way to the best one: `name` and what that is (`said`), `error` and noise
-              `floor` in `unit`; rungs_said: what errors these are
+              `floor` in `unit`, of which the last is shown; rungs_said: what errors these are
     advice    what to do or drive next; command: the line to type next
     """
 
@@ -468,23 +468,26 @@ def _card(card: Card) -> str:
 
 
 def _rungs(card: Card) -> str:
-    """The error falling: a bar per model, the floor marked on each."""
+    """The error falling: a bar per model, and the noise floor of the last one on each."""
     if not card.rungs:
         return ""
-    largest = max(1e-300, *(rung[of] for rung in card.rungs for of in ("error", "floor")))
-    steps = []
+    floor = card.rungs[-1]["floor"]
+    largest = max(1e-300, floor, *(rung["error"] for rung in card.rungs))
+    mark, steps = 100.0 * floor / largest, []
     for rung in card.rungs:
-        length, mark = 100.0 * rung["error"] / largest, 100.0 * rung["floor"] / largest
+        length = 100.0 * rung["error"] / largest
         steps.append(
             f"<li><strong>{escape(rung['name'])}</strong> <span>{escape(rung['said'])}</span>"
             f'<span class="bar" aria-hidden="true"><span style="width:{length:.1f}%"></span>'
             f'<i style="left:{mark:.1f}%"></i></span>'
-            f'<span class="error">{rung["error"]:.3g} {escape(card.unit)}, noise floor '
-            f"{rung['floor']:.3g}</span></li>"
+            f'<span class="error">{rung["error"]:.3g} {escape(card.unit)}</span></li>'
         )
-    said = f'<p class="alt">{escape(card.rungs_said)}</p>' if card.rungs_said else ""
     heading = "How the error falls" if len(steps) > 1 else "The error"
-    return f'<h3>{heading}</h3>{said}<ol class="rungs">{"".join(steps)}</ol>'
+    said = f"{card.rungs_said} The upright mark is the noise floor, {floor:.3g} {card.unit}."
+    return (
+        f'<h3>{heading}</h3><p class="alt">{escape(said)}</p>'
+        f'<ol class="rungs">{"".join(steps)}</ol>'
+    )
 
 
 def shown_number(value: Any) -> str:

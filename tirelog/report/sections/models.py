@@ -131,7 +131,7 @@ def answer(given: AnswerSection, command: str, made_with: str, colours: LogColou
             "is missing was not asked.",
         )
     else:
-        word, sentence = _word(given.found), given.found.sentence
+        word, sentence = _word(given.found, given.catalogue), given.found.sentence
     facts, advice = _facts(given, factor, unit), _advice(given.found)
     return Section(
         "answer",
@@ -158,11 +158,16 @@ def without_a_model(seen: Sequence[tuple[str, str]], asked: ReportRequest, said:
     return Section("answer", "The answer", asked.report_command(), folded=False, card=card)
 
 
-def _word(found: Diagnosis) -> str:
+def _word(found: Diagnosis, catalogue: Mapping[str, Effect]) -> str:
+    """The verdict and, in words, what it names: an effect's mechanism, and its id."""
     word = _WORDS.get(found.verdict, found.verdict.replace("_", " ").capitalize())
-    groups = found.ambiguous_groups if found.verdict == "ambiguous" else ()
-    named = "; ".join(" or ".join(group) for group in groups) or ", ".join(found.selected)
-    return f"{word}: {named}" if named else word
+    if found.verdict == "ambiguous":
+        return f"{word}: {'; '.join(' or '.join(group) for group in found.ambiguous_groups)}"
+    named = [
+        f"{catalogue[name].mechanism} ({name})" if name in catalogue else name
+        for name in found.selected
+    ]
+    return f"{word}: {', '.join(named)}" if named else word
 
 
 def _facts(given: AnswerSection, factor: float, unit: str) -> list[tuple[str, str]]:
@@ -182,16 +187,6 @@ def _facts(given: AnswerSection, factor: float, unit: str) -> list[tuple[str, st
         ("Conditions", _conditions(first)),
     ]
     if found is not None:
-        if found.rmse_heldout_before is not None:
-            errors = [
-                compared.rmse_heldout if found.found.came_in else None,
-                found.rmse_heldout_before,
-                found.rmse_heldout_after if found.selected else None,
-            ]
-            fallen = " → ".join(f"{error * factor:.3g}" for error in errors if error is not None)
-            floor = f"noise floor {found.noise_floor * factor:.3g}"
-            said = f"{fallen} {unit} on manoeuvres that the fit had not seen; {floor}"
-            facts.append(("Error", said))
         known = [name for name in found.selected if name in given.catalogue]
         facts.append(("How sure", _how_sure(found)))
         facts += [(name, _physics(given.catalogue[name])) for name in known]
@@ -264,7 +259,7 @@ def _rungs(given: AnswerSection, factor: float) -> tuple[list[Rung], str]:
         known = (given.catalogue.get(name) for name in effects)
         return "; ".join("" if one is None else one.mechanism for one in known)
 
-    climbed, found, start = given.climbed, given.found, "the model as it came"
+    climbed, found, start = given.climbed, given.found, "your model"
     if climbed is not None:
         steps = [s for s in climbed["steps"] if s["outcome"] != "not_added"]
         names = [
@@ -275,7 +270,7 @@ def _rungs(given: AnswerSection, factor: float) -> tuple[list[Rung], str]:
             rung(name, what, s["rmse_fit"], s["rmse_heldout"], s["noise_floor"])
             for name, what, s in zip([start, *names], said, steps, strict=True)
         ]
-        return rungs, _climbed_on(climbed, logs_of(given.compared), factor)
+        return rungs, _climbed_on(climbed, logs_of(given.compared))
     rungs = [of(start, "", given.compared)]
     if found is None:
         return rungs, ""
@@ -289,10 +284,10 @@ def _rungs(given: AnswerSection, factor: float) -> tuple[list[Rung], str]:
         rungs[-1]["floor"] = found.noise_floor * factor
     if found.rmse_heldout_before is None:
         return rungs, "The error of the fit: of one manoeuvre none can be held out."
-    return rungs, "Held-out error, beside the noise floor (the upright mark)."
+    return rungs, "Error on manoeuvres that the fit had not seen."
 
 
-def _climbed_on(climbed: Mapping[str, Any], logs: Sequence[str], factor: float) -> str:
+def _climbed_on(climbed: Mapping[str, Any], logs: Sequence[str]) -> str:
     """On what the ladder was climbed, if not on all of these logs' manoeuvres."""
     of_fit = climbed["steps"][0]["rmse_heldout"] is None
     said = ["Errors of the fit by the ladder" if of_fit else "Held-out errors of the ladder"]
@@ -302,14 +297,7 @@ def _climbed_on(climbed: Mapping[str, Any], logs: Sequence[str], factor: float) 
     seen, kept = climbed.get("manoeuvres"), climbed.get("manoeuvres_locked")
     if seen and kept:
         said.append(f"on the {seen} manoeuvres that the search saw; {kept} were locked away")
-    text = ", ".join(said) + "."
-    if climbed.get("rmse_untouched") is not None:
-        text += (
-            f" On those that nothing had touched the last model leaves "
-            f"{climbed['rmse_untouched'] * factor:.3g}, floor there "
-            f"{climbed['floor_untouched'] * factor:.3g}."
-        )
-    return text
+    return ", ".join(said) + "."
 
 
 def _before_and_after(given: AnswerSection, colours: LogColours) -> list[Figure]:

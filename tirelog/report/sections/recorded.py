@@ -429,7 +429,7 @@ def footprint_section(
     good = table.loc[good_rows(table["quality"]), [name for name in _DRAWN if name in table]]
     best = reach(good["length_m"] * 1e3, "mm")
     named = groups(good, colours)
-    figures = [
+    figures = [*passage] + [
         figure(
             f"length-{name}",
             f"Contact length against {name}",
@@ -441,7 +441,6 @@ def footprint_section(
             ("time", "time_s", "time [s]"),
         )
     ]
-    figures += passage
     onset = good[good["slip_onset_m"].notna()] if "slip_onset_m" in good else good.iloc[:0]
     words = [
         f"Contact length, best estimate: {best} over {len(good)} passages without a mark.",
