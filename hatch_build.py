@@ -1,8 +1,11 @@
-"""Compiles the kernels while the package is installed; without a C compiler they are compiled when
-they are first called.
+"""Compiles the kernels while the package is installed.
+
+Without a C compiler they are compiled when they are first called (docs/install.md says what that
+costs). TIRELOG_REQUIRE_KERNELS=1 makes it an error: a wheel for others needs them.
 """
 
 import compileall
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -13,8 +16,8 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 class KernelsHook(BuildHookInterface):
     """A wheel, also that of an editable installation, gets `tirelog/kernels/_built`.
 
-    The modules of an editable one are compiled as well: where Python is told to keep no bytecode
-    (PYTHONDONTWRITEBYTECODE), every command would compile a hundred of them, which takes it 0.2 s.
+    The modules of an editable one are compiled as well: where Python keeps no bytecode
+    (PYTHONDONTWRITEBYTECODE), every command would compile a hundred of them, which takes 0.2 s.
     """
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
@@ -28,8 +31,11 @@ class KernelsHook(BuildHookInterface):
 
             made = build()
         except Exception as problem:
+            if os.environ.get("TIRELOG_REQUIRE_KERNELS"):
+                raise
             self.app.display_warning(
-                f"kernels are not compiled ahead, but when first called: {problem}"
+                "kernels are not compiled now, so the first commands take half a minute longer; "
+                f"install a C compiler, then tirelog again ({problem})"
             )
             return
         finally:

@@ -181,7 +181,10 @@ def notice_compiling() -> None:
         def on_start(self, event: object) -> None:
             if not self.heard:
                 self.heard = True
-                notice("compiling kernels, which takes some seconds and is kept for later commands")
+                notice(
+                    "compiling kernels, which takes half a minute and is kept for later commands; "
+                    "a C compiler at the installation avoids it"
+                )
 
         def on_end(self, event: object) -> None:
             pass
