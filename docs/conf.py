@@ -10,6 +10,7 @@ release = re.findall(
     r'__version__ = "(.*)"', Path(__file__).parents[1].joinpath("tirelog/version.py").read_text()
 )[0]
 extensions = ["myst_parser"]
+myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
 html_theme = "furo"
 html_title = f"tirelog {release}"

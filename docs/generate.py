@@ -11,10 +11,11 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, Field, fields
-from inspect import getdoc
+from inspect import Parameter, Signature, getdoc, isclass, isroutine, signature
 from pathlib import Path
 from typing import Any
 
+import tirelog
 from tirelog.data import setup
 from tirelog.diagnosis.certainty import CLASSES, calibration
 from tirelog.diagnosis.propose.grammar import FRAMES, LAWS, PROFILES, STAGES
@@ -24,6 +25,7 @@ from tirelog.physics.model import presets
 from tirelog.physics.model.model import NUISANCES, Model, Nuisance
 from tirelog.physics.model.presets import PRESETS
 from tirelog.physics.model.user_effects import FRAMES as SHAPE_FRAMES
+from tirelog.report.page import GLOSSARY
 from tirelog.simulation.scenario import schema
 from tirelog.storage.schema import KeyKind, OneOf, kinds_of
 from tirelog.vocabulary.columns import COLUMNS, OPTIONAL, TABLES
@@ -631,7 +633,122 @@ def certainty_section() -> str:
     return f"Made on {known['date']}.\n\n{table(head, rows)}"
 
 
+#: headings of docs/api.md by the module that defines a name
+HEADINGS = {
+    "tirelog.api.logs": "Logs and setups",
+    "tirelog.api.tables": "Tables",
+    "tirelog.api.parts": "Calibrations",
+    "tirelog.api.models": "Models",
+    "tirelog.api.answers": "Answers",
+    "tirelog.api.campaigns": "Campaigns",
+}
+
+
+def api_page() -> str:
+    """Every public name of the package, with its docstring."""
+    names = [*tirelog.__all__, *(t.python_name for t in LOG_TABLES.values())]
+    headed: dict[str, list[str]] = {title: [] for title in [*HEADINGS.values(), "Objects"]}
+    for name in sorted(dict.fromkeys(names)):
+        value = getattr(tirelog, name)
+        title = HEADINGS.get(value.__module__, "Objects")
+        headed[title].append(class_entry(value) if isclass(value) else function_entry(value))
+    return (
+        "\n\n".join(
+            [
+                NOTE.format("docstrings in tirelog/api"),
+                "# Functions of the package",
+                "All names are those of `import tirelog`; a name is loaded when it is first used.\n"
+                "Units are SI. [From Python](python.md) shows how they work together.",
+                *(f"## {title}\n\n" + "\n\n".join(parts) for title, parts in headed.items()),
+            ]
+        )
+        + "\n"
+    )
+
+
+def function_entry(function: Callable[..., object]) -> str:
+    """A function with its signature and the sections of its docstring."""
+    first, *sections = re.split(r"\n\n?(\w+)\n-{3,}\n", getdoc(function) or "")
+    parts = [f":::{{py:function}} tirelog.{function.__name__}{signature_of(function)}", first]
+    for title, text in zip(sections[::2], sections[1::2], strict=True):
+        body = f"```pycon\n{text.strip()}\n```" if title == "Examples" else entries(text)
+        parts.append(f"**{title}**\n\n{body}")
+    return f"### {function.__name__}\n\n" + "\n\n".join(parts) + "\n:::"
+
+
+def class_entry(kind: type) -> str:
+    """A class with its docstring and the first lines of what it offers."""
+    rows = [
+        (f"`{name}`", (getdoc(value) or "").partition("\n")[0])
+        for name, value in vars(kind).items()
+        if not name.startswith("_") and (isroutine(value) or isinstance(value, property))
+    ]
+    offered = "\n\n" + table(("name", "what it gives"), rows) if rows else ""
+    return (
+        f"### {kind.__name__}\n\n:::{{py:class}} tirelog.{kind.__name__}\n"
+        f"```text\n{getdoc(kind)}\n```{offered}\n:::"
+    )
+
+
+def signature_of(function: Callable[..., object]) -> str:
+    """The parameters with their defaults, without types, which are in the docstring."""
+    given = signature(function)
+    plain = [p.replace(annotation=Parameter.empty) for p in given.parameters.values()]
+    shown = str(given.replace(parameters=plain, return_annotation=Signature.empty))
+    return re.sub(r"<function .*? at \w+>", "...", shown)
+
+
+def entries(text: str) -> str:
+    """A section of a docstring as a list: what stands at the margin, and what is indented below."""
+    items: list[str] = []
+    for line in text.strip().splitlines():
+        if line and not line.startswith(" "):
+            name, _, kind = line.partition(" : ")
+            items.append(f"* `{name}`" + (f" ({kind})" if kind else "") + ":")
+        elif line.strip():
+            items.append(f"  {line.strip()}")
+    return "\n".join(items).replace("``", "`").removesuffix(":")
+
+
+def glossary_page() -> str:
+    """The words of the report, and those of the sensors and models."""
+    words_of_all = sorted((*GLOSSARY, *FURTHER_WORDS), key=_lower)
+    return (
+        f"{NOTE.format('tirelog/report/page.py and docs/generate.py')}\n# Glossary\n\n"
+        + "\n\n".join(f"**{word}**: {meaning}." for word, meaning in words_of_all)
+        + "\n"
+    )
+
+
+def _lower(entry: tuple[str, str]) -> str:
+    return entry[0].lower()
+
+
+#: words of the pages and the terminal that the report does not use
+FURTHER_WORDS = (
+    ("fiber Bragg grating (FBG)", "a sensor in a glass fiber; its wavelength follows the strain"),
+    ("reference grating", "a second grating that feels the temperature and no strain; `twin` in "
+     "the setup"),
+    ("patch", "the part of the tread that touches the road; also contact patch or footprint"),
+    ("entry edge, exit edge", "where the tread meets and leaves the road; at xi = -L and xi = +L"),
+    ("xi, phi", "place about the middle of the patch, along the tread [m] and as an angle [rad]"),
+    ("passage", "one way of the sensor through the patch; a revolution lies between two"),
+    ("setup", "a TOML file that says what the channels of a log are"),
+    ("run", "a log that `tirelog ingest` has repaired and stored as HDF5"),
+    ("carcass", "the structure of a model: a beam on a foundation, a ring, or a coupled ring"),
+    ("observable", "the quantity that a model predicts, such as strain or phase shift"),
+    ("nuisance", "a disturbance of wheel, road or day, such as run-out, fitted beside the model"),
+    ("ladder", "forward selection: effects are added one by one while each improves the model"),
+    ("verdict", "the first word of a diagnosis, such as missing, ambiguous or unknown"),
+    ("repeatability", "how far revolutions of like manoeuvres agree; the noise floor measures it"),
+    ("form", "the tire's own shape of strain, learned from the log without a model of the carcass"),
+    ("quality word", "an entry of the column `quality`"),
+)  # fmt: skip
+
+
 PAGES: Mapping[str, Callable[[], str]] = {
+    "docs/api.md": api_page,
+    "docs/glossary.md": glossary_page,
     "docs/quality_words.md": quality_page,
     "docs/channel_kinds.md": kinds_page,
     "docs/conditions.md": conditions_page,

@@ -5,8 +5,9 @@
 A `console` block holds lines "$ command" with what each printed below it. They are run in the order
 of `PAGES` in one copy of sample_data, each different command once, and the block is written anew. A
 `python` block that writes a picture is run there too. A picture that a page shows
-(`![...](pictures/NAME.png)`) is the NAME.png that one of them wrote, made small. The notebook is
-run too, and its page made.
+(`![...](pictures/NAME.png)`) is the NAME.png that one of them wrote, made small, or the first
+screen of the NAME.html that one of them wrote. The sketch of the tire is drawn, the notebook is
+run, and its page made.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ DRAWS = re.compile(r"^```python\n((?:(?!^```).)*?savefig.*?)^```", re.M | re.S)
 SHOWN = re.compile(r"!\[[^]]*\]\((?:docs/|\.\./)?pictures/([\w.]+\.png)\)")
 #: a screen's width of a page [px]; larger pictures are made so wide
 WIDEST_PX = 1000
+#: width and height of a screen that shows the verdict of a report and its first figures [px]
+SCREEN_PX = 1200, 1130
 
 
 def pages() -> list[Path]:
@@ -54,7 +57,10 @@ def main() -> None:
             page.write_text(new, encoding="utf-8")
             for code in DRAWS.findall(text):
                 execute([sys.executable, "-c", code], folder)
+        execute([sys.executable, str(ROOT / "docs" / "sketch.py"), "tire.png"], folder)
         for name in dict.fromkeys(n for page in pages() for n in SHOWN.findall(page.read_text())):
+            if not (folder / name).exists():
+                photograph((folder / name).with_suffix(".html"), folder / name)
             shrink(folder / name, ROOT / "docs" / "pictures" / name)
     execute([sys.executable, str(ROOT / "docs" / "notebook" / "run.py")], ROOT)
 
@@ -93,6 +99,20 @@ def execute(command: list[str], folder: Path) -> str:
     if done.returncode not in (0, 141):  # 141: `head` left, which is no error
         sys.exit(f"{command[-1]}\n{done.stdout}{done.stderr}\nstatus {done.returncode}")
     return done.stdout
+
+
+def photograph(page: Path, picture: Path) -> None:
+    """The first screen of a page, by the Chromium that the tests of the report need too."""
+    from playwright.sync_api import sync_playwright
+
+    flags = ["--no-sandbox", "--disable-gpu", "--no-first-run"]
+    with sync_playwright() as playwright:
+        path = shutil.which("chromium") or shutil.which("google-chrome")
+        browser = playwright.chromium.launch(executable_path=path, args=flags, timeout=240_000)
+        shown = browser.new_page(viewport=dict(zip(("width", "height"), SCREEN_PX)))
+        shown.goto(page.as_uri(), timeout=240_000)
+        shown.screenshot(path=picture)
+        browser.close()
 
 
 def shrink(source: Path, target: Path) -> None:

@@ -138,7 +138,7 @@ def test_a_condition_with_its_effect_is_two_files_an_observable_and_a_table_are_
 
 
 def test_the_page_s_own_effect_is_read(tmp_path: Path) -> None:
-    text = (ROOT / "docs" / "missing_effect.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "python_effects.md").read_text(encoding="utf-8")
     [code] = re.findall(r"^```python\n(from tirelog\.physics import.*?)^```$", text, re.M | re.S)
     (tmp_path / "mine.py").write_text(code)
     [effect] = effects_of_file(tmp_path / "mine.py").values()

@@ -399,14 +399,14 @@ def _about(report: Report) -> str:
     """What stands behind the page, at its foot."""
     absent = _items(f"{escape(what)}: <code>{escape(done)}</code>" for what, done in report.missing)
     cited = _items(f"{escape(p)} <em>Here: {escape(what)}.</em>" for p, what in report.papers)
-    meanings = "".join(f"<dt>{escape(w)}</dt><dd>{escape(meaning)}</dd>" for w, meaning in _WORDS)
+    meanings = "".join(f"<dt>{escape(w)}</dt><dd>{escape(meaning)}</dd>" for w, meaning in GLOSSARY)
     commands = escape("\n".join(report.commands))
     return (
         '<section id="about"><h2>About this page</h2>'
         + (f"<h3>Not shown</h3><ul>{absent}</ul>" if absent else "")
         + (f'<h3 id="papers">Papers</h3><ul>{cited}</ul>' if cited else "")
         + "<h3>Glossary</h3>"
-        + _fold(f"What {len(_WORDS)} words mean here", f"<dl>{meanings}</dl>")
+        + _fold(f"What {len(GLOSSARY)} words mean here", f"<dl>{meanings}</dl>")
         + "<h3>Provenance</h3>"
         + _fold(
             "Versions, and the bytes of every file that went in",
@@ -516,7 +516,8 @@ def _table(table: AnswerTable) -> str:
     )
 
 
-_WORDS = (
+#: words of the page and their meanings, also those of docs/glossary.md
+GLOSSARY = (
     ("revolution", "one turn of the wheel, patch centre to patch centre"),
     ("contact length", "length of tread that touches the road, entry edge to exit edge"),
     ("dissipation factor", "integral of the squared strain gradient over a revolution (P1)"),
