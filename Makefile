@@ -31,7 +31,7 @@ test-slow: .venv/.dev
 
 # the quick families on each Python that pyproject.toml allows and this machine has, each in its own
 # .venv-VERSION; a version that is not there is said, and is no failure
-VERSIONS := 3.11 3.12 3.13
+VERSIONS := 3.11 3.12 3.13 3.14
 QUICK := tests/test_errors.py tests/test_layers.py tests/data tests/tables tests/readers tests/dsp
 
 test-versions:

@@ -62,7 +62,7 @@ _OUTSIDE_KINDS = (MemoryError, ConnectionError, TimeoutError)
 
 
 def is_outside_log(problem: BaseException | None) -> bool:
-    """True if an error, or one that it came from, is of the machine or the network.
+    """True if an error or its origin is of the machine or the network.
 
     Also an origin that `raise ... from None` keeps from the traceback counts.
     """
@@ -104,7 +104,7 @@ def printable(text: str) -> str:
 
 
 def _escaped(letter: str) -> str:
-    """What stands for a letter that no terminal should get; a byte of a file name as that byte."""
+    """The escape of a letter that no terminal should get, or of a byte."""
     if "\udc80" <= letter <= "\udcff":
         return f"\\x{ord(letter) - 0xDC00:02x}"
     return letter.encode("unicode_escape", "surrogatepass").decode("ascii")
@@ -138,7 +138,7 @@ class TirelogError(Exception):
         super().__init__(self.__str__())
 
     def at(self, file: object, line: int | None = None) -> Self:
-        """The same error, told of a place in a file."""
+        """The same error with its place in a file."""
         there = type(self)(self.message, file=file, line=line)
         there.what, there.allowed, there.do = self.what, self.allowed, self.do
         return there
@@ -161,7 +161,7 @@ class SetupError(TirelogError):
 
 
 class ModelError(TirelogError):
-    """A model file, effect or parameter that cannot be used, or a fit that did not converge."""
+    """An unusable model file, effect or parameter, or a fit without convergence."""
 
 
 def or_refusal(compute: Callable[_P, _T]) -> Callable[_P, _T | ModelError]:
@@ -183,7 +183,7 @@ def or_refusal(compute: Callable[_P, _T]) -> Callable[_P, _T | ModelError]:
 
 
 class OutputError(TirelogError):
-    """A result that could not be written (nothing stands under its name then)."""
+    """A result that could not be written; there is then no file of its name."""
 
 
 class ReadError(TirelogError):

@@ -1,16 +1,20 @@
-"""What is independent, worked on by processes of their own: the tables' channels, trials of a fit.
+"""Processes that share independent work: the channels of tables, the trials of a fit.
 
     numbers, in their order --to whichever process is free--> answers, in the numbers' order
 
 Threads would wait for each other: numpy's short calls and Python's own hold the interpreter's lock
 for two thirds of a channel's time. A process that is forked has all that its parent has at hand,
-and starts in milliseconds. What a process does not bring to its end, because it was stopped or
-because of an error, its parent does again itself, so that errors are those of one process.
+and starts in milliseconds. If a process is stopped or meets an error, its parent does the work
+again, so errors are those of one process.
 
-It stays for what it buys: `tirelog tables` of 10 minutes, wall (CPU) seconds, threads and
-processes: 16 gratings 2.36 (3.41) and 1.64 (2.86), driven with slip 3.48 (5.08) and 2.35 (4.11), of
-a ring 2.67 (3.94) and 2.00 (3.42), 4 gratings 0.77 (1.07) and 0.68 (0.98) (medians of 3; 23
-November 2026, two cores, Python 3.11).
+It stays for the time that it saves: `tirelog tables` of 10 minutes, wall (CPU) seconds, medians of
+3 (23 November 2026, two cores, Python 3.11):
+
+    log                           threads      processes
+    16 gratings                   2.36 (3.41)  1.64 (2.86)
+    16 gratings, driven with slip 3.48 (5.08)  2.35 (4.11)
+    16 gratings of a ring         2.67 (3.94)  2.00 (3.42)
+    4 gratings                    0.77 (1.07)  0.68 (0.98)
 """
 
 from __future__ import annotations

@@ -155,8 +155,8 @@ def tables_of(
 
     A table's parts are in the order of the channels, whatever the number of `workers` (threads),
     and the same to the bit. `refused_first` finds the passages of all channels before the first
-    part, so that a log that is refused for one of its channels leaves no rows on a stream, at the
-    price of reading the channels once more. With `processes` the workers are processes where
+    part. A log that is refused for one of its channels then leaves no rows on a stream, and its
+    channels are read once more. With `processes` the workers are processes where
     they can be, and parts come without what they were `found` in.
 
     UsageError: the recording lacks what a table is made of, or an option is none.
@@ -464,7 +464,7 @@ def _check_phase_shift(options: Options) -> None:
 
 
 def _by_its_function(table: LogTable) -> Maker:
-    """A table that one function makes of a whole log, as its entry in the register says."""
+    """A table that one function makes of a whole log."""
 
     def whole(recording: Recording, options: Options) -> Iterator[Part]:
         for found in resolve_name(table.made_by)(recording, **options):

@@ -35,9 +35,9 @@ def one_thread() -> None:
     """Set one thread for the linear algebra under numpy; a number that the user has set stays.
 
     Matrices are small and many here. With more threads the library's wait for each other in busy
-    loops: `tirelog diagnose` of two logs took 6.9 s of wall and 9.8 s of CPU time with two, 6.1 and
-    6.1 with one, and the mere import of numpy 0.2 s of CPU (23 November 2026, two shared cores,
-    Python 3.11). To be called before numpy is imported.
+    loops. `tirelog diagnose` of two logs took 6.9 s of wall and 9.8 s of CPU time with two threads,
+    6.1 s of both with one. The import of numpy took 0.2 s of CPU more (23 November 2026, two shared
+    cores, Python 3.11). To be called before numpy is imported.
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
@@ -57,11 +57,11 @@ def one_heap() -> None:
 
 @cache
 def keep_freed() -> None:
-    """What one array has freed, up to 64 MB, serves the next, for the rest of the process.
+    """Keep freed memory, up to 64 MB, for the next array.
 
-    For fits, which predict the same block of waveforms some thousand times: else each array of a
-    megabyte comes anew from the system, page by page, which is a third of a prediction's time
-    (measured with blocks of 96 revolutions, 2026-11; a joint diagnose takes a fifth less).
+    For fits, which predict the same block of waveforms some thousand times. Otherwise each array of
+    a megabyte comes anew from the system, page by page. This takes a third of a prediction's time
+    (blocks of 96 revolutions, 2026-11; a joint diagnose takes a fifth less).
     """
     if not {"MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_"} & set(os.environ):
         _set_allocator({_TRIM: _TRIM_BYTES, _OWN_MEMORY: _OWN_MEMORY_BYTES})
@@ -117,7 +117,7 @@ def processes() -> int:
 
 
 def end_with_parent(parent: int) -> None:
-    """End this process half a second after the one that started it, `parent`, has ended, at most.
+    """End this process at most half a second after its `parent` has ended.
 
     However that came about. If its parent was killed, a worker would else wait for its next task
     without end, and hold 200 MB.

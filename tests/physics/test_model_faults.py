@@ -111,7 +111,7 @@ def predicted(model=BEAM, phi=PHI, surface="outer", **drive):
         ("flat_road", lambda: Model.new("beam", contact="flat_road")),
         ("ring already", lambda: Model.new("ring").with_effect("ring_curvature")),
         ("ring already", lambda: Model.new("coupled_ring").with_effect("ring_curvature")),
-        ("stands on its tread", lambda: Model.new("coupled_ring", contact="prescribed")),
+        ("needs a tread on the road", lambda: Model.new("coupled_ring", contact="prescribed")),
         ("nearest: hub_mass_kg", lambda: parse_model(COUPLED + "\nhub_mas_kg = 3.0\n")),
         ("on its tread", lambda: parse_model(COUPLED + "\npatch_half_length_m = 0.05\n")),
         ("flat_road.* is allow", lambda: parse_model(COUPLED + '\ncontact = "prescribed"\n')),

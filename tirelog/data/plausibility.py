@@ -60,7 +60,7 @@ def implausible(
     channel: Channel | None = None,
     do: str = "",
 ) -> SetupError | None:
-    """The error of a number outside of its plausible range; None if it is inside, or said right.
+    """The error of a number outside its plausible range; None if it is inside.
 
     name, value   the quantity of `PLAUSIBLE` and its number
     what          the number in a sentence
@@ -88,7 +88,7 @@ def implausible(
 def doubt_of_rate(
     recording: Recording, channel: Channel, speed_m_s: float | None = None
 ) -> SetupError | None:
-    """The error of a sampling rate, or a wheel's speed, that a wrong unit of time makes."""
+    """The error of a sampling rate or speed by a wrong unit of time."""
     log, rate = recording.setup.log, channel.axis.rate_Hz
     now = UNITS.get(log.time_unit or "s", ("time", 1.0, 0.0))[1]
     rates, speeds = PLAUSIBLE["sampling_rate_Hz"], PLAUSIBLE["speed_m_s"]
@@ -118,7 +118,7 @@ def doubt_of_rate(
 def doubt_of_vehicle(
     recording: Recording, reference: Channel, radius_m: float
 ) -> SetupError | None:
-    """The error of a vehicle's speed by which the wheel rolls on another radius than the setup's.
+    """The error of a vehicle's speed that contradicts the setup's radius.
 
     `radius_m`: the vehicle's speed over the wheel's, of turns that roll freely.
     """

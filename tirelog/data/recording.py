@@ -7,9 +7,9 @@
         --diagnosis-------> model against measurement
 
 Orientation: the tread coordinate xi [m] and the angle phi = xi / R [rad] grow with time, in the
-direction in which tread material passes through the patch: entry edge at -L, patch centre at 0,
-exit edge at +L (errata, "one orientation"). Lost samples are NaN. Array shapes stand at each field:
-n revolutions, m angles.
+direction in which tread material passes the patch. The entry edge is at -L, the patch centre at 0,
+the exit edge at +L (errata, "one orientation"). Lost samples are NaN. Each field has its shape: n
+revolutions, m angles.
 """
 
 from __future__ import annotations
@@ -166,14 +166,16 @@ class Scaled:
 class Channel:
     """One recorded channel in SI.
 
-    `samples(start, stop)` reads values, shape (stop - start,), NaN where lost. `unit` is the SI
-    unit ('' for strain and encoder), `surface` 'outer' or 'inner' (strain only), `resolution` the
-    step of the source in SI (0 if unknown), `flags` (start, stop, word) sample ranges that reader
-    or clock doubted, `settings` the channel's own keys of the setup (steps of an encoder, ...);
-    `mended`: bursts of bad samples are lost already (`runs.in_memory`). `at_hand` if the samples
-    are stored so that reading them again costs little and no library holds their file's place;
-    `stored` reads them where they are stored, if they are held in memory; `recorded` is the channel
-    as its instrument gave it, if another's samples were taken off it.
+    samples     `samples(start, stop)` reads values, shape (stop - start,), NaN where lost
+    unit        the SI unit ('' for strain and encoder)
+    surface     'outer' or 'inner' (strain only)
+    resolution  the step of the source in SI (0 if unknown)
+    flags       (start, stop, word): sample ranges that reader or clock doubted
+    settings    the channel's own keys of the setup (steps of an encoder, ...)
+    mended      bursts of bad samples are lost already (`runs.in_memory`)
+    at_hand     reading the samples again costs little, and no library holds their file's place
+    stored      reads the samples from their file, if they are held in memory
+    recorded    the channel before another channel was subtracted from it
     """
 
     name: str

@@ -87,7 +87,7 @@ class Bounds:
     def units(self, value: float, given: str = "") -> dict[str, float]:
         """Units in which a number that was taken for one in `given` is plausible: its value then.
 
-        Without `given` the number stands in `unit`, and may be in more than the table's units.
+        Without `given` the number is in `unit`, and may be in more than the table's units.
         """
         table = {name: (f, o) for name, (of, f, o) in UNITS.items() if of == self.quantity}
         factor, offset = table.get(canonical(given or self.unit) or "", (1.0, 0.0))
@@ -166,7 +166,7 @@ OF_KIND: Mapping[str, str] = {
 
 
 def bounds_of(name: str, width_m: float | None = None, radius_m: float | None = None) -> Bounds:
-    """The range of a quantity, that of a load by the size of the tire if it is known."""
+    """The range of a quantity; that of a load depends on the tire's size."""
     bounds = PLAUSIBLE[name]
     if name != "load_N" or not width_m or not radius_m:
         return bounds
@@ -317,7 +317,7 @@ class ChannelSetup(Record):
     """[channels.NAME]: one signal of the log.
 
     kind                          what is measured
-    source                        where it stands in the file
+    source                        its place in the file
     unit                          of the source, or of what scale and offset give
     scale, offset                 value in the unit = scale x recorded + offset
     reference_wavelength_nm       of a grating without strain
@@ -384,7 +384,7 @@ _TEXT_KEYS = ("separator", "decimal", "header_rows", "encoding", "columns")
 class LogSetup(Record):
     """[log]: what the file itself does not say, or what was taken for something else.
 
-    separator    between the cells of a text log: one of SEPARATORS (" " stands for runs of blanks)
+    separator    between the cells of a text log: one of SEPARATORS (" " for runs of blanks)
     decimal      "." or ","
     header_rows  lines above the first row of samples, blank ones counted
     encoding     utf-8 or cp1252
@@ -416,7 +416,7 @@ class RoadSetup(Record):
     kind        flat; step (height_m, over a ramp of ramp_m); cleat (height_m, length_m at its foot,
                 ramps of ramp_m within it); sine (amplitude_m (1 - cos(2 pi x / wavelength_m)));
                 profile (file: two columns, distance and height, beside the setup)
-    time_s      when the wheel's centre stands over the obstacle's beginning; searched for in the
+    time_s      when the wheel's centre is over the obstacle's beginning; searched for in the
                 log if it is not given
     position_m  the same as a distance driven since the log's start
     spacing_m   after which the obstacle comes again (a drum's circumference)
@@ -440,7 +440,7 @@ class RoadSetup(Record):
 class Setup:
     """A whole setup file.
 
-    `text` is the file as it stood, for the run's provenance; `file` its path, for messages.
+    `text` is the content of the file, for the run's provenance; `file` its path, for messages.
     """
 
     tire: Tire = key(table_of(Tire), Tire())

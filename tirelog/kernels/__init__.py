@@ -6,10 +6,10 @@
 
 Kernels are compiled when the package is installed, to an extension of this folder that needs no
 compiler and no numba any more (`build`): a command then starts half a second earlier, holds 75 MB
-less, and the first one after an installation is as quick as the second. What is not in it, because
-there was no C compiler, because a kernel's file was edited since, or because it is called with
-arguments of another kind, numba compiles at its first call and keeps beside the source, or in the
-user's cache folder (`jit`).
+less, and the first one after an installation is as quick as the second. numba compiles what the
+extension lacks at its first call, and keeps it beside the source or in the user's cache folder
+(`jit`). This happens without a C compiler, after an edit of a kernel's file, and for arguments of
+another kind.
 
 With NUMBA_DISABLE_JIT=1 the same source runs as plain Python: slower, and the same numbers. No
 fast-math: sums keep their order, so results do not depend on the machine's vector width.

@@ -40,7 +40,7 @@ def build(folder: Path = dispatch.EXTENSION.parent) -> list[Path]:
     can't.
     """
     with warnings.catch_warnings():
-        # numba means to replace its compiler of modules, and has not said by what
+        # numba means to replace its compiler of modules, and has not named another
         warnings.simplefilter("ignore")
         from numba import typeof
 
@@ -61,7 +61,7 @@ def build(folder: Path = dispatch.EXTENSION.parent) -> list[Path]:
     for name, calls in json.loads(CALLS.read_text(encoding="utf-8")).items():
         kernel = getattr(import_module(name.partition(":")[0]), name.partition(":")[2], None)
         if not isinstance(kernel, Kernel):
-            raise LookupError(f"{CALLS.name} has {name}, which is no kernel; take it out")
+            raise LookupError(f"{CALLS.name} has {name}, which is not a kernel; remove it")
         sources.update(*map(_with_imported, kernel.sources))
         for number, kinds in enumerate(map(json.dumps, calls)):
             symbol = f"{name}_{number}".replace(".", "_").replace(":", "_")

@@ -22,28 +22,27 @@ A column that is the same for all revolutions keeps one row, so what does not ch
 once. The tread closes upon itself: every waveform is periodic over one revolution, and coefficient
 n has the wave number q = n / R.
 
-Composition. Effects are applied in the order of their ids, whatever the order in the file, so two
+Composition. Effects are applied in the order of their ids, not in the order of the file. So two
 files with the same effects agree to the last bit. Within each stage they commute: loads multiply,
 structure terms add, sensor transfers multiply. On the contact pressure
 
     p = F K * [ p0 (1 - sum a_i xi/L) + sum_i A_i ] / integral
 
-with p0 the parabola or the contact with the road, A_i the pressures that effects add (they depend
-on F, L and the conditions, not on p) and K * the convolutions: one rescaling at the end. With one
-effect this is the rescaling after that effect; with several it is the only reading in which their
-order means nothing. An effect whose strength is zero is skipped: off is the base model to the last
-bit.
+with p0 the parabola or the contact with the road, A_i the pressures that effects add, and K * the
+convolutions. A_i depend on F, L and the conditions, not on p. There is one rescaling at the end.
+With one effect this is the rescaling after that effect; with several it is the only reading in
+which their order means nothing. An effect whose strength is zero is skipped: off is the base model
+to the last bit.
 
 Modules: `parameters` a number with unit and bounds; `spectral` Fourier tools and the evaluation at
-angles; `pressure`, `brush` the load on the carcass; `carcass` its response (`beam` P1 and P2,
-`ring` P3) and its stand on the road (`contact`); `effects` one mechanism per file; `model` the list
-a person reads, its TOML (`file`), its stages, a user's own expressions; `moving` a tire that moves
-in time (`ring` its equations, `steady` where a motion begins, `contact` and `motion` the steps,
-`road` under it, `transient` what a model's sensor reads meanwhile, `modes` how it rings).
+angles; `pressure`, `brush` the load on the carcass; `carcass` its response (`structures`) and its
+contact with the road (`contact`); `effects` the catalogue; `model` the model as an object, its TOML
+(`file`), its stages, a user's own expressions; `moving` a tire that moves in time: `ring` its
+equations, `contact` the road and the steps, `transient` the reading of a sensor.
 
 Orientation: xi [m] and phi = xi / R [rad] grow in the direction in which tread material passes the
-patch, entry edge at -L, exit edge at +L. Displacement w is positive inward, slip positive in
-braking, y positive toward the axle.
+patch. The entry edge is at -L, the exit edge at +L. Displacement w is positive inward, slip is
+positive in braking, y is positive toward the axle.
 
 What a docstring calls the errata, in this package and all others, is docs/errata.md: what the
 papers print, what is right, and how that was checked.

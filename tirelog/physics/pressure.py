@@ -1,8 +1,8 @@
 """Fourier coefficients of the shapes that a contact pressure is made of.
 
-Every function returns P_n = (1 / C) int p(xi) exp(-i q_n xi) d xi, shape (n, K) from columns of
-shape (n, 1), in closed form: sampling the parabola on a grid would miss its slope jump at the edges
-by 1e-4. C = 2 pi R. P_0 C is the force.
+Every function returns P_n = (1 / C) int p(xi) exp(-i q_n xi) d xi, shape (n, K), from columns of
+shape (n, 1). They are in closed form, because sampling the parabola on a grid would miss its slope
+jump at the edges by 1e-4. C = 2 pi R. P_0 C is the force.
 """
 
 from __future__ import annotations
@@ -146,8 +146,10 @@ SLIDING_FRICTION = 0.6
 
 @dataclass(frozen=True)
 class Grip:
-    """What holds a tread on the road: friction that adheres and that slides [N/N], and how many
-    times stiffer the tread is than (17) has it, which it must be if all slides before slip 1.
+    """What holds a tread on the road: friction that adheres and that slides [N/N].
+
+    `stiffness_ratio`: the tread's stiffness over that of P2 (17), above 1 if all slides before
+    slip 1.
     """
 
     static_friction: float = STATIC_FRICTION
@@ -232,9 +234,9 @@ def forces(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(F_x [N], positive in braking, F_y [N], M_z [N m], which turns the slip angle back).
 
-    Columns (n, 1) in and out. P2's bristles in the plane of the road: a bristle that adheres is
-    carried along by sigma and tan(slip angle) per length from the entry edge, and sideways by the
-    wheel's camber, whose path on the road is bent by sin(camber) / R:
+    Columns (n, 1) in and out. P2's bristles in the plane of the road. A bristle that adheres is
+    carried along by sigma and tan(slip angle) per length from the entry edge. Camber carries it
+    sideways, because the wheel's path on the road is bent by sin(camber) / R:
 
         d = ((xi + L) sigma, (xi + L) tan(slip angle) + sin(camber) (L^2 - xi^2) / (2 R))
 

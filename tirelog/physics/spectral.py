@@ -1,11 +1,11 @@
 """Fourier tools on the tread's circumference.
 
-Powers, and the evaluation of a waveform at the angles asked.
+Powers, and the evaluation of a waveform at given angles.
 
-A waveform f(phi) over one revolution stands as its coefficients c_n, n = 0 ... K-1, shape (..., K),
-with f(phi) = Re[ c_0 + 2 sum c_n exp(i n phi) ]. Strain has c_n ~ n^-4 (the parabola's slope jumps
-at +-L), so K = 1024 leaves 2e-7 of the largest strain at the edges of the patch; a grid of 3072
-points with local cubic interpolation adds 4e-7 there.
+A waveform f(phi) over one revolution is kept as its coefficients c_n, n = 0 ... K-1, shape (...,
+K), with f(phi) = Re[ c_0 + 2 sum c_n exp(i n phi) ]. Strain has c_n ~ n^-4, because the parabola's
+slope jumps at +-L. So K = 1024 leaves 2e-7 of the largest strain at the edges of the patch. A grid
+of 3072 points with local cubic interpolation adds 4e-7 there.
 """
 
 from __future__ import annotations

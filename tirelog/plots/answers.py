@@ -144,7 +144,7 @@ def _signature(effect: Effect, *, named: bool) -> Panel:
         change = (full.predict(conditions, phi) - base.predict(conditions, phi))[0]
         marks.append(line(xi, MICRO * change, text, **style))
     return Panel(
-        "xi [mm], entry to exit; grey: the patch",
+        "from the patch centre, entry to exit [mm]; grey: the patch",
         "change of strain [microstrain]",
         marks,
         effect.id,
@@ -172,7 +172,7 @@ def climbed_panel(
 ) -> Panel:
     """The same of a ladder's JSON; `as_shown`: factor and unit.
 
-    `colours`: of the bars, the marks, the floor, and the error that nothing had touched.
+    `colours`: of the bars, the marks, the floor, and the reserved manoeuvres.
     """
     factor, unit = as_shown
     taken = [step for step in climbed["steps"] if step["outcome"] != "not_added"]
@@ -189,7 +189,7 @@ def climbed_panel(
     height = np.fmax(np.fmax(held_out, fitted), floor)
     if untouched is not None:
         height[-1] = max(height[-1], untouched * factor)
-        name = "error on manoeuvres that nothing had touched"
+        name = "error on reserved manoeuvres"
         there = [untouched * factor]
         marks.append(dots(place[-1:], there, name, colours[3], symbol="D", mec="black"))
     for x, (step, y) in enumerate(zip(taken, height, strict=True)):
@@ -299,7 +299,7 @@ def rest(
     as_shown: tuple[float, str] | None = None,
     colours: Sequence[Any] = COLOURS[1:3],
 ) -> Panel:
-    """The leading shape of what is left before and after."""
+    """The leading shape of the residual, before and after."""
     factor, unit = as_shown or drawn(result.observable, result.unit)
     angle = np.degrees(result.phi_rad)
     return Panel(
@@ -309,7 +309,7 @@ def rest(
             line(angle, result.leading_before * factor, "before", colours[0], dash="dash"),
             line(angle, result.leading_after * factor, "with the proposal", colours[1]),
         ],
-        "what is left",
+        "residual",
     )
 
 
@@ -408,7 +408,7 @@ def hit_panels(
             f"change of {observable} [{unit}]",
             [
                 line(time, factor * hit.added[at], "added by the obstacle", added, **thin),
-                line(time, factor * hit.missed[at], "of that missed by the model", missed, **thin),
+                line(time, factor * hit.missed[at], "not predicted by the model", missed, **thin),
             ],
         ),
         Panel(
@@ -514,7 +514,7 @@ def _polar(result: Comparison) -> Page:
     )
     patch = Panel(
         "ξ from the patch centre [mm]",
-        "contact pressure, as the model has it [N/mm]",
+        "contact pressure of the model [N/mm]",
         [
             *(
                 line(radius_mm * phi, 1e-3 * p, "", c)
@@ -557,7 +557,7 @@ def _edge_zoom(result: Comparison) -> Page:
         above.append(Panel("", y, shown + edge, f"{name} edge", legend=place))
         y = f"measured - predicted [{unit}]" if first else ""
         below.append(Panel("angle [deg]", y, left + edge))
-    said = "dots measured, lines predicted, bands two noise floors of a mean"
+    said = "dots: measured; lines: predicted; bands: two noise floors of a mean"
     return Page([above, below], SLIDE, said, heights=(1.3, 1.0), share="xy")
 
 
@@ -566,19 +566,19 @@ def waveforms(
     as_shown: tuple[float, str] | None = None,
     looks: Sequence[tuple[Any, str, str]] | None = None,
 ) -> Panel:
-    """Means of like revolutions: measured, predicted, and the floor's band.
+    """Means of similar revolutions: measured, predicted, and the floor's band.
 
     `as_shown`: factor and unit of the observable; `looks`: colour, dash and symbol of each mean.
     """
     factor, unit = as_shown or drawn(result.observable, result.unit)
     colours = by_value(result.waveforms.conditions.speed_m_s) if looks is None else ()
     marks = wave_marks(result, factor, looks or [(colour, "solid", ".") for colour in colours])
-    said = "dots measured (means of like revolutions), lines predicted, band two noise floors"
+    said = "dots: measured means of similar revolutions; lines: predicted; band: two noise floors"
     return over_angle(result, f"{result.observable} [{unit}]", marks, said)
 
 
 def over_angle(result: Comparison, y: str, marks: Sequence[Mark], title: str = "") -> Panel:
-    """What stands over the angle [deg], with the patch's edges; far off them it is not shown."""
+    """Marks over the angle [deg] near the patch, with its edges."""
     half = result.half_angle_rad
     reach = min(float(np.rad2deg(_REACH * half)), 180.0) if half > 0 else 180.0
     x = "angle from the patch centre [deg], entry to exit"
@@ -700,9 +700,9 @@ def _maps(both: Sequence[Comparison]) -> list[Panel]:
         *panels,
         Panel(
             "angle [deg]",
-            f"rms of what is left [{unit}]",
+            f"rms of the residual [{unit}]",
             [*sizes, of_floor, *edges(both[0].half_angle_rad)],
-            "means of like revolutions",
+            "means of similar revolutions",
             scales=("linear", "log"),
             # below the axes: what is large may lie anywhere in them
             legend={

@@ -3,7 +3,7 @@
 A page, its colours, long signals drawn so that no peak vanishes, and writing it whole.
 
 matplotlib is an extra (`pip install 'tirelog[plot]'`): it is imported here, when a picture was
-asked for, and its absence is said in words.
+needed; a message says if it is not there.
 """
 
 from __future__ import annotations
@@ -198,7 +198,7 @@ def _draw_mark(axes: Any, mark: Mark) -> Any:
 
 
 def _draw_heat(axes: Any, mark: Mark) -> Any:
-    """A map's colours.  Of signed ones 1 and 40 are told on one scale: see `record.heat`."""
+    """A map's colours; signed ones are linear up to a number, see `record.heat`."""
     from matplotlib.colors import LogNorm, Normalize, SymLogNorm
 
     low, high = mark.style["low"], mark.style["high"]
@@ -285,7 +285,7 @@ def on_a_slide() -> Iterator[None]:
 
 
 def by_value(values: Sequence[float] | FloatArray) -> list[Any]:
-    """A colour for each of ordered values, dark to light: told apart by the colour-blind too."""
+    """A colour for each of ordered values, dark to light, also for the colour-blind."""
     from matplotlib import colormaps
 
     given = np.asarray(values, float)

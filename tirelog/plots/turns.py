@@ -97,8 +97,8 @@ class OrderMap:
 def amplitudes(values: FloatArray) -> FloatArray:
     """Amplitude of the orders 1 ... k of each revolution, (n, k); values (n, m), NaN if unknown.
 
-    Empty bins are filled from their neighbours, and so few orders are given that every one has two
-    samples per cycle even in the sparsest revolution.
+    Empty bins are filled from their neighbours. Every order has two samples per cycle even in the
+    sparsest revolution.
     """
     n, m = values.shape
     known = np.isfinite(values)
@@ -169,8 +169,8 @@ def order_maps(
 def on_the_belt(mode: Mode, wheel_Hz: float) -> float:
     """The frequency [Hz] at which a point of the turning belt feels a mode.
 
-    A wave of n lobes that goes with the rotation passes the belt's points n turns a turn more
-    slowly, one against it so much faster; what stands beside the tire is given as it is heard.
+    A wave of n lobes that goes with the rotation passes a point of the belt n times less per turn.
+    One against it passes n times more. A wave that does not travel keeps its frequency.
     """
     turned = {"with": -1.0, "against": 1.0}.get(mode.direction, 0.0) * mode.lobes * wheel_Hz
     return abs(mode.frequency_Hz + turned)
@@ -179,7 +179,7 @@ def on_the_belt(mode: Mode, wheel_Hz: float) -> float:
 def mode_lines(
     model: Model, found: OrderMap | None, *, highest_Hz: float, **more: Any
 ) -> list[Mark]:
-    """The modes of a ring model in the air as lines over speed, as the belt feels them.
+    """Modes of a ring model in the air, as lines over speed on the belt.
 
     On the road waves of several numbers of lobes mix, and a mode has no one frequency on the belt.
     `found` is the map below the lines; without it they go from rest to FASTEST_M_S. `more`: the
@@ -246,7 +246,7 @@ def modes_over_orders(
 
 
 def map_of_log(recording: Recording, channel: str | None = None) -> OrderMap:
-    """The order map of a log's strain, of its first grating or the one that is named.
+    """The order map of a log's strain, of its first or its named grating.
 
     UsageError: no such channel, or too few revolutions.
     """
@@ -375,7 +375,7 @@ class TurnsSketch:
 
 
 def speed_classes(turns: Stack) -> list[tuple[float, int, FloatArray, FloatArray]]:
-    """(speed [m/s], revolutions, mean [strain] (m,), scatter (m,)) of like speeds, slowest first.
+    """(speed, revolutions, mean (m,), scatter (m,)) of each class of speed, slowest first.
 
     Classes are of equal width. One of fewer than three revolutions has no scatter and is left out.
     """
@@ -445,7 +445,7 @@ def waterfall(sketches: Sequence[TurnsSketch]) -> Page:
 def filled(values: FloatArray) -> FloatArray:
     """The revolutions with bins between two known ones filled; longer gaps stay empty, (n, m).
 
-    A bin is narrower than a sample is apart from the next at speed: it is empty, and nothing lost.
+    At speed a bin is narrower than the way between two samples: it is empty, and nothing lost.
     """
     left, right = np.roll(values, 1, axis=1), np.roll(values, -1, axis=1)
     made: FloatArray = np.where(np.isfinite(values), values, 0.5 * (left + right))

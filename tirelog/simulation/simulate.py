@@ -49,7 +49,7 @@ class Simulated:
     """A simulated log.
 
     `channels` raw values (n,) in the file's unit, NaN if lost; `stamp_s` (n,) their stamps [s];
-    `world` the truth itself, to be asked for any instant; `known` gives what stands in its file.
+    `world` the truth itself, to be asked for any instant; `known` gives the content of its file.
     """
 
     scenario: Scenario
@@ -243,12 +243,12 @@ def suffix_of(path: Path) -> str:
 
 
 def setup_of(path: Path) -> Path:
-    """Where the setup of a log stands: the log's name with the suffix .toml."""
+    """The path of a log's setup: the log's name with the suffix .toml."""
     return (path.with_suffix("") if path.suffix == ".gz" else path).with_suffix(".toml")
 
 
 def truth_of(path: Path) -> Path:
-    """Where the truth of a log stands: the log's name with .truth.json behind it."""
+    """The path of a log's truth: the log's name with .truth.json behind it."""
     return path.with_name(path.name + ".truth.json")
 
 

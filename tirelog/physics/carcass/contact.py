@@ -10,10 +10,9 @@ road and never pulls:
 with u the ring's vertical yield. Solved by active sets (Newton's method on the max), on the
 waveform's grid; the load is a row of the linear system, so it is carried to rounding. The ring has
 all its tension, that of effects too. Without losses it is even about the patch centre, and one half
-is solved for. What damps a ring makes its answer to a load lag behind it: the yield is no longer
-alike to both sides, so the pressure leans towards the entry edge, and more than what the same loss
-does to the ring under a given pressure. What a user's own effects on the foundation change in the
-pressure is left out.
+is solved for. Damping delays the ring's response to a load: the yield is no longer even, and the
+pressure leans towards the entry edge. It leans more than under a given pressure with the same loss.
+A user's own effects on the foundation do not change the pressure.
 
     carcass, F, losses --solve_contact--> pressure at the angles that touch --.slopes--> derivatives
     ContactState --pressure_modes--> modes of the pressure, for rows of loads, tensions and losses
@@ -77,7 +76,7 @@ class Contact:
 
     Half length [m] of the patch and the hub's drop [m]. `solved` (k,): the number of each angle's
     pressure in the equations, of which an even contact has one for two angles; `factors` of these
-    for pressure and drop; `edges` what each edge is told by: the last angle that touches, its depth
+    for pressure and drop; `edges` what places each edge: the last angle that touches, its depth
     [m] and that of the next one, and how the next one yields under the pressures.
     """
 

@@ -41,7 +41,7 @@ _LOAD = (
     _p(
         "radius_m",
         "m",
-        "R, with which the tread passes: v = Omega R, the rolling radius",
+        "R, the rolling radius: speed over the wheel's angular velocity",
         0.3126,
         0.05,
         3.0,

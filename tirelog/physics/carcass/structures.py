@@ -268,7 +268,7 @@ _BEHIND, _AHEAD = (0.5 * (1.0 + sign / _N[1:]) for sign in (1.0, -1.0))
 def equivalent_load(pressure: ComplexArray, traction: ComplexArray | None = None) -> ComplexArray:
     """Inward load on a belt without tangential freedom: E_n = i (Q_v + i n Q_w) / n, E_0 = 0.
 
-    Of the loads of the road, with what stands in them twice taken together:
+    The loads of the road, with their equal terms taken together:
     E_n = (1 + 1/n) / 2 (p + i tau)_(n-1) + (1 - 1/n) / 2 (p - i tau)_(n+1).
     """
     behind = pressure if traction is None else pressure + 1j * traction

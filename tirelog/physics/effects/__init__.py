@@ -68,7 +68,7 @@ def readers(effect: Effect, observable: str) -> list[Effect]:
 
 
 def serves(effect: Effect) -> dict[str, str]:
-    """The observables that an effect acts on, and how they are said.
+    """The observables that an effect acts on, in words.
 
     With the effects that it needs beside it there, if it does not act by itself.
     """

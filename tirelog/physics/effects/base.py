@@ -65,7 +65,7 @@ REACH: Mapping[str, tuple[str, tuple[str, ...]]] = {
 
 
 def acting_on(observable: str) -> list[str]:
-    """The stages by which an effect can act on an observable, in the words of a model file."""
+    """The stages by which effects act on an observable, in a model file's words."""
     return list(dict.fromkeys(stage for stage, reached in REACH.values() if observable in reached))
 
 
@@ -192,7 +192,7 @@ class Effect:
     also_at_zero               carcasses on which something of it acts also when its strength is
                                zero
     instead                    a field of `needs` -> another that serves as well
-    stands_for                 observable -> conditions that it stands for there: it is not tried
+    stands_for                 observable -> conditions that it replaces there: it is not tried
                                where they are measured
     options                    words a model file may choose from, the first by default
     tried                      False if a diagnosis does not try it by itself, since its shape is
@@ -430,7 +430,7 @@ def number(
     free: bool = True,
     prior: tuple[float, float] | None = None,
 ) -> Parameter:
-    """A number of an effect, which gets its name from the keyword that it is given by.
+    """A number of an effect; the keyword that gives it becomes its name.
 
     Its start value, bounds, unit and meaning. `probe` is the start value unless that is zero; the
     rest is as in `Parameter`.

@@ -173,7 +173,7 @@ def edge_impact(
 def rough_contact(drive: Drive, site: Site, *, length: float) -> FloatArray:
     """Asperities that smear the edges of the pressure.
 
-    Signature: even; rounds the waveform at both edges; hardly to be told from gauge_length
+    Signature: even; rounds the waveform at both edges; hardly separable from gauge_length
     Valid: smearing shorter than the patch
     Source: P1, P2, outlook (ii)
 

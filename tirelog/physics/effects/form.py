@@ -1,12 +1,11 @@
 """The tire's own form: what its contact pressure and stiffness are beside the model's formulas.
 
 It follows the load and nothing else. The pressure gets F / (2 L) times a sum of shapes on the
-patch, none of which carries load: differences of Legendre polynomials P_(n-1) - P_(n+1), which
-vanish at the edges (P_0 - P_2 is the parabola), and P_1 and P_2, which end there in a step. Each
-has a size at the reference load and one that grows with the relative load beyond it. The static
-stiffness of the carcass gets a factor by the number of waves in a turn, its logarithm a sum of
-bells.
-Each number has a prior of mean zero: a form is learnt only as far as a log shows it.
+patch, none of which carries load. Differences of Legendre polynomials P_(n-1) - P_(n+1) vanish at
+the edges; P_0 - P_2 is the parabola. P_1 and P_2 end there in a step. Each shape has a size at the
+reference load and one that grows with the relative load beyond it. The static stiffness of the
+carcass gets a factor by the number of waves in a turn, its logarithm a sum of bells. Each number
+has a prior of mean zero: a form is learnt only as far as a log shows it.
 """
 
 from __future__ import annotations
@@ -93,7 +92,7 @@ def _learnt(words: str, limit: float, size: float) -> Parameter:
 
 
 def _numbers() -> dict[str, Any]:
-    """A number with a prior for each shape of the pressure, and for each bell of the stiffness."""
+    """A number with a prior for each shape of pressure and each bell of stiffness."""
     share = [share_of_degree(n) for n in (*SMOOTH, *STEPS)]
     pressure = {
         name: _learnt(f"pressure of the shape {name} over the mean", 3.0, FORM_PRESSURE * size)

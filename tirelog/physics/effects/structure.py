@@ -80,9 +80,9 @@ def belt_viscosity(drive: Drive, *, retardation_s: float) -> Structure:
     Valid: bending waves slower than 1 / tau
     Source: P1 (22); steady, d/dt = c d/dxi (errata)
 
-    A diagnosis does not try it: what it does to the strain of a beam, at 8 to 24 m/s, has a cosine
-    of 0.7 with viscous_damping and of -0.8 to -0.9 with pressure_offset, and a third name for an
-    odd part would make logs ambiguous that have one now. Whoever knows the rubber adds it.
+    A diagnosis does not try it. Its change of a beam's strain, at 8 to 24 m/s, has a cosine of 0.7
+    with viscous_damping and of -0.8 to -0.9 with pressure_offset. A third name for an odd part
+    would make more logs ambiguous. Add it if you know the rubber.
     """
     return Structure(retardation=retardation_s)
 
@@ -101,10 +101,9 @@ def belt_shear(drive: Drive, *, length_m: float) -> Structure:
     Valid: l well below the patch length; rotary inertia is left out
     Source: P1 (21) with its shear term; Timoshenko's beam on Winkler's foundation
 
-    With l^2 = EJ / (G A) the bending force EJ q^4 w is EJ q^4 w / (1 + l^2 q^2), and what bends is
-    the cross-section's rotation, so that the strain is y w'' / (1 + l^2 q^2). P1 drops it. A
-    diagnosis does not try it: it is even as gauge_length is, and what a name more costs is not
-    counted.
+    With l^2 = EJ / (G A) the bending force EJ q^4 w becomes EJ q^4 w / (1 + l^2 q^2). The rotation
+    of the cross-section bends, so the strain is y w'' / (1 + l^2 q^2). P1 drops it. A diagnosis
+    does not try it: it is even as gauge_length is, and the cost of one more name was not measured.
     """
     return Structure(shear=length_m**2)
 

@@ -79,7 +79,7 @@ def thermal_drift(drive: Drive, *, drift: float, time_constant_s: float, driver:
 def gauge_length(drive: Drive, site: Site, *, length_m: float) -> FloatArray:
     """A grating averages over its length.
 
-    Signature: even; rounds the waveform; hardly to be told from rough_contact
+    Signature: even; rounds the waveform; hardly separable from rough_contact
     Valid: lengths below the patch length
     Source: fibre Bragg gratings of finite length
 
@@ -125,13 +125,13 @@ def sensor_tilt(drive: Drive, site: Site, *, tilt_rad: float) -> ComplexArray:
     Valid: tilts of some degrees; without the mean, which AC coupling takes
     Source: kinematics of a turning belt of constant length (P3 w = -dv/dtheta)
 
-    It reads a share of the tangential acceleration. In a steadily turning belt that keeps its
-    length the tangential acceleration's modes are -i / n of the radial ones (position R + u_r
-    outwards, u_r = -u_t': a_r = omega^2 (1 - n^2) U and a_t = i omega^2 (n^2 - 1) / n U); of
-    gravity and the vehicle's acceleration, which alone have n = 1, they are +i.
+    It reads a share of the tangential acceleration. The belt turns steadily and keeps its length.
+    The modes of the tangential acceleration are then -i / n of the radial ones. With R + u_r
+    outwards and u_r = -u_t', a_r = omega^2 (1 - n^2) U and a_t = i omega^2 (n^2 - 1) / n U. Gravity
+    and the vehicle's acceleration, which alone have n = 1, have +i.
 
     A diagnosis does not try it: sensor_lag and pressure_offset are odd about the patch too, and
-    what a name more costs is not counted.
+    the cost of one more name was not measured.
     """
     n = np.arange(MODES)
     along = np.zeros((1, MODES), dtype=np.complex128)
@@ -155,8 +155,8 @@ def warm_gain(drive: Drive, *, gain_1_K: float) -> FloatArray:
     Valid: the straight part of a sensor's curve
     Source: data sheets of accelerometers and gauges: 0.0001 to 0.001 per kelvin
 
-    A diagnosis does not try it: the lever arm takes most of it, and on a drive that warms while it
-    gets faster the rest has a cosine of 0.8 with belt_tension (docs/second_forms.md).
+    A diagnosis does not try it, because the lever arm takes most of it. On a drive that warms while
+    it gets faster, the rest has a cosine of 0.8 with belt_tension (docs/second_forms.md).
     """
     return 1.0 + gain_1_K * drive.temperature_K
 
@@ -167,7 +167,7 @@ def _behind(site: Site, phi_rad: FloatArray, edge_m: FloatArray) -> FloatArray:
 
 
 def _faded(site: Site, behind_m: FloatArray) -> FloatArray:
-    """One behind an edge, smoothly zero over the last third of the turn, where it comes again."""
+    """One behind an edge, falling smoothly to zero over the last third of the turn."""
     share = behind_m / (2.0 * np.pi * site.radius_m)
     return 0.5 + 0.5 * np.cos(np.pi * np.clip((share - 0.6) / 0.3, 0.0, 1.0))
 
@@ -245,7 +245,7 @@ def cavity_resonance(
     Valid: passenger tires, 180 to 260 Hz; contact splits the mode in two, of which this is one
     Source: Sakata, Morimura and Ide 1990, Thompson 1995 (Tire Science and Technology 18, 23)
 
-    A diagnosis does not try it: it would stand for any ringing of a fixed frequency, which
+    A diagnosis does not try it: it would explain any ringing of a fixed frequency, which
     `diagnose` describes and `propose` writes down.
     """
     along = _behind(site, phi_rad, -site.half_length_m)
@@ -332,7 +332,7 @@ def telemetry_delay(drive: Drive, site: Site, observable: str, *, delay_s: float
     """Constant delay between encoder and radio-linked sensor, Omega x delay.
 
     Signature: phase shift in proportion to speed
-    Valid: constant delay; cannot be told from the linear part of speed_trend
+    Valid: constant delay; not separable from the linear part of speed_trend
     Source: P4, errata
     """
     return delay_s * drive.speed_m_s / site.radius_m
@@ -414,7 +414,7 @@ def wind_up(drive: Drive, site: Site, observable: str, *, per_force_rad_N: float
     """Sidewalls that the longitudinal force winds up, F_x / (2 pi R^2 k_v).
 
     Signature: phase shift in proportion to the measured force, also at constant speed
-    Valid: a force that is measured; without one per_acceleration_rad_s2_m stands for it, and the
+    Valid: a force that is measured; without one per_acceleration_rad_s2_m takes its place, and the
         drag of constant speed is in speed_trend
     Source: P4 III, errata
     """

@@ -81,7 +81,7 @@ class Expression:
         if not np.isfinite(result).all():
             raise ModelError(
                 f"expression {self.text!r} is not finite everywhere",
-                allowed="a finite number at every xi and condition is allowed",
+                allowed="a finite number at every angle and condition is allowed",
                 do="guard it with where(), clip() or a comparison",
             )
         return result
@@ -321,7 +321,7 @@ def _refuse_dimension(what: str, part: ast.expr, found: FloatArray | None) -> No
 
 
 def _value(node: ast.expr) -> float | None:
-    """The number that stands there, with its sign; None for anything else."""
+    """The number of a node, with its sign; None for anything else."""
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
         inner = _value(node.operand)
         return None if inner is None else inner * (-1.0 if isinstance(node.op, ast.USub) else 1.0)

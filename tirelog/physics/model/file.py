@@ -82,7 +82,7 @@ _NUMBER = Table(
 
 @dataclass(frozen=True)
 class _Kind:
-    """What a key may hold, by the function that reads its value at a place of the file."""
+    """What a key may hold: the function that reads its value."""
 
     allowed: str
     read: Callable[[Any, FilePlace], Any]
@@ -300,7 +300,7 @@ def _nuisances(data: Mapping[str, Any], place: FilePlace) -> tuple[Nuisance, ...
 def _bare(head: Mapping[str, Any], numbers: Mapping[str, Any], place: FilePlace) -> Model:
     """The model of [model], at its start values.
 
-    Its `contact` stands there or in [parameters]; without it a patch length means a prescribed
+    Its `contact` is there or in [parameters]; without it a patch length means a prescribed
     patch.
     """
     prescribed = head["carcass"] == "beam" or "patch_half_length_m" in numbers
@@ -405,7 +405,7 @@ def unit_remarks(model: Model) -> list[str]:
 def save_model(model: Model, path: str | Path) -> None:
     """Writes the model file; the old one stays whole until the new one is complete.
 
-    ModelError: what stands there is no model.
+    ModelError: the file there is not a model.
     """
     path = Path(path)
     refuse_another(path)
@@ -415,7 +415,7 @@ def save_model(model: Model, path: str | Path) -> None:
 
 
 def refuse_another(path: Path) -> None:
-    """ModelError: what stands at the path is no model, and is not to be written over."""
+    """ModelError: the file at the path is not a model, and must not be overwritten."""
     if not path.is_file() or not path.stat().st_size:
         return
     with suppress(OSError, UnicodeDecodeError, ModelError):
@@ -453,7 +453,7 @@ def as_toml(model: Model, folder: Path | None = None) -> str:
 
 
 def _set(table: Any, key: str, value: Any, remark: str = "") -> None:
-    """Writes a value where another stands, or none does: then with a remark."""
+    """Writes a value in the place of another, or a new one with a remark."""
     old = table.get(key)
     if old == value:
         return
@@ -502,7 +502,7 @@ def _put_effects(document: Any, model: Model) -> None:
 
 
 def _put_nuisances(document: Any, model: Model) -> None:
-    """Writes the nuisances that are used otherwise than they are by default, or stand there.
+    """Writes the nuisances that are used otherwise than by default, or are there already.
 
     [form] also has its numbers, if the model has them.
     """
@@ -526,7 +526,7 @@ def _put_nuisances(document: Any, model: Model) -> None:
 
 
 def _put(table: Any, parameter: Parameter, *, remark: bool = True) -> None:
-    """Writes one parameter, leaving an unchanged one (and every comment) as it stands."""
+    """Writes one parameter, leaving an unchanged one (and every comment) in place."""
     name, old = parameter.name, table.get(parameter.name)
     unit = "" if parameter.unit in ("", "1") else f" [{parameter.unit}]"
     words = f"{parameter.description}{unit}" if remark else ""

@@ -3,9 +3,9 @@
     Conditions (n,), slip angle and camber --`stages`--> columns (n,)
 
 The balance of rolling, in the frame of the axle, x along the road behind the hub. The road is flat,
-stiff and at rest, so its pressure p on a tread of height z(phi) and place x(phi) does the work
-Omega int p z' dxi = 0, if what lies between belt and road gives back what it takes. A belt that
-turns as a stiff wheel has z' = x; what remains of z' deforms it, at the power P. So
+stiff and at rest. The pressure p acts on a tread of height z(phi) and place x(phi). Its work is
+Omega int p z' dxi = 0 if the layer between belt and road returns all energy. A belt that turns as a
+stiff wheel has z' = x; what remains of z' deforms it, at the power P. So
 
     P = Omega int p (z' - x) dxi = Omega M,        M = -int p x dxi = -F x_c
 
@@ -24,13 +24,12 @@ pressure leans against that. It exerts a moment on a carcass that takes nothing 
 
     M = P_0 / Omega + dM,  dM = -int p x dxi + int p_0 x_0 dxi      _0 without what effects add
 
-(P in place of P_0 of a beam, whose x along the belt does not know of w). The power of that is taken
-by what lies between belt and road, the rubber of the tread or the water, for which the model has no
-losses of its own: `tread_power_W`, Omega M - P. Below zero it would have to push the wheel, which
-no tread does.
+(P in place of P_0 of a beam, whose x along the belt does not know of w). The layer between belt and
+road takes the power of that: the rubber of the tread or the water. The model has no losses there:
+`tread_power_W`, Omega M - P. Below zero it would have to push the wheel, which no tread does.
 
-The sliding of a brush takes the power F_x slip v + F_y tan(slip angle) v beside all that, which
-the drive or the brake pays for, not the rolling.
+The sliding of a brush takes the power F_x slip v + F_y tan(slip angle) v besides. The drive or the
+brake provides it, not the rolling.
 """
 
 from __future__ import annotations
@@ -241,7 +240,10 @@ def _deflections(task: Task) -> tuple[FloatArray, FloatArray]:
 
 
 def _section_power(task: Task, section: StripSection) -> tuple[FloatArray, FloatArray]:
-    """(eta J c^2 int w'''^2 ds of P1 (25), eta A c^2 int eps'^2 ds of (27)) [W], (n or 1, 1)."""
+    """Losses in bending and in stretching [W], each (n or 1, 1).
+
+    P1 (25) is eta J c^2 int w'''^2 ds, P1 (27) is eta A c^2 int eps'^2 ds.
+    """
     R, lever = task.base["radius_m"], task.base["lever_arm_m"]
     curved = hardened(task) * response(task).curvature
     slopes = (_N / R) ** 2 * (curved.real**2 + curved.imag**2)

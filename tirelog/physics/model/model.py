@@ -48,12 +48,12 @@ from tirelog.vocabulary.observables import (
     together,
 )
 
-# ---- An effect as it stands in a model, with its own numbers and options.
+# ---- An effect of a model, with its own numbers and options.
 
 
 @dataclass(frozen=True)
 class ModelEffect:
-    """An effect as it stands in a model, with its numbers and options.
+    """An effect of a model, with its numbers and options.
 
     `source` keeps a user's own words (expression, acts_on).
     """
@@ -111,7 +111,7 @@ FORM = "form"
 
 @dataclass(frozen=True)
 class Nuisance:
-    """One nuisance as it stands in a model: its use, one of USES, and its sizes."""
+    """One nuisance of a model: its use, one of USES, and its sizes."""
 
     name: str
     description: str
@@ -244,7 +244,7 @@ class Model:
     ) -> Model:
         """A model without effects, at its start values or those given.
 
-        A ring stands on a flat road unless `contact` says otherwise. Of several observables, which
+        A ring is on a flat road unless `contact` is another. Of several observables, which
         are to be fitted together, the first leads.
         """
         _one_of("carcass", carcass, CARCASSES)
@@ -259,7 +259,7 @@ class Model:
             )
         if carcass == "coupled_ring" and contact != "flat_road":
             raise ModelError(
-                "a coupled ring stands on its tread",
+                "a coupled ring needs a tread on the road",
                 allowed='contact = "flat_road" is allowed',
                 do='leave contact out, or take carcass = "ring"',
             )
@@ -416,11 +416,11 @@ class Model:
         return any(effect.acts_in(observable, others) for observable in self.observables)
 
     def acts_on(self, effect: Effect, observable: str) -> bool:
-        """Does an effect that it holds act on one of its observables?
+        """True if an effect that it holds acts on one of its observables.
 
-        On a phase shift that is fitted together with a waveform also by what it does to the belt:
-        the angle is read from the fronts of an acceleration, which a belt that leans moves. Alone a
-        phase shift tells nothing of the belt.
+        A phase shift that is fitted together with a waveform also follows the belt: the angle is
+        read from the fronts of an acceleration, which a leaning belt moves. Alone a phase shift
+        says nothing of the belt.
         """
         held = [entry.effect for entry in self.effects]
         if effect.acts_in(observable, held):
@@ -494,11 +494,17 @@ class Model:
 
         phi_rad (m,) or (n, m) [rad], NaN gives NaN; phi_variance, same shapes [rad^2], adds f''/2
         times it; or `Angles` of both, made once for many predictions. `values` replaces values by
-        full name without a check of bounds. `observable` may also be displacement [m], inward,
-        tangential_displacement [m] (NaN of a beam), strain_slope [1/m], strain_curvature [1/m^2],
-        contact_pressure [N/m] (its modes carry the load exactly and ripple by some parts in a
-        thousand beside its kinks), shear_traction [N/m], positive in braking, or frame_acceleration
-        [m/s^2], gravity and the vehicle's acceleration in what a radial accelerometer reads.
+        full name without a check of bounds. `observable` may also be
+
+            displacement             [m], inward
+            tangential_displacement  [m], NaN of a beam
+            strain_slope             [1/m]; strain_curvature [1/m^2]
+            contact_pressure         [N/m]; its modes carry the load exactly, and ripple by some
+                                     parts in a thousand at its kinks
+            shear_traction           [N/m], positive in braking
+            frame_acceleration       [m/s^2], gravity and the vehicle's acceleration in what a
+                                     radial accelerometer reads
+
         `modes` leaves out the waves shorter than the circumference over that number (P3's n_mode).
         `each`: every row by itself, to the bit what it is without those beside it. surface 'outer'
         (groove, minimum in the patch) or 'inner' (liner, maximum). ModelError: speed at or above
@@ -621,7 +627,7 @@ class Model:
         also: Sequence[str] = (),
         each: bool = False,
     ) -> Iterator[tuple[slice, Task, FloatArray | None]]:
-        """`_tasks`, or all rows in one task of few speeds, and the shares that rows have of them.
+        """`_tasks`, or all rows in one task of few speeds with their shares of these.
 
         That is if they tell the rows' strain; None for a task of the rows themselves.
         """
@@ -734,7 +740,7 @@ def idle_effect(effect: Effect, observable: str) -> ModelError:
 
 
 def why_idle(effect: Effect, observable: str) -> str:
-    """Why an effect acts on nothing in a model of an observable, as said of the effect."""
+    """Why an effect acts on nothing in a model, as a clause about the effect."""
     on = ", ".join(effect.acts_on)
     if readers(effect, observable):
         return f"acts on {on}, which nothing in this model of {observable} reads"

@@ -105,7 +105,9 @@ class Task:
 
 
 def distinct(task: Task) -> tuple[Task, IntArray | None]:
-    """The task with rows that are alike to belt and load once, and which of them each row is (n,).
+    """The task with each distinct row once, and the place of every row among them (n,).
+
+    Rows are distinct if belt or load can see the difference.
 
     None if none are alike, or nobody knows what an effect of the user's own reads.
     """
@@ -477,10 +479,14 @@ def waveform(
 ) -> tuple[ComplexArray, FloatArray | float]:
     """Modes of the waveform (n or 1, K) and the baseline (n or 1, 1) that is added to it.
 
-    `observable`: strain (at the signed `lever_m`), its slope [1/m] and curvature [1/m^2] along the
-    tread, radial_acceleration [m/s^2], outward positive (errata), what of it is no motion of the
-    tread (frame_acceleration), displacement [m], inward, tangential_displacement [m], in the
-    direction of passing, contact_pressure or shear_traction [N/m].
+    `observable` is one of
+
+        strain                   at the signed `lever_m`; its slope [1/m], curvature [1/m^2]
+        radial_acceleration      [m/s^2], outward positive (errata)
+        frame_acceleration       the part of it that is no motion of the tread
+        displacement             [m], inward
+        tangential_displacement  [m], in the direction of passing
+        contact_pressure, shear_traction  [N/m]
     """
     if observable == "contact_pressure":
         return pressure(task).pressure, 0.0
@@ -534,9 +540,9 @@ def tangential(task: Task) -> ComplexArray:
 def frame_acceleration(task: Task) -> ComplexArray:
     """Modes (n or 1, K) that a turning accelerometer reads if the tread keeps still in the wheel.
 
-    It reads specific force, acceleration less gravity, here along the outward radius. That points
-    down at the patch centre (phi = 0), where gravity does too, and backwards at phi = 90 degrees,
-    where the material has left the patch:
+    It reads specific force, acceleration less gravity, here along the outward radius. The radius
+    points down at the patch centre (phi = 0), as gravity does. It points backwards at phi = 90
+    degrees, where the material has left the patch:
 
         -g cos(phi) - a_x sin(phi) = Re[(-g + i a_x) exp(i phi)]
 

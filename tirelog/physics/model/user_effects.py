@@ -218,8 +218,8 @@ def _strength(formula: Expression | Shape, parameters: tuple[Parameter, ...]) ->
 def effects_of_file(path: Path, *, asked: bool = True) -> dict[str, Effect]:
     """The effects that a Python file defines: every module-level `Effect`.
 
-    The file is the user's own and is executed. If it was not asked for by the user but named by a
-    model file, it has to be one that the user had run before, byte by byte.
+    The file is the user's own and is executed. If only a model file names it, the user must have
+    run the same bytes before.
     """
     code = _code(path, asked)
     namespace: dict[str, Any] = {"__name__": f"tirelog_effects_{path.stem}", "__file__": str(path)}
@@ -295,7 +295,7 @@ def _watched(effect: Effect, origin: object) -> Effect:
 
 
 def _called(function: Callable[..., Any], what: str, origin: object, *arguments: Any) -> Any:
-    """What a user's function returns; what it raises is the user's to mend, and is told so."""
+    """What a user's function returns; an error of it is raised as a ModelError."""
     try:
         return function(*arguments)
     except (TirelogError, MemoryError):
@@ -399,7 +399,7 @@ AMPLITUDE = Parameter("amplitude", "", "factor on the measured shape", 1.0, -10.
 
 @dataclass(frozen=True)
 class ShapeFrame:
-    """A coordinate in which a shape may stand still.
+    """A coordinate along which a shape may be fixed.
 
     `coordinate` in the language of expressions, its `unit`, `words` for a sentence; `acts_on` the
     stages that it is for; `periodic` [rad] if it closes on itself.
@@ -421,7 +421,7 @@ FRAMES: Mapping[str, ShapeFrame] = {
     for frame in (
         ShapeFrame("wheel_angle", "phi", "rad", "along the wheel's angle", periodic=2.0 * np.pi),
         ShapeFrame(
-            "patch", "xi / L", "1", "along the patch (xi / L)",
+            "patch", "xi / L", "1", "along the patch",
             ("strain", "radial_acceleration", "contact_pressure"),
         ),
         ShapeFrame(

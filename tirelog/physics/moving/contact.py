@@ -1,11 +1,11 @@
 """A road, and the tread on it: one-sided springs along its normal, and brush friction along it.
 
 The tread is a ring of M nodes that turn with the belt, h = 2 pi R / M apart. Node j lies at r_j = C
-+ (R + w) e_r + v e_t; if it would go below the road, by d = h(x) - z with x = -s, the spring
-energy k_t d^2 / 2 per length pushes it back along its gradient, k_t d (h'(x), 1). A bristle clings
-to the road: its deflection u grows by what the node slides (the way between two steps, so that a
-steady patch slides steadily whatever the step), and stays within mu p / C_x. The nodes carry u with
-them, so nothing is smeared; a node that leaves the road forgets it.
++ (R + w) e_r + v e_t. With x = -s it would go below the road by d = h(x) - z. The spring energy k_t
+d^2 / 2 per length then pushes it back along its gradient, k_t d (h'(x), 1). A bristle clings to the
+road. Its deflection u grows by the way that the node slides between two steps, so a steady patch
+slides steadily at any step; it stays within mu p / C_x. The nodes carry u with them, so nothing is
+smeared; a node that leaves the road forgets it.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ def road_of(words: RoadSetup, at_m: float = 0.0, *, folder: Path | None = None) 
 
 
 def _obstacle(words: RoadSetup) -> RoadProfile:
-    """A change of level, or a bar `length_m` long at its foot with a ramp on either side."""
+    """A change of level, or a bar with a ramp on either side."""
     needed = ("height_m",) if words.kind == "step" else ("height_m", "length_m")
     height, *foot = _needed(words, *needed)
     ramp = words.ramp_m or max(RAMP, 1.01 * abs(height) / STEEPEST)

@@ -27,9 +27,9 @@ term in Omega^2 but the rigid one cancels (the errata's "rotation cancels altoge
     m_r = 2 pi R rho A + m_a,        J_r = m_r R^2,
     k_s = a_s pi R (k_v + k_w),      k_theta = a_theta 2 pi R^3 k_v
 
-The rigid ring is the belt's own n = 0 and 1; m_a and the ratios a_s, a_theta, a_c (1 if nothing
-else is known) give it the mass of the tread and the sidewall's stiffness if they are known apart
-from the flexible modes'.
+The rigid ring is the belt's own n = 0 and 1. m_a gives it the mass of the tread; the ratios a_s,
+a_theta, a_c give it the sidewall's stiffness and damping. They are 1 unless they are known
+separately from the flexible modes'.
 
 Damping acts on what moves against the turning sidewall (Rayleigh):
 
@@ -38,8 +38,8 @@ Damping acts on what moves against the turning sidewall (Rayleigh):
     D = 2 pi R sum c_n |dV_n/dt + i n Omega V_n|^2 + c_s |da/dt - Omega_h x a|^2 / 2
         + c_theta (Omega - Omega_h)^2 / 2
 
-Equations of motion (E_n = Q_v,n + i n Q_w,n the loads' modes, f_j the force of the road on tread
-node j at phi_j), of the flexible ring, the rigid ring's spin and centre, the hub and its spin:
+Equations of motion of the flexible ring, the rigid ring's spin and centre, the hub and its spin.
+E_n = Q_v,n + i n Q_w,n are the loads' modes, f_j the force of the road on tread node j at phi_j.
 
     m_n V'' + (c_n + 2 i gamma_n Omega) V' + (Z_n + i n Omega c_n + i gamma_n Omega') V = E_n
     d/dt (J_r Omega + P) = sum f_j . r'_j - k_theta (psi - psi_h) - c_theta (Omega - Omega_h)
@@ -325,10 +325,10 @@ def modes_of_model(
     hub_inertia_kg_m2: float | None = None,
     to_Hz: float = 300.0,
 ) -> list[tuple[str, Mode]]:
-    """(support, mode) of a ring model in the air, and on the road if its tread can stand there.
+    """(support, mode) of a ring model in the air, and on the road with a tread.
 
     load_N      on the road; None: the model's
-    ModelError  a beam, which has no modes here, or a load for a tire that cannot stand
+    ModelError  a beam, which has no modes here, or a load for a tire without a tread
     """
     if steady_carcass(model.carcass) != "ring":
         raise ModelError(
@@ -343,7 +343,7 @@ def modes_of_model(
         supports["road"] = model.values["load_N"] if load_N is None else load_N
     elif load_N is not None:
         raise ModelError(
-            "--load needs a tread to stand on",
+            "--load needs a tread on the road",
             allowed='contact = "flat_road" is allowed',
             do="leave it out, or make such a model",
             file=model.path,
@@ -468,7 +468,7 @@ def _with_bristles(
 ) -> FloatArray:
     """The system with the bristles' deflections u (_CELLS,) as further states.
 
-    They stand in upwind cells from entry to exit.
+    They are in upwind cells from entry to exit.
     """
     pressed = contact.solve_contact(tire, load_N)
     half = pressed.half_length_m / tire.R

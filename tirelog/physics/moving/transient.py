@@ -4,8 +4,8 @@
                                                 radial acceleration of a sensor
 
 A reading is the steady waveform of `Model.predict` at the conditions of the start, with all of the
-model's effects, plus what V - V_0 (the motion's modes less those of steady rolling, N of them)
-adds. On a flat road at constant speed and load nothing is added, and the reading is the steady
+model's effects, plus what V - V_0 adds. These are the motion's N modes less those of steady
+rolling. On a flat road at constant speed and load nothing is added, and the reading is the steady
 ring's.
 
 Effects: what changes the structure changes the tire that moves; sensor effects act on the whole
@@ -126,7 +126,7 @@ class Transient:
     def at(
         self, observable: str, phi_rad: FloatArray, time_s: FloatArray, *, surface: str = "outer"
     ) -> FloatArray:
-        """Reading (m,) of a sensor that stands at phi (m,), any whole turns, at times (m,)."""
+        """Reading (m,) of a sensor at phi (m,), any whole turns, at times (m,)."""
         grid = self.motion.time_s
         phi = np.mod(phi_rad + np.pi, 2.0 * np.pi) - np.pi
         reading = self.model.predict(self.conditions, phi, surface=surface, observable=observable)[
@@ -251,8 +251,8 @@ def driven(
 
     `conditions` (1,) hold at the start, speed and load as in the course.
 
-    ModelError: not a coupled ring, an effect without a motion, an unstable step, a speed beyond the
-    critical one, a road that the tire cannot climb or that begins under it.
+    ModelError: not a coupled ring; an effect without a motion; an unstable step; a speed beyond the
+    critical one; a road that the tire cannot climb, or that begins under it.
     """
     if model.carcass != "coupled_ring":
         raise ModelError(
@@ -391,7 +391,7 @@ def _schedule(first: float, changes: Sequence[tuple[float, float, float]]) -> Sc
 def passage_columns(transient: Transient, sensors_deg: list[float], surface: str) -> dict[str, Any]:
     """The table's columns: the passage once for each sensor.
 
-    Sensors stand at `sensors_deg` on the belt ahead of the patch centre at the start.
+    Sensors are at `sensors_deg` on the belt ahead of the patch centre at the start.
     """
     m, course = transient.motion, transient.course
     speed = np.array([course.speed_m_s(t) for t in m.time_s])

@@ -6,15 +6,15 @@ In the frame that turns with the hub: its stiffness, inertia and natural vibrati
         --> static shape under a load, natural frequencies
 
 theta is the material's place on the belt, psi the hub's angle, phi = theta + psi the place in
-space, 0 at the bottom, growing in the direction of rolling; e_r = (sin phi, -cos phi) outwards, e_t
-= (cos phi, sin phi), in (backwards, upwards). A point of the belt is at
+space. phi is 0 at the bottom and grows in the direction of rolling. With e_r = (sin phi, -cos phi)
+outwards and e_t = (cos phi, sin phi), in (backwards, upwards), a point of the belt is at
 
     r = H + (R + w) e_r + v e_t,      w = -dv/dtheta     (the belt does not stretch)
 
 so that v holds everything: its mean is the wind-up against the hub, its first harmonic the belt's
-translation, the rest bends. By virtual work, per angle, with b = w' - v the turning of the tangent
-times R, and the hoop force that closes the curve to second order (a belt that turns by b/R loses
-b^2/(2 R) of its radius, which centrifugal force and pressure resist):
+translation, the rest bends. b = w' - v is the turning of the tangent times R. The hoop force closes
+the curve to second order: a belt that turns by b/R loses b^2/(2 R) of its radius, which centrifugal
+force and pressure resist. By virtual work, per angle:
 
     kinetic    rho A R/2 [(w_t - W v)^2 + (v_t + W (R + w))^2 - W^2 b^2],  W = dpsi/dt
     elastic    EI/(2 R^3) (w + w'')^2 + p b/2 (v''^2 - v'^2) + R/2 (k_v v^2 + k_w w^2)
@@ -83,7 +83,7 @@ def factors(size: int) -> Factors:
 
 @compiled
 def factor(system: Factors) -> None:
-    """Fills the factors of the circulant of the stencil that stands in `system`."""
+    """Fills the factors of the circulant of the stencil in `system`."""
     stencil, lower, upper, border, foot = system
     n = lower.shape[0]
     size = n + HALF
@@ -369,7 +369,7 @@ class Belt:
         """Vibrations at rest in the air with the hub free, up to 300 Hz, lowest first.
 
         `frequency_Hz`, `lobes` (0 wind-up, 1 translation). The hub's two displacements and its turn
-        stand behind the coefficients.
+        follow the coefficients.
         """
         size, middle = self.splines.elements, self.splines.middle_rad
         M, K = (

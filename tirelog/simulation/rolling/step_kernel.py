@@ -218,8 +218,8 @@ def kick(
     """The sidewall's force on the hub backwards and upwards, and the spin.
 
     Takes the impulses of the road (`load` [N] on the coefficients, `torque` [N m]), of hub and
-    drive (`order`, one DRIVE) over one step [s], and the spin that follows; leaves the spin of the
-    next belt step's middle. `v` (N,) [m], `u` (N,) [m/s]; `middles` (N,) of DIRECTION.
+    drive (`order`, one DRIVE) over one step [s]. Then takes the spin that follows, and leaves that
+    of the next belt step's middle. `v` (N,) [m], `u` (N,) [m/s]; `middles` (N,) of DIRECTION.
     """
     kicked, swirled = np.empty(v.size), np.empty(v.size)
     spun, pulling, spring = np.empty(v.size), np.empty(v.size), constants["spring_N_m"]
@@ -286,7 +286,7 @@ def belt_step(
     v: FloatArray, u: FloatArray, state: Record, constants: Record, stencils: Stencils,
     middles: Records, system: Factors, step: float, place: FloatArray,
 ) -> None:  # fmt: skip
-    """The belt moves on by a step [s] at a steady spin, and wheel and hub with it.
+    """Move belt, wheel and hub on by a step [s] at a steady spin.
 
     `v` (N,) [m] and `u` (N,) [m/s] become those at the step's end; `place` (11,) keeps the stencil
     K - W^2 S. Arguments as of `kick`.

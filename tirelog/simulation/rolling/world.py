@@ -338,7 +338,7 @@ class RollingTire:
         return float((self.constants["spin_inertia_kg_m2"] + pulled) * spin + own + mean)
 
     def damp_hub(self, damper_N_s_m: float) -> None:
-        """A damper between the hub and something that stands still above it."""
+        """A damper between the hub and a fixed point above it."""
         self.constants["hub_damping_N_s_m"] = damper_N_s_m
 
     def damp_belt(self, damping_N_s_m2: float) -> None:
@@ -772,10 +772,7 @@ def _obstacles(world: RolledWorld) -> list[dict[str, float | None]]:
 
 
 def _met(world: RolledWorld, place_m: float) -> dict[str, float | None]:
-    """When a cleat or step is first touched, when its begin is under the axle, when it is left.
-
-    And the largest force meanwhile.
-    """
+    """Times of an obstacle's first touch, passing of the axle and end; largest force."""
     motion, road = world.motion, world.scenario.road
     corner = world.profile.corner_m
     length = float((road.length_m or 0.0) if road.kind == "cleat" else corner[1] - corner[0])

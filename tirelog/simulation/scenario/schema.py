@@ -52,9 +52,9 @@ _USUAL, _ALL, _APART = ("exact", "other"), FORMS, ("exact", "apart")
 class Plantable:
     """One effect that a scenario can plant.
 
-    Its parameters with their ordinary values, and for those that no diagnosis tries where they show
-    (entry, patch, exit, away) and the parity about the patch centre; `fixed` is the name of the
-    parameter that is a frequency, or ''; `forms`.
+    Its parameters with their ordinary values. An effect that no diagnosis tries has `where` it
+    shows (entry, patch, exit, away) and the parity about the patch centre. `fixed` is the name of
+    the parameter that is a frequency, or ''.
     """
 
     parameters: Mapping[str, float]
@@ -259,7 +259,7 @@ Vehicle = _record(
 
     Longitudinal force of the wheel: half the demand in drive if driven, `brake_share` of it in
     braking, none in coasting. `suspension_damping_N_s_m` holds the coupled ring's hub against a
-    body that stands still.
+    body at rest.
     """,
     mass_kg=(number(1.0, 1e5), 1500.0),
     brake_share=(number(0.0, 1.0), 0.25),
@@ -382,10 +382,10 @@ RollingRadius = _record(
 
 Nuisances = _record(
     "Nuisances",
-    """The table [nuisances] of a scenario: what every car has and no model of the tire tells.
+    """The table [nuisances] of a scenario: what every car has and no model of the tire holds.
 
-    Absent: none. What an instrument does (coloured noise, hum, digits, lost peaks) stands with its
-    channel, scatter of the load with the road, the patch's exponent with the tire.
+    Absent: none. Faults of an instrument (coloured noise, hum, digits, lost peaks) are keys of its
+    channel. Scatter of the load is a key of the road, the patch's exponent one of the tire.
     """,
     run_out=(table_of(RunOut), RunOut()),
     force_variation=(table_of(ForceVariation), ForceVariation()),

@@ -36,10 +36,10 @@ STATIC_FRICTION, SLIDING_FRICTION = 0.8, 0.6
 class Instants:
     """What holds at b instants, each field (b,).
 
-    Time [s], speed [m/s], acceleration [m/s^2], load [N], half length of the patch [m], slip
-    (braking > 0), the planted drift's course, the tire's rise of temperature [K], and the belt's
-    length over that at rest. On a stretched belt the grid's lengths, and so `half_length` and
-    `load` in `on_grid`, are those over the stretch.
+    Time [s], speed [m/s], acceleration [m/s^2], load [N], half length of the patch [m], and slip
+    (braking > 0). Then the planted drift's course, the tire's rise of temperature [K], and the
+    belt's length over that at rest. On a stretched belt the grid's lengths, and so `half_length`
+    and `load` in `on_grid`, are those over the stretch.
     """
 
     time_s: FloatArray
@@ -156,7 +156,7 @@ def _worn(effect: Planted, x: FloatArray, p: FloatArray, at: Instants) -> FloatA
 def _saddle(effect: Planted, x: FloatArray, p: FloatArray, at: Instants) -> FloatArray:
     """Even: the shoulders of the patch carry more, ~ v^n F^m; apart: a rib of each shoulder does.
 
-    Where the sidewall stands on the belt, within a tenth of the patch.
+    The rib is where the sidewall meets the belt, within a tenth of the patch.
     """
     size = effect["a"] * _powers(effect, at)
     if effect.apart:
@@ -210,8 +210,8 @@ def pressure(
 def _smear(ring: Ring, effect: Planted, p: FloatArray, at: Instants) -> FloatArray:
     """Convolution with exp(-|xi|/(s L)); other: a Gaussian of the same variance.
 
-    apart: asperities that the entry presses flat and that keep flat, so that they smear the entry's
-    half alone (contact grows with the load and does not shrink with it).
+    apart: asperities that the entry presses flat and that keep flat. They smear the entry's half
+    alone (contact grows with the load and does not shrink with it).
     """
     if effect.apart:
         smeared = _smear(ring, replace(effect, form="exact"), p, at)
@@ -462,7 +462,7 @@ def _faded(ring: Ring, exit_m: FloatArray) -> FloatArray:
 def _splice(effect: Planted, ring: Ring, behind_rad: float) -> FloatArray:
     """The carcass's splice, once a turn at a fixed angle from the first sensor.
 
-    A sensor that stands `behind_rad` behind the first sees it so much earlier.
+    A sensor `behind_rad` behind the first sees it so much earlier.
     """
     place = np.radians(effect["angle_deg"]) - behind_rad
     off = np.angle(np.exp(1j * (2.0 * np.pi * ring.xi_m / ring.circumference_m - place)))
@@ -611,8 +611,8 @@ def delaying(lag: Planted | None, late: Any) -> Any:
 def _slack(strain: FloatArray, length_m: float) -> FloatArray:
     """What a fibre that is glued at its ends alone reads: it buckles under compression.
 
-    Euler's load of a clamped rod, at a strain of (2 pi r / length)^2 with r = d / 4, beyond the
-    strain with which it was drawn.
+    Euler's load of a clamped rod: a strain of (2 pi r / length)^2 with r = d / 4. It adds to the
+    strain with which the fibre was drawn.
     """
     least = _DRAWN + (0.5 * np.pi * _FIBRE_M / max(length_m, 1e-4)) ** 2
     return np.maximum(strain, -least)

@@ -561,7 +561,7 @@ class World:
         return lever * bent if extra is None else lever * bent + self.ring.transform(extra)
 
     def behind_first(self, sensor: Record) -> float:
-        """Angle [rad] on the tire by which a sensor stands behind the first.
+        """Angle [rad] on the tire between a sensor and the first.
 
         Zero unless something is fixed to the tire.
         """
