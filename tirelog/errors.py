@@ -49,12 +49,12 @@ OUTSIDE_LOG = {
     errno.EAGAIN: "raise the limit of processes (ulimit -u) and run it again",
     errno.ENOSPC: "the disk is full; make room or give another path",
     errno.EDQUOT: "the quota is used up; make room or give another path",
-    errno.EIO: "the disk or its connection fails; see to it and run it again",
-    errno.ESTALE: "mount the network folder anew and run it again",
+    errno.EIO: "the disk or its connection fails; repair it and run it again",
+    errno.ESTALE: "mount the network folder again and run it again",
     **dict.fromkeys(
         (errno.ETIMEDOUT, errno.ECONNREFUSED, errno.ECONNRESET, errno.ENETUNREACH,
          errno.EHOSTUNREACH),
-        "see to the connection and run it again",
+        "check the connection and run it again",
     ),
 }  # fmt: skip
 #: exceptions of the same kind
@@ -74,7 +74,7 @@ def is_outside_log(problem: BaseException | None) -> bool:
 
 
 def system_message(problem: OSError) -> str:
-    """What the system refused, where, and what to do, as a message to the user."""
+    """A message: what the system refused, where, and what to do."""
     where = f"{problem.filename}: " if problem.filename else ""
     advice = OUTSIDE_LOG[problem.errno or 0]
     return f"{where}the system refuses ({os.strerror(problem.errno or 0)}); {advice}"
@@ -92,7 +92,7 @@ class ExitStatus(IntEnum):
 
 
 def printable(text: str) -> str:
-    """`text` as one line that a terminal shows and never obeys, without credentials.
+    """`text` as one line without control characters and credentials.
 
     Names in a log may hold line ends, escape sequences and marks that turn the direction of
     writing: they are shown as `\\x1b`, `\\n`. Addresses lose what may be a secret.
@@ -165,7 +165,7 @@ class ModelError(TirelogError):
 
 
 def or_refusal(compute: Callable[_P, _T]) -> Callable[_P, _T | ModelError]:
-    """`compute` that gives back the ModelError that it meets, and does not raise it.
+    """`compute` that returns its ModelError in place of raising it.
 
     For whatever a search only tries, such as a model without an effect or a planned manoeuvre. Such
     a model may be none that the physics computes; then the reason is the answer, and the type
@@ -193,7 +193,7 @@ class ReadError(TirelogError):
 
 
 class DataLoss(TirelogError):
-    """Input that was lost or could not be read, though the rest was used.
+    """Input that was lost or could not be read; the rest was used.
 
     Reported at the end, status 3.
     """

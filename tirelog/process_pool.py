@@ -45,7 +45,7 @@ _MAKERS: list[Callable[[int], Any]] = []
 def ending_pool(
     workers: int, method: str, begin: Callable[..., None], *given: Any
 ) -> Iterator[ProcessPoolExecutor]:
-    """A pool of so many processes, each of which begins with `begin(parent, *given)`.
+    """A pool of processes, each of which begins with `begin(parent, *given)`.
 
     None outlives the block, whatever it is at. `method`: how they start, "fork" or "spawn".
     """
@@ -82,7 +82,7 @@ def in_processes(count: int, workers: int, make: Callable[[int], Made]) -> Gener
 
 
 def shares(count: int) -> bool:
-    """Whether so many independent things are shared out over processes."""
+    """True if so many independent tasks are shared by processes."""
     return min(processes(), count) > 1 and POSSIBLE
 
 
@@ -101,7 +101,7 @@ def shared_out(count: int, make: Callable[[int], Made], allowed: bool = True) ->
 
 
 def made_apart(jobs: Sequence[Callable[[], Made]]) -> list[Made]:
-    """What independent jobs come to, in their order, as `shared_out` makes it."""
+    """Results of independent jobs, in their order, by `shared_out`."""
     return list(shared_out(len(jobs), lambda number: jobs[number]()))
 
 

@@ -68,7 +68,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Work:
-    """A strain channel with what all its tables are made of."""
+    """A strain channel with the measurements that all its tables use."""
 
     recording: Recording
     channel: Channel
@@ -315,7 +315,7 @@ def _speed_of_channel(work: Work, options: Options) -> Part:
 
 
 def _speed_by_channel(recording: Recording, options: Options) -> bool:
-    """False if the encoder tells the speed, or all channels together the rolling radius."""
+    """False if the encoder gives the speed, or all channels give one rolling radius."""
     from tirelog.strain.speed import speed_channels
 
     return not options.get("calibrate_radius", False) and bool(speed_channels(recording))
@@ -348,7 +348,7 @@ def _footprint(work: Work, options: Options) -> Part:
 
 
 def _check_footprint(options: Options) -> None:
-    """UsageError for a low-pass or a ratio of frictions that none can have."""
+    """UsageError for an impossible low-pass or ratio of frictions."""
     from tirelog.strain.footprint.slip_onset import FrictionRatio
 
     cutoff_in(options)

@@ -113,7 +113,10 @@ def predicted(model=BEAM, phi=PHI, surface="outer", **drive):
         ("ring already", lambda: Model.new("coupled_ring").with_effect("ring_curvature")),
         ("needs a tread on the road", lambda: Model.new("coupled_ring", contact="prescribed")),
         ("nearest: hub_mass_kg", lambda: parse_model(COUPLED + "\nhub_mas_kg = 3.0\n")),
-        ("needs a tread on the road", lambda: parse_model(COUPLED + "\npatch_half_length_m = 0.05\n")),
+        (
+            "needs a tread on the road",
+            lambda: parse_model(COUPLED + "\npatch_half_length_m = 0.05\n"),
+        ),
         ("flat_road.* is allow", lambda: parse_model(COUPLED + '\ncontact = "prescribed"\n')),
         ("does nothing to strain", lambda: BEAM.with_effect("speed_trend")),
         ("to phase_shift", lambda: Model.new("beam", "phase_shift").with_effect("hysteresis")),

@@ -31,7 +31,7 @@ _NEVER_ZERO = ("inflation_pressure", "vertical_load")
 
 
 def check_recording(recording: Recording) -> Recording:
-    """`recording` with a remark on what is strange in it.
+    """The recording with a remark on each implausible quantity.
 
     SetupError: a channel cannot be what its setup says.
     """
@@ -136,7 +136,7 @@ def doubt_of_vehicle(
 
 
 def _setup_of(recording: Recording, channel: Channel) -> ChannelSetup:
-    """The setup of a channel, what its kind has if it was made by a program."""
+    """The setup of a channel, or the defaults of its kind."""
     return recording.setup.channels.get(channel.name, ChannelSetup(channel.kind))
 
 

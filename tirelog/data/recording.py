@@ -115,12 +115,12 @@ class TimeAxis:
 
     @property
     def missing(self) -> FloatArray:
-        """Samples that are missing before each segment, as its time tells; (k,), the first 0."""
+        """Number of samples missing before each segment, by its time; (k,), the first 0."""
         samples: FloatArray = np.maximum(self._jumps_s * self.rate_Hz - 1.0, 0.0)
         return np.concatenate([np.zeros(min(self.first.size, 1)), samples])
 
     def missing_before(self, index: FloatArray | float) -> FloatArray:
-        """Samples that are missing before a fractional sample index; in a gap: all of it."""
+        """Number of samples missing before a fractional sample index."""
         behind = np.searchsorted(self.first[1:], index, side="right")
         return np.asarray(np.append(0.0, np.cumsum(self.missing[1:]))[behind], np.float64)
 
@@ -242,7 +242,7 @@ class Recording:
 
 @dataclass(frozen=True)
 class Conditions(ConditionValues, ColumnSet):
-    """What revolutions were driven under: of each condition of the register an array (n,)."""
+    """Conditions of n revolutions: an array (n,) for each of the register."""
 
     @classmethod
     def of(cls, n: int, **values: Any) -> Conditions:

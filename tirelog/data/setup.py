@@ -85,7 +85,7 @@ class Bounds:
         return f"0 or {span}" if self.or_zero else span
 
     def units(self, value: float, given: str = "") -> dict[str, float]:
-        """Units in which a number that was taken for one in `given` is plausible: its value then.
+        """Units that make a number in `given` plausible, each with its value in `unit`.
 
         Without `given` the number is in `unit`, and may be in more than the table's units.
         """
@@ -184,7 +184,7 @@ def doubt_of_key(key: str, value: float, bounds: Bounds) -> tuple[str, str]:
 
 
 def override(name: str) -> str:
-    """How a setup says that a number is right though it is not plausible."""
+    """The line of a setup by which an implausible number is accepted."""
     return f'if it is right, write unusual = ["{name}"] under [log]'
 
 
@@ -272,7 +272,7 @@ class Tire(Record):
     }
 
     def known(self) -> dict[str, Any]:
-        """What the setup gives of the tire, by its keys."""
+        """The keys of the tire that the setup gives."""
         return {name: value for name in kinds_of(Tire) if (value := getattr(self, name))}
 
     @property
@@ -362,7 +362,7 @@ class ChannelSetup(Record):
 
     @property
     def scaled(self) -> bool:
-        """True if what is recorded is not yet in the channel's unit."""
+        """True if recorded numbers have another unit than the channel."""
         return self.scale is not None or self.offset is not None
 
     @property
@@ -371,7 +371,7 @@ class ChannelSetup(Record):
         return 1.0 if self.scale is None else self.scale, self.offset or 0.0
 
     def recorded(self, value: float) -> float:
-        """What is recorded for a value in the channel's unit."""
+        """The recorded number of a value in the channel's unit."""
         scale, offset = self.scaling
         return (value - offset) / scale
 
@@ -382,7 +382,7 @@ _TEXT_KEYS = ("separator", "decimal", "header_rows", "encoding", "columns")
 
 
 class LogSetup(Record):
-    """[log]: what the file itself does not say, or what was taken for something else.
+    """[log]: facts that the file lacks or that were read wrongly.
 
     separator    between the cells of a text log: one of SEPARATORS (" " for runs of blanks)
     decimal      "." or ","
@@ -455,7 +455,7 @@ class Setup:
 
 
 def _refuse_channels(channels: Mapping[str, ChannelSetup], place: FilePlace) -> None:
-    """SetupError: a channel has a name that is none, or lacks what its kind asks for."""
+    """SetupError if a channel has no valid name, or lacks a key of its kind."""
     for name, channel in channels.items():
         at, kind, twin = place / name, channel.kind, channel.temperature_channel
         at.refuse(
@@ -496,7 +496,7 @@ def _refuse_channels(channels: Mapping[str, ChannelSetup], place: FilePlace) -> 
             (
                 twin is not None and (twin not in channels or twin == name),
                 "temperature_channel",
-                f"temperature_channel {twin!r} is no other channel{nearest(twin or '', channels)}",
+                f"temperature_channel {twin!r} is not another channel{nearest(twin or '', channels)}",
                 "",
                 f"name one of {', '.join(channels)}",
             ),
@@ -504,7 +504,7 @@ def _refuse_channels(channels: Mapping[str, ChannelSetup], place: FilePlace) -> 
 
 
 def _refuse_strange(setup: Setup, document: Document) -> None:
-    """SetupError: a number that no tire has, or a rolling radius far from the unloaded one."""
+    """SetupError for an implausible number, or a rolling radius far from the unloaded."""
     tire, unusual, place = setup.tire, setup.log.unusual or (), FilePlace(document)
     tables: dict[FilePlace, Any] = {place / "tire": tire, place / "conditions": setup.conditions}
     tables |= {place / "channels" / name: channel for name, channel in setup.channels.items()}
@@ -571,7 +571,7 @@ def road_points(path: Path | str, error: type[TirelogError]) -> FloatArray:
                     point = [math.nan]
                 if point and not (len(point) == 2 and all(map(math.isfinite, point))):
                     raise error(
-                        f"{line.strip()!r} is no point of a road profile",
+                        f"{line.strip()!r} is not a point of a road profile",
                         allowed="allowed are a distance and a height in m",
                         do="correct it",
                         file=path,
@@ -589,7 +589,7 @@ def road_points(path: Path | str, error: type[TirelogError]) -> FloatArray:
 
 
 def _refuse_words(log: LogSetup, place: FilePlace) -> None:
-    """SetupError: words of [log] that contradict each other, or that nothing is called by."""
+    """SetupError for words of [log] that contradict each other or are unknown."""
     named = log.columns or ()
     twice = next((name for k, name in enumerate(named) if name and name in named[:k]), None)
     foreign = next((name for name in log.unusual or () if name not in PLAUSIBLE), "")

@@ -28,7 +28,7 @@ Source = TypeVar("Source", bound=Callable[..., object])
 
 
 def compiled(source: Source) -> Source:
-    """The function, to be called as it is written.
+    """The compiled function, with the same arguments and result.
 
     Division by zero gives infinity or NaN, as in numpy; other threads go on meanwhile.
     """

@@ -34,7 +34,7 @@ CALLS = Path(__file__).parent / "calls.json"
 
 
 def build(folder: Path = dispatch.EXTENSION.parent) -> list[Path]:
-    """Make the extension in a folder, and give the files.
+    """Files of the extension, made in a folder.
 
     ImportError: numba or setuptools is not there. Whatever numba and the C compiler raise if they
     can't.
@@ -49,7 +49,7 @@ def build(folder: Path = dispatch.EXTENSION.parent) -> list[Path]:
     usual = compiler.Flags
 
     def flags() -> Any:
-        """As `jit` compiles: division as in numpy, other threads go on."""
+        """The flags of `jit`: division as in numpy, other threads go on."""
         chosen: Any = usual()
         chosen.release_gil, chosen.error_model = True, "numpy"
         return chosen
@@ -94,7 +94,7 @@ def build(folder: Path = dispatch.EXTENSION.parent) -> list[Path]:
 
 @cache
 def _with_imported(source: Path) -> frozenset[Path]:
-    """A source and those of the package that it imports from: their constants are in its code."""
+    """A source and the modules it imports, whose constants are in its code."""
     nodes = ast.walk(ast.parse(source.read_text(encoding="utf-8")))
     names = [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
     modules = (dispatch.PACKAGE.joinpath(*name.split(".")[1:]) for name in names)
@@ -104,7 +104,7 @@ def _with_imported(source: Path) -> frozenset[Path]:
 
 
 def add_calls(recorded: Path) -> int:
-    """Add the calls of a record to those that are compiled ahead; how many are new."""
+    """Number of calls added from a record to those that are compiled ahead."""
     calls = json.loads(CALLS.read_text(encoding="utf-8")) if CALLS.exists() else {}
     new = 0
     for line in recorded.read_text(encoding="utf-8").splitlines():
@@ -122,7 +122,7 @@ def add_calls(recorded: Path) -> int:
 
 
 def main() -> None:
-    """Build, or say in a line why not; kernels are then compiled when they are first called."""
+    """Build, or print in a line why that failed."""
     asked = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     asked.add_argument("--calls", type=Path, help="a record of calls to be added first")
     calls: Path | None = asked.parse_args().calls

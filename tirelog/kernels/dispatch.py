@@ -67,7 +67,7 @@ _LOCK = Lock()
 
 @cache
 def _loaded() -> tuple[Any, dict[str, dict[str, str]]]:
-    """The extension and its functions' names by kernel and kinds; none if it is not to be used."""
+    """The extension and its functions' names by kernel; none if it is out of date."""
     with suppress(OSError, ValueError, KeyError, TypeError, ImportError):
         table = json.loads(TABLE.read_text(encoding="utf-8"))
         made_of: dict[str, str] = table["sources"]
@@ -201,7 +201,7 @@ def _name(of: type) -> str:
 
 
 def examples(text: str) -> tuple[Any, ...]:
-    """Arguments of the kinds that a text of `spelled` tells.
+    """Example arguments of the kinds in a text of `spelled`.
 
     ValueError: of a kind that no example can be made of.
     """
@@ -287,7 +287,7 @@ class Kernel:
 
     @property
     def _numba_type_(self) -> Any:
-        """What numba takes it for in a kernel that calls it (its protocol for foreign types)."""
+        """Its type for numba in a kernel that calls it (protocol of foreign types)."""
         from numba.core import types
 
         return types.Dispatcher(self.jitted)

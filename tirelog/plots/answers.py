@@ -170,7 +170,7 @@ def climbed_panel(
     as_shown: tuple[float, str],
     colours: Sequence[Any] = (COLOURS[5], "k", COLOURS[1], COLOURS[4]),
 ) -> Panel:
-    """The same of a ladder's JSON; `as_shown`: factor and unit.
+    """The panel of a ladder's JSON; `as_shown`: factor and unit.
 
     `colours`: of the bars, the marks, the floor, and the reserved manoeuvres.
     """
@@ -226,7 +226,7 @@ def modes_picture(columns: Mapping[str, Sequence[Any]], path: Path) -> None:
 
 
 def _mode(row: Mapping[str, Any]) -> Panel:
-    """The belt of one mode about the circle that it was."""
+    """The belt of one mode, with its circle at rest."""
     lobes, phi = int(row["lobes"]), np.linspace(0.0, 2.0 * np.pi, 361)
     upright_rad = 0.5 * np.pi * ("vertical" in str(row["shape"]))
     radius = 1.0 + _DRAWN * np.cos(lobes * (phi - upright_rad)) * (lobes > 0)
@@ -371,7 +371,7 @@ def hit_panels(
     as_shown: tuple[float, str],
     colours: Sequence[Any] = (COLOURS[6], COLOURS[7], COLOURS[0], COLOURS[1], COLOURS[2]),
 ) -> list[Panel]:
-    """A hit as measured and predicted, what it added and the model misses, and by frequency.
+    """Panels of a hit: measured and predicted, the change and its error, and by frequency.
 
     `colours`: of what is measured, added, predicted, missed, and of the floor.
     """
@@ -489,7 +489,7 @@ def draw_compare(result: Comparison, path: Path, kind: str = "page") -> list[Pat
 
 
 def _polar(result: Comparison) -> Page:
-    """Measured and predicted around the wheel; the contact pressure that the model has there."""
+    """Measured and predicted around the wheel, with the model's contact pressure."""
     factor, unit = drawn(result.observable, result.unit)
     waves, half = result.waveforms, result.half_angle_rad
     colours = by_value(waves.conditions.speed_m_s)
@@ -527,7 +527,7 @@ def _polar(result: Comparison) -> Page:
 
 
 def _edge_zoom(result: Comparison) -> Page:
-    """Each edge of the patch close up: waveforms with two noise floors, and what is left."""
+    """Each edge of the patch close up: waveforms with two noise floors, and residuals."""
     factor, unit = drawn(result.observable, result.unit)
     waves = result.waveforms
     half = np.degrees(result.half_angle_rad) or _NO_EDGE_DEG
@@ -750,7 +750,7 @@ def ranked_panel(
     errors: Mapping[str, float] | None = None,
     colours: Sequence[Any] = (_AFTER, COLOURS[7]),
 ) -> Panel:
-    """The same of candidates; `errors` of the shares, `colours` of the selected and the others."""
+    """The panel of candidates; `errors` of the shares, `colours` of selected and others."""
     removed = 100.0 * np.array([c.excess_removed for c in shown])
     error = 100.0 * np.array([(errors or {}).get(c.effect, np.nan) for c in shown])
     picked = np.array([bool(c.selected) for c in shown], dtype=bool)

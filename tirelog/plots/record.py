@@ -16,7 +16,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Mark:
-    """What is drawn on a panel, with its name in the legend; "_..." is none in matplotlib's.
+    """A mark of a panel with its name in the legend; names "_..." are not shown.
 
     kind    line, dots, band (from y to `other`), bars (words in the panel's x_words or y_words),
             heat (`other` over x and y), upright and level (lines across the panel), span (from x to
@@ -99,7 +99,7 @@ def band(
 
 
 def bars(places: Any, values: Any, name: str = "", colour: Any = "#0072B2", **style: Any) -> Mark:
-    """Bars at places; `error`: standard errors; `across`: lying, so that long words fit."""
+    """Bars at places; `error`: standard errors; `across`: horizontal bars for long words."""
     return Mark("bars", places, values, name, colour, style.pop("error", None), style)
 
 

@@ -81,7 +81,7 @@ _BESIDE = 3.0
 
 @dataclass(frozen=True)
 class Sketch:
-    """What a page needs of one channel, read while its log is open.
+    """The numbers of one channel for a page, read while its log is open.
 
     found    what the command found of it; `signal` its samples, decimated
     closer   of a footprint (row, title, window) of the passages that are shown, of a dissipation
@@ -95,7 +95,7 @@ class Sketch:
 
 
 def footprint_sketch(recording: Recording, part: Part, kind: str) -> Sketch | TurnsSketch:
-    """What a picture of this kind keeps of a channel.  UsageError: it is no grating."""
+    """The numbers of a channel for a picture of this kind.  UsageError: no grating."""
     found = part.found
     if not isinstance(found, FootprintOfChannel):
         raise UsageError(
@@ -198,7 +198,7 @@ def _lengths(kept: Sequence[tuple[Recording, FootprintOfChannel]]) -> list[Panel
 
 
 def _passages(found: FootprintOfChannel) -> list[tuple[int, str]]:
-    """Rows worth a look.
+    """Rows of typical and of unusual passages.
 
     A clean one of free rolling, well sampled; and the one with the surest slip onset.
     """
@@ -353,7 +353,7 @@ MAGNIFIED = 4
 
 
 def dissipation_sketch(recording: Recording, part: Part, kind: str) -> Sketch:
-    """What the page keeps of a channel."""
+    """The numbers of a channel for the page."""
     found = part.found
     p, steady = found.passages, np.flatnonzero(found.dissipation.steady)
     row = int(steady[steady.size // 2]) if steady.size else len(p) // 2
@@ -398,7 +398,7 @@ def dissipation_picture(sketches: Sequence[Sketch], path: Path) -> None:
 
 
 def _smoothed(values: FloatArray) -> FloatArray:
-    """Moving averages over AVERAGED revolutions (P1 Fig. 7, red); of fewer all as they are."""
+    """Moving averages over AVERAGED revolutions (P1 Fig. 7, red), or all of fewer."""
     if values.size < AVERAGED:
         return values
     return np.convolve(values, np.full(AVERAGED, 1.0 / AVERAGED), "valid")
@@ -483,7 +483,7 @@ def speed_picture(kept: Sequence[tuple[Recording, Part]], path: Path) -> None:
     shown = list(logs)[:MOST]
     rows = [_speeds(log, logs[log]) for log in shown]
     if more := len(logs) - len(shown):
-        said = f"{rows[-1][0].title}; {more} logs more are not drawn"
+        said = f"{rows[-1][0].title}; {more} more logs are not drawn"
         rows[-1][0] = replace(rows[-1][0], title=said)
     write(picture(Page(rows, (12.0, 3.2 * len(rows) + 0.4))), path)
 
@@ -510,7 +510,7 @@ def _speeds(log: str, channels: Sequence[Mapping[str, Any]]) -> list[Panel]:
             "time [s]",
             "speed [m/s]",
             speeds,
-            f"{Path(log).name}: band two standard errors, grey: flagged",
+            f"{Path(log).name}: band: two standard errors; grey: flagged",
             (None, robust_range(*reached, share=0.0)),
             legend={"fontsize": 8} if len(channels) > 1 else None,
         ),
@@ -558,7 +558,7 @@ def _stops(recording: Recording, found: InflationOfChannel) -> Panel:
         if lost:
             text = f"−{MICRO * abs(leak):.1f}"
             marks.append(words(text, start, 0.04, xycoords=("data", "axes fraction")))
-    title = f"{Path(recording.log).name}: {found.channel.name}; shaded: stops, and what is lost"
+    title = f"{Path(recording.log).name}: {found.channel.name}; shaded: stops and lost samples"
     return Panel("time [s]", _SINCE, marks, title)
 
 

@@ -408,7 +408,7 @@ def turns_picture(sketches: Sequence[TurnsSketch], path: Path, kind: str) -> Non
 
 
 def _page(panels: Sequence[Panel], sketches: Sequence[TurnsSketch], bar: str = "") -> Page:
-    """A page with a panel for each channel that is drawn; its title says which are not."""
+    """A page with a panel for each drawn channel; its title counts the others."""
     across = 1 if len(panels) == 1 else 2
     rows = rows_of(panels, across)
     width = 0.75 * SLIDE[0] if across == 1 else SLIDE[0]
@@ -489,7 +489,7 @@ def edges(sketches: Sequence[TurnsSketch]) -> Page:
     return Page(
         [[_edge(sketch, -1.0, "entry"), _edge(sketch, 1.0, "exit")] for sketch in shown],
         (SLIDE[0], SLIDE[1] * (1.0 if len(shown) < 3 else 1.45)),
-        "dark band two standard errors of the mean, light band scatter of a revolution; "
+        "dark band: two standard errors of the mean; light band: scatter of a revolution; "
         "orange the edge, and how far it scatters",
         share="y",
     )
@@ -542,8 +542,8 @@ def lengths(sketches: Sequence[TurnsSketch]) -> Page:
     left = len(sketches) - (len(COLOURS) - 1)
     statics = any(s.recording.setup.tire.static_footprint_length_m for s in sketches)
     said = (
-        "bars two standard errors"
-        + (f"; {left} channels more are not drawn" if left > 0 else "")
+        "bars: two standard errors"
+        + (f"; {left} more channels are not drawn" if left > 0 else "")
         + ("; dotted: static footprint" if statics else "")
     )
     limits = (None, robust_range(*heights, share=0.0))

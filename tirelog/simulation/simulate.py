@@ -60,7 +60,7 @@ class Simulated:
 
     @cached_property
     def truth(self) -> dict[str, Any]:
-        """What is known of the log, ready for JSON."""
+        """The log's truth, ready for JSON."""
         return self.known()
 
 
@@ -158,7 +158,7 @@ def _toml(value: object) -> str:
 
 
 def setup_text(scenario: Scenario, sources: dict[str, str], time: str | None = None) -> str:
-    """The setup file of a scenario's log: what a test engineer knows of it.
+    """The setup file of a scenario's log, with a test engineer's knowledge.
 
     `sources` name -> source in the file.
     """
@@ -194,7 +194,7 @@ def setup_text(scenario: Scenario, sources: dict[str, str], time: str | None = N
 
 
 def to_recording(simulated: Simulated, log: str = "simulated") -> Recording:
-    """The log as a run of it would give it: nothing quantised by text.
+    """The log as a recording, without the rounding of a text file.
 
     Channels in SI, NaN if lost, on uniform axes.
     """

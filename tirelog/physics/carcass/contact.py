@@ -343,7 +343,7 @@ class ContactState:
     stiffer: FloatArray = field(default_factory=lambda: np.ones((1, 1)))
 
     def at(self, stiffer: float, pb_N_m: float) -> RingCarcass:
-        """The carcass with so much stiffer sidewalls, at that tension."""
+        """The carcass with stiffer sidewalls at another tension."""
         own = self.carcass
         return replace(own, k_w=own.k_w * stiffer, k_v=own.k_v * stiffer, pb=pb_N_m)
 
@@ -444,7 +444,7 @@ def _between(losses: FloatArray) -> tuple[float, ...]:
 def _table(
     carcass: RingCarcass, losses: tuple[float, ...], loads_N: tuple[float, ...], tilted: bool
 ) -> ComplexArray:
-    """What `pressure_modes` gives at k loads, side by side (k, 1 + ...)."""
+    """Results of `pressure_modes` at k loads, side by side (k, 1 + ...)."""
     half = np.empty((len(loads_N), 1))
     grid = np.zeros((len(loads_N), 2 if tilted else 1, GRID))
     for row, load_N in enumerate(loads_N):

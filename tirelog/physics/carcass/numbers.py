@@ -198,7 +198,7 @@ _COUPLED = (
     _p(
         "sidewall_damping_ratio",
         "1",
-        "damping of the rigid ring's motions over what the foundation's gives",
+        "damping of the rigid ring's motions over that of the foundation",
         1.0,
         0.0,
         100.0,
@@ -230,7 +230,7 @@ _LEVEL = tuple(
         _p(
             "per_acceleration_rad_s2_m",
             "rad s^2/m",
-            "what follows the longitudinal force, per acceleration",
+            "part that follows the longitudinal force, per acceleration",
             0.0,
             -1.0,
             1.0,

@@ -148,7 +148,7 @@ def hardened_load(
 
 
 def _soft(modes: ComplexArray, H: ComplexArray, s: FloatArray) -> ComplexArray:
-    """The soft foundation's deflection (n, all), made as small as balances it in its own shape.
+    """Deflection of the soft foundation (n, all), the smallest in balance.
 
     g w, with g + b g^3 = 1: b is what H s w^3 has of w.
     """
@@ -165,7 +165,7 @@ def _soft(modes: ComplexArray, H: ComplexArray, s: FloatArray) -> ComplexArray:
 
 
 def _slopes(w: FloatArray, H: ComplexArray, s: FloatArray, ratio: float) -> list[Slope]:
-    """The slopes of groups of rows, each of the middle one: alike are slopes within the `ratio`."""
+    """Slopes of groups of similar rows, each that of its middle row."""
     steep = np.log1p(np.abs(3.0 * s * np.max(w * w, axis=1, keepdims=True) * H).max(axis=1))
     group = np.floor((steep - steep.min()) / np.log(ratio))
     found = []
@@ -198,7 +198,7 @@ def _slope(rows: IntArray | slice, w: FloatArray, H: ComplexArray, s: float) -> 
 
 
 def _refuse_giving_way(w: FloatArray, H: ComplexArray, s: FloatArray) -> None:
-    """ModelError if nothing holds a softening foundation: 1 - 3 k3 w^2."""
+    """ModelError if a softening foundation gives way: 1 - 3 k3 w^2."""
     if np.any(s < 0.0) and np.any(
         1.0 + 3.0 * (s * np.max(w * w, axis=1, keepdims=True) * H).real <= 0.0
     ):

@@ -28,7 +28,7 @@ def _of_catalogue(name: str) -> Effect:
 
 
 def _pickled(effect: Effect) -> str | tuple[Any, ...]:
-    """How an effect goes to another process: one of the catalogue is the catalogue's again there.
+    """The form of an effect for another process; the catalogue's stays the catalogue's.
 
     Of any other nobody knows which conditions it reads, and predictions take five times as long.
     """
@@ -41,7 +41,7 @@ copyreg.pickle(Effect, _pickled)
 
 
 def conditions_read(effects: Iterable[Effect]) -> set[str] | None:
-    """All that effects of the catalogue read of the conditions: what they follow and need.
+    """Conditions that effects of the catalogue follow or need.
 
     None if one is the user's own, of which nobody knows.
     """

@@ -136,7 +136,7 @@ class Site:
 
 @dataclass(frozen=True)
 class Structure:
-    """What effects do to the carcass; contributions of several effects add up. Columns or numbers.
+    """Changes of the carcass by effects; those of several effects add up.
 
     tension [N]             T in T q^2
     damping_rate [1/s]      omega_d in 2 mu omega_d c w'
@@ -254,7 +254,7 @@ class Effect:
 
     @property
     def follows_said(self) -> str:
-        """What it follows, in words: `speed^2, water depth`, `nothing`."""
+        """The conditions that it follows, in words: `speed^2, water depth`."""
         if isinstance(self.follows, str):
             return self.follows or "nothing"
         followed, parts = dict(self.followed), []
@@ -287,7 +287,7 @@ class Effect:
         )
 
     def acts_in(self, observable: str, beside: Iterable[Effect]) -> bool:
-        """Does it act on an observable in a model with the effects `beside` it?"""
+        """True if it acts on an observable in a model with the effects `beside` it."""
         # the observable is computed from its own stages, and from those that what is added reads
         read = frozenset(OBSERVABLES[observable].reads).union(*(e.reads for e in beside))
         return observable in self.observables and bool(self.enters & read)
@@ -336,7 +336,7 @@ class Effect:
         return self
 
     def _refuse_unknown_conditions(self, parameters: list[str]) -> None:
-        """ModelError if `follows` or `valid_range` is no data that a comparison could use."""
+        """ModelError if `follows` or `valid_range` has unknown names or bad numbers."""
         try:
             followed = dict(self.followed)
             ranges = {
@@ -357,7 +357,7 @@ class Effect:
                 refuse_unknown(
                     name,
                     known,
-                    f"effect {self.id}: {name!r} is no {what}",
+                    f"effect {self.id}: {name!r} is not a {what}",
                     do="correct the effect",
                     error=ModelError,
                 )

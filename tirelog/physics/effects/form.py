@@ -87,7 +87,7 @@ def _no_pull() -> tuple[FloatArray, FloatArray]:
 
 
 def _learnt(words: str, limit: float, size: float) -> Parameter:
-    """A number of a form: a share, of mean zero and this standard deviation before any data."""
+    """A number of a form, with a prior of mean zero and this standard deviation."""
     return number(0.0, -limit, limit, "1", words, probe=0.1, prior=(0.0, size))
 
 

@@ -49,7 +49,7 @@ def hysteresis(drive: Drive, *, loss_factor: float) -> Structure:
     tried=False,
     loss_factor=number(0.0, 0.0, 1.0, "1", "eta, loss factor at the reference", probe=0.1),
     fall_1_K=number(
-        0.01, -0.1, 0.1, "1/K", "b, share of the loss that a kelvin takes (rubber: some 0.01)"
+        0.01, -0.1, 0.1, "1/K", "b, relative fall of the loss per kelvin (rubber: some 0.01)"
     ),
 )
 def warm_hysteresis(drive: Drive, *, loss_factor: float, fall_1_K: float) -> Structure:

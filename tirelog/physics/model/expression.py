@@ -143,7 +143,7 @@ def _operands(node: ast.AST) -> list[ast.expr]:
 
 
 def _refuse_other_node(node: ast.AST, text: str) -> None:
-    """ModelError for what is no number, operator, comparison, choice or call of a function."""
+    """ModelError for any other node than numbers, operators, comparisons, choices, calls."""
     called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
     number = node.value if isinstance(node, ast.Constant) else None
     operators = node.ops if isinstance(node, ast.Compare) else [getattr(node, "op", None)]
@@ -172,7 +172,7 @@ def _refuse_other_node(node: ast.AST, text: str) -> None:
 
 
 def _operation(node: Any) -> Callable[..., Any]:
-    """What a part applies to its operands; of a choice it is numpy's where()."""
+    """The operation of a part on its operands; a choice is numpy's where()."""
     if isinstance(node, ast.Call):
         return FUNCTIONS[getattr(node.func, "id", "")]
     return np.where if isinstance(node, ast.IfExp) else _OPERATORS[type(node.op)]

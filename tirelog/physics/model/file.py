@@ -114,7 +114,7 @@ def _number(known: Parameter | None, own: bool = False) -> _Kind:
 
 
 def _unknown(value: Any, place: FilePlace) -> Parameter:
-    """A user's own parameter of the unit that it brings, and of about its size."""
+    """A user's own parameter, with its unit and a probe of its size."""
     brought = value if isinstance(value, dict) else {"value": value}
     start, unit = brought.get("value", 0.0), brought.get("unit", "")
     if not isinstance(unit, str) or (unit and dimension_of(unit) is None):
@@ -128,7 +128,7 @@ def _unknown(value: Any, place: FilePlace) -> Parameter:
 
 
 def _use(known: Nuisance) -> _Kind:
-    """What the file says of a nuisance: a use, or a table of use and sizes."""
+    """A nuisance of the file: a use, or a table of use and sizes."""
 
     def read(value: Any, place: FilePlace) -> Nuisance:
         if not isinstance(value, dict):
@@ -143,7 +143,7 @@ def _use(known: Nuisance) -> _Kind:
 
 
 def _observables(value: Any, place: FilePlace) -> tuple[str, ...]:
-    """What the model is of: one observable, or a list of those that are fitted together."""
+    """The model's observable, or a list of those that are fitted together."""
     names = [_OBSERVABLE.read(name, place) for name in (value if type(value) is list else [value])]
     try:
         return observables_known(names)
@@ -269,7 +269,7 @@ def parse_model(
 
 
 def _catalogue(own: Path | None, place: FilePlace, *, asked: bool) -> Mapping[str, Effect]:
-    """All effects, with those of the user's own file; a model's line where it names it in vain."""
+    """All effects, with those of the user's own file."""
     try:
         return catalogue_with(own, asked=asked)
     except ModelError as problem:
@@ -281,7 +281,7 @@ def _catalogue(own: Path | None, place: FilePlace, *, asked: bool) -> Mapping[st
 
 
 def _nuisances(data: Mapping[str, Any], place: FilePlace) -> tuple[Nuisance, ...]:
-    """All nuisances, with what the file says of them."""
+    """All nuisances, with the settings of the file."""
     said = data.get("nuisances", {})
     wrong = [("nuisances", place / "nuisances" / FORM)] * (FORM in said) + [
         ("effects", place / "effects" / number / "name")

@@ -88,7 +88,7 @@ def force_columns(
     camber_deg: float = 0.0,
     section: StripSection | None = None,
 ) -> dict[str, FloatArray]:
-    """Columns of `tirelog model forces`, each (n,); NaN for what this model does not have.
+    """Columns of `tirelog model forces`, each (n,); NaN if the model has none.
 
     The brush takes its friction and stiffness from the model's effect `traction`, without it P2's;
     a lateral force or an aligning moment is there whenever slip angle or camber are not zero. With
@@ -194,7 +194,7 @@ def _balance(task: Task) -> tuple[FloatArray, FloatArray]:
 
 
 def _without_leaning(task: Task) -> Task:
-    """The task with the pressure that the road gives it, without what effects make of that."""
+    """The task with the pressure of the road alone, without effects on it."""
     active = [
         Active(replace(a.effect, tilt=None, pressure=None, kernel=None), a.values)
         for a in task.active
@@ -262,7 +262,7 @@ def _traction(task: Task) -> dict[str, float]:
 
 
 def _slip(task: Task) -> FloatArray:
-    """The slip that the brush has: the measured one, else that of the effect `traction`, else 0."""
+    """The brush's slip: measured, else that of the effect `traction`, else 0."""
     if any(active.effect.id == "traction" for active in task.active):
         return brush_slip(task.drive, _traction(task)["slip_per_g"])
     return np.nan_to_num(task.drive.slip)

@@ -28,7 +28,7 @@ def new_model(
     values: Mapping[str, float | str] | None = None,
     preset: str | None = None,
 ) -> tuple[Model, list[str]]:
-    """(A model without effects, what its values and its carcass leave open).
+    """(A model without effects, remarks on guessed values).
 
     `values` go before what the setup knows, this before a preset's numbers, these before start
     values.
@@ -157,7 +157,7 @@ def check_pressure(pressure_Pa: float | None) -> None:
     """ModelError for an inflation pressure that is none in Pa; nothing at all (0) is allowed."""
     if pressure_Pa is not None and not (pressure_Pa == 0.0 or pressure_Pa >= LEAST_PRESSURE_PA):
         raise ModelError(
-            f"inflation_pressure_Pa = {pressure_Pa:g} is no tire's pressure in Pa",
+            f"inflation_pressure_Pa = {pressure_Pa:g} is not a plausible pressure of a tire in Pa",
             allowed=f"0, or {LEAST_PRESSURE_PA:g} and more, is allowed",
             do="write it in Pa (2.2 bar is 2.2e5)",
         )

@@ -398,7 +398,7 @@ def _holding(s: Structure, Z: FloatArray) -> FloatArray:
     """Z itself; ModelError if a wave runs as fast as the tire rolls, in a belt that yields."""
     if (np.any(s.shear) or np.any(s.by_waves)) and not np.all(Z > 0.0):
         raise ModelError(
-            "a belt that yields so in shear, or in its form, does not hold its waves at this speed",
+            "the belt is too soft in shear, or in its form, to carry waves at this speed",
             allowed="a speed below the belt's critical one is allowed",
             do="lower belt_shear.length_m or the speed, or take stiffer numbers of form",
         )

@@ -132,7 +132,7 @@ def effect_by_formula(
         raise ModelError(
             f"effect {name!r} with parameters {[p.name for p in parameters]}: "
             f"{', '.join(clash) or name} is taken or no plain name",
-            allowed="allowed are names that are no effect, function or condition",
+            allowed="allowed are names that no effect, function or condition has",
             do="rename it",
         )
     return Effect(
@@ -256,7 +256,7 @@ def _code(path: Path, asked: bool) -> bytes:
     elif not may_run(code):
         raise ModelError(
             "is Python that you have not let run on this machine, or that has changed since",
-            allowed="a model file may name it, only you can let it run",
+            allowed="a model file may name it, but only you can let it run",
             do=f"read it, then give --effects {path} once",
             file=path,
         )
@@ -496,7 +496,7 @@ def effect_by_shape(
     at, heights = _numbers(name, "nodes", nodes), _numbers(name, "values", values)
     if at.size != heights.size or not 2 <= at.size <= MOST_NODES or np.any(np.diff(at) <= 0.0):
         raise ModelError(
-            f"effect {name!r}: {at.size} nodes and {heights.size} values are no shape",
+            f"effect {name!r}: {at.size} nodes and {heights.size} values do not make a shape",
             allowed=f"2 to {MOST_NODES} ascending nodes, and a value for each, are allowed",
             do="correct them",
         )
@@ -522,7 +522,7 @@ def _numbers(name: str, key: str, given: Any) -> FloatArray:
     )
     if not good:
         raise ModelError(
-            f"effect {name!r}: {key} are no list of numbers",
+            f"effect {name!r}: {key} are not a list of numbers",
             allowed=f"up to {MOST_NODES} finite numbers are allowed",
             do="correct them",
         )

@@ -632,7 +632,7 @@ class RolledWorld(World):
 
 
 def truth_of_rolled(world: RolledWorld, pitch_rad: Mapping[str, FloatArray]) -> dict[str, Any]:
-    """The whole truth of a log: that of other truths, and `coupled_ring`."""
+    """The whole truth of a log, with the table `coupled_ring`."""
     truth = steady_truth(world, pitch_rad, partial(_passages, world))
     return {
         **truth,
@@ -642,7 +642,7 @@ def truth_of_rolled(world: RolledWorld, pitch_rad: Mapping[str, FloatArray]) -> 
 
 
 def _passages(world: RolledWorld, name: str, late: float) -> dict[str, FloatArray]:
-    """What is true when the sensor's place passes under the axle, each (n,).
+    """True values at the sensor's passages under the axle, each (n,).
 
     `time_s` in the channel's own stamps.
     """

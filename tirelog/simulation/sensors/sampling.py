@@ -250,7 +250,7 @@ def riding_values(world: World, moments: Times) -> dict[str, FloatArray]:
 
 
 def _slow(world: World, sensor: Record, time_s: FloatArray, turns: FloatArray) -> FloatArray:
-    """What is added to the waveform.
+    """Slow additions to the waveform.
 
     The strain's baseline, or gravity and the vehicle's acceleration along the outward radius.
     """
@@ -495,7 +495,7 @@ def _steady_passages(world: World, name: str, late_s: float) -> dict[str, FloatA
 
 
 def _passages(world: World, sensor: Record, time: FloatArray) -> dict[str, FloatArray]:
-    """What is true at each of the passages `time` (n,), each (n,)."""
+    """True values at the passages `time` (n,), each (n,)."""
     at = world.instants(time, 1.0 + world.fluctuation(time))
     solution = world.solve(at)
     slope = world.ring.inverse(world.ring.derivatives[1] * world.strain(solution, sensor))

@@ -34,7 +34,7 @@ STATIC_FRICTION, SLIDING_FRICTION = 0.8, 0.6
 
 @dataclass(frozen=True)
 class Instants:
-    """What holds at b instants, each field (b,).
+    """Conditions at b instants, each field (b,).
 
     Time [s], speed [m/s], acceleration [m/s^2], load [N], half length of the patch [m], and slip
     (braking > 0). Then the planted drift's course, the tire's rise of temperature [K], and the
@@ -572,7 +572,7 @@ def seen_by(
     lag: Planted | None,
     bandwidth_Hz: float | None,
 ) -> ComplexArray:
-    """`spectrum` (b, m) as the sensor passes it on.
+    """`spectrum` (b, m) behind the sensor.
 
     Averaged over the gauge (apart: and slack in compression), late by the lag, within its
     bandwidth.
@@ -596,7 +596,7 @@ def seen_by(
 
 
 def delaying(lag: Planted | None, late: Any) -> Any:
-    """What a lag divides a wave by, at i omega tau = `late`: 1 + late; other: of two in a row.
+    """Divisor of a wave by a lag, 1 + late with late = i omega tau; other: two lags.
 
     apart: of an underdamped second-order filter, which is as late at low frequencies and rings.
     """
@@ -609,7 +609,7 @@ def delaying(lag: Planted | None, late: Any) -> Any:
 
 
 def _slack(strain: FloatArray, length_m: float) -> FloatArray:
-    """What a fibre that is glued at its ends alone reads: it buckles under compression.
+    """Strain of a fibre that is glued at its ends alone and buckles.
 
     Euler's load of a clamped rod: a strain of (2 pi r / length)^2 with r = d / 4. It adds to the
     strain with which the fibre was drawn.

@@ -323,7 +323,7 @@ class World:
     # ---- conditions ------------------------------------------------------------------------------
 
     def load(self, time_s: FloatArray) -> FloatArray:
-        """Load without what varies within the turn [N].
+        """Load without its variation within the turn [N].
 
         Scatter of the manoeuvres, wandering, load transfer, air.
         """
@@ -349,7 +349,7 @@ class World:
         return self.drive.distance_at(time_s)
 
     def fluctuation(self, time_s: FloatArray) -> FloatArray:
-        """What varies within the turn, relative to the load: the road, and the wheel's own."""
+        """Load variation within the turn over the load: of the road and of the wheel."""
         total = np.zeros_like(time_s)
         if self.scenario.road.roughness:
             total = self.roughness(self.distance(time_s))
@@ -477,7 +477,7 @@ class World:
         return length
 
     def instants(self, time_s: FloatArray, load_factor: Any = 1.0) -> Instants:
-        """What holds at `time_s` (b,), the load times `load_factor`."""
+        """Conditions at `time_s` (b,), the load times `load_factor`."""
         load = self.load(time_s) * load_factor
         conditions = self.scenario.conditions
         speed = self.drive.speed_at(time_s)
@@ -610,7 +610,7 @@ class World:
         return self.gain(at.temperature_K)[:, None] * self.ring.inverse(seen)
 
     def gain(self, rise_K: FloatArray) -> FloatArray:
-        """What the sensor's reading is multiplied by when the tire is warmer by `rise_K` (b,).
+        """Factor on the sensor's reading if the tire is warmer by `rise_K` (b,).
 
         1 + a dT; apart: an adhesive that softens the faster the warmer it is.
         """
