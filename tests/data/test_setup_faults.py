@@ -24,7 +24,7 @@ BAD = [
     ("steps = 48", "steps = 48.5", 26, r"whole"),
     ('surface = "inner"', 'surface = "iner"', 17, r"allowed are outer, inner"),
     ("[1549.0, 1551.5]", "[1551.5, 1549.0]", 18, r"pair \[low, high\]"),
-    ('"temp_1"', '"temp_2"', 16, r"no other channel.*nearest: temp_1"),
+    ('"temp_1"', '"temp_2"', 16, r"not another channel.*nearest: temp_1"),
     ("[conditions]", "[condition]", 6, r"unknown key 'condition' in a setup.*nearest: conditions"),
     ("reference_wavelength_nm = 1550.0\n", "", 10, r"a grating needs its wavelength at rest"),
     ("driven = true", "driven = 1", 9, r"true or false"),
