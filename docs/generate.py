@@ -17,7 +17,7 @@ from typing import Any
 
 import tirelog
 from tirelog.data import setup
-from tirelog.diagnosis.certainty import CLASSES, calibration
+from tirelog.diagnosis.certainty import CLASSES, calibration, least_share
 from tirelog.diagnosis.propose.grammar import FRAMES, LAWS, PROFILES, STAGES
 from tirelog.diagnosis.rules import RULES, THRESHOLDS
 from tirelog.physics.effects import CATALOGUE, Effect, readers, serves
@@ -622,14 +622,14 @@ def certainty_section() -> str:
     rows = [
         (
             ", ".join(f"`{verdict}`" for verdict in verdicts),
-            *(f"{known[kind][key]:g}" for key in ("cases", "tires", "right", "effective")),
+            *(f"{known[kind][key]:g}" for key in ("cases", "tires", "right")),
+            f"{100.0 * least_share(known[kind]['right'], known[kind]['cases']):.0f} %",
             ", ".join(known[kind]["carcasses"]),
-            ", ".join(f"`{name}`" for name in known[kind]["terms"]),
         )
         for kind, verdicts in CLASSES.items()
         if kind in known
     ]
-    head = ("verdict", "cases", "tires", "right", "count as", "carcass", "terms")
+    head = ("verdict", "cases", "tires", "right", "at least", "carcass")
     return f"Made on {known['date']}.\n\n{table(head, rows)}"
 
 

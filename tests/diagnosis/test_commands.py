@@ -78,7 +78,7 @@ def test_of_one_log_none_can_be_left_out(folder, capfd):
     assert length(folder, "diagnose", "--bootstrap", "50") == 0
     page = capfd.readouterr().out
     assert page.startswith(("NOTHING MISSING", "TOO FEW", "UNKNOWN", "SCATTER", "MISSING"))
-    assert "No calibration for this kind: " in page
+    assert "How often such a verdict is right is not known: " in page
     assert "next: tirelog" in page
 
 

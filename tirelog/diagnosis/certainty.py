@@ -1,19 +1,18 @@
-"""How often a verdict like this one is right: by simulated cases whose truth is known.
+"""How often a verdict of one kind is right: counts of simulated cases whose truth is known.
 
     Diagnosis -> Marks: what a diagnosis knows of itself -> the row of `calibration.toml`
-        -> P(right), held between what so many cases can tell
+        -> right of so many cases, and the least share that such counts allow
 
-A verdict says more or less, and what is right depends on what it says:
+A verdict claims more or less, and what is right depends on the claim:
 
     none     nothing_missing, scatter: nothing is missing that would leave NEGLIGIBLE beside a
-             refitted model on a smooth road with nothing else amiss
-    name     missing, ambiguous: what is named is what is missing, or stands in the set; no more
+             refitted model on a smooth road without nuisances
+    name     missing, ambiguous: what is named is what is missing, or the set holds it; no more
     part     partial: the same of its names
     unknown  something is missing that the catalogue does not have
 
-`python -m benchmarks.calibration` draws the cases from priors that stand there in words, runs
-them, and writes the table; a logistic in very few terms, each of a sign that was given beforehand,
-shrunk towards even odds by two cases. What no such case was like gets no number, and why is said.
+`python -m benchmarks.calibration` draws the cases from written priors, runs them, and writes the
+table. A diagnosis of another kind than all cases gets no number, and a reason.
 """
 
 from __future__ import annotations
@@ -28,6 +27,7 @@ from importlib import resources
 from typing import Any, ClassVar
 
 import numpy as np
+from scipy.special import betaincinv
 
 from tirelog.diagnosis.candidates.assessment import (
     all_signatures,
@@ -88,21 +88,6 @@ class Marks:
     gain_sigmas: float = math.nan
     rival_sigmas: float = math.nan
 
-    @property
-    def terms(self) -> dict[str, float]:
-        """Numbers that go with being right, by name; NaN if one is not known."""
-        falls = self.chi2_before > 0.0 and self.chi2_after > 0.0
-        return {
-            # held-out error above the floor, in steps of 0.05 floors: QUIET_FLOORS allows one
-            "rest": max(self.heldout_after - 1.0, 0.0) / 0.05,
-            # decades of the least p of any effect, named or not
-            "evidence": -math.log10(self.least_p) if self.least_p > 0.0 else math.nan,
-            # decades by which chi-square falls
-            "size": math.log10(self.chi2_before / self.chi2_after) if falls else math.nan,
-            # standard errors to the next rival, held out
-            "rival": self.rival_sigmas,
-        }
-
 
 def marks_of(
     found: SearchResult,
@@ -142,23 +127,24 @@ def marks_of(
     )
 
 
-#: which way each of `Marks.terms` may go with being right
-SIGNS: Mapping[str, int] = {"rest": -1, "evidence": -1, "size": 1, "rival": 1}
-#: those that a class of verdicts may use, best first
-OF_CLASS: Mapping[str, tuple[str, ...]] = {
-    "none": ("rest", "evidence"),
-    "name": ("rest", "size", "rival"),
-    "part": ("rest",),
-    "unknown": ("size",),
-}
+#: confidence of the interval whose lower limit is the least share: at 99 % it would be 90 % of 49
+#: right cases in 49, not 93 %
+_CONFIDENCE = 0.95
+
+
+def least_share(right: int, cases: int) -> float:
+    """The lower limit of the Clopper-Pearson interval of a share, by `right` of so many cases."""
+    tail = 0.5 * (1.0 - _CONFIDENCE)
+    return float(betaincinv(right, cases - right + 1.0, tail)) if right else 0.0
 
 
 @dataclass(frozen=True)
 class Certainty:
-    """How often a verdict like this one is right, or why that is not known.
+    """How many simulated cases of this kind of verdict were right, or why none is counted.
 
-    `probability` None: no calibration; `reason` says why. Otherwise it rests on `cases` of the
-    same class of verdict, `tires` different ones among them, simulated until `date`.
+    probability  the least share that is right (`least_share`); None without such cases
+    cases, right, tires  what was simulated until `date`: verdicts, right ones, different tires
+    lacking      what no case had;  reason  why nothing is counted
     """
 
     probability: float | None
@@ -167,19 +153,34 @@ class Certainty:
     date: str = ""
     lacking: tuple[str, ...] = ()
     reason: str = ""
-    also: ClassVar = ("sentence",)
+    right: int = 0
+    also: ClassVar = ("bound", "sentence")
+
+    @property
+    def bound(self) -> str:
+        """What kind of number `probability` is."""
+        limit = f"lower limit of the {100.0 * _CONFIDENCE:.0f} % Clopper-Pearson interval"
+        return limit if self.cases else ""
 
     @property
     def sentence(self) -> str:
         """The same in words."""
         if self.probability is None:
-            return f"No calibration for this kind: {self.reason}."
-        but = f"; none had an {' or an '.join(self.lacking)}" if self.lacking else ""
-        of_100 = math.floor(100.0 * self.probability + 1e-9)  # no more than is known
+            return f"How often such a verdict is right is not known: {self.reason}."
+        but = f" None had an {' or an '.join(self.lacking)}." if self.lacking else ""
         return (
-            f"Right in {of_100} of 100 like cases ({self.cases} simulated, {self.tires} tires, "
-            f"{self.date}{but})."
+            f"{self.right} of {self.cases} simulated cases of this kind were right: at least "
+            f"{100.0 * self.probability:.0f} % ({self.bound}; {self.tires} tires, {self.date})."
+            f"{but}"
         )
+
+
+#: what each number on the sureness of a verdict measures, and which to go by
+SURENESS = (
+    "These numbers measure different things. The simulated cases count how often such verdicts are "
+    "right on other tires: go by them. Draws of manoeuvres, and logs left out, show whether a few "
+    "of them decide here: if so, drive more."
+)
 
 
 def class_of(verdict: str) -> str | None:
@@ -188,7 +189,7 @@ def class_of(verdict: str) -> str | None:
 
 
 def certainty_of(marks: Marks, table: Mapping[str, Any] | None = None) -> Certainty:
-    """P(right) of a diagnosis with these marks, by the package's table or another."""
+    """The counts for a diagnosis with these marks, by the package's table or another."""
     table, kind = calibration() if table is None else table, class_of(marks.verdict) or ""
     known, words = table.get(kind, {}), " or ".join(CLASSES.get(kind, ()))
     (low, high), had = known.get("manoeuvres", (0, 0)), known.get("carcasses", ())
@@ -196,27 +197,21 @@ def certainty_of(marks: Marks, table: Mapping[str, Any] | None = None) -> Certai
         "it claims nothing": not kind,
         f"no simulated case was {words}": not known,
         f"simulated cases that were {words} had a {' or '.join(had)}": marks.carcass not in had,
-        # so many times the manoeuvres that the cases had, or so few, are still like them
+        # so many times the manoeuvres that the cases had, or so few, are still of their kind
         f"simulated cases had {low} to {high} manoeuvres, these logs {marks.manoeuvres}": not (
             low / 1.5 <= marks.manoeuvres <= high * 1.5
         ),
     }
     if why := next((why for why, holds in reasons.items() if holds), ""):
         return Certainty(None, reason=why)
-    logit = float(known["intercept"])
-    for name, term in known.get("terms", {}).items():
-        value = marks.terms[name]
-        if math.isfinite(value):  # what is not known is as in the middle of the cases
-            inside = min(max(value, term["low"]), term["high"])
-            logit += term["slope"] * (inside - term["centre"])
-    most = float(known["most"])  # that so many cases can tell
-    p = min(max(1.0 / (1.0 + math.exp(-logit)), 1.0 - most), most)
+    right, cases = int(known["right"]), int(known["cases"])
     return Certainty(
-        math.floor(1000.0 * p + 1e-6) / 1000.0,
-        known["cases"],
+        least_share(right, cases),
+        cases,
         known["tires"],
         str(table["date"]),
         tuple(known["lacking"]),
+        right=right,
     )
 
 
