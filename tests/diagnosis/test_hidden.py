@@ -5,6 +5,7 @@ The truth is solved apart from the models.
 """
 
 import json
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ from tirelog.diagnosis.certainty import certainty_of
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
-from tirelog.simulation import simulate, to_recording
+from tirelog.simulation import scenario_of, simulate, to_recording
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
@@ -57,6 +58,25 @@ def test_a_hidden_effect_is_named_and_the_error_falls_to_the_floor(model):
     assert any(note.startswith("Of 200 draws of the 16 manoeuvres") for note in drawn.notes)
     assert drawn.to_json()["inclusion"]["steps"][0]["named"] == "edge_impact"
     assert answer["certainty"]["sentence"] == certainty_of(marks).sentence
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("seed", "drift", "verdict", "selected"),
+    [(3, 5e-6, "missing", ("thermal_drift",)), (5, 0.0, "nothing_missing", ())],
+)
+def test_a_baseline_that_follows_a_measured_temperature_is_named(
+    model, seed, drift, verdict, selected
+):
+    """One number along the temperature comes before a drift, which has many along the log."""
+    tables = tomllib.loads((SAMPLES / "scenarios" / "thermal_drift.toml").read_text())
+    tables["effects"][0]["drift"] = drift
+    log = to_recording(simulate(scenario_of({**tables, "seed": seed})), "warm")
+    result = diagnose(stacks_from_logs([log]), model)
+    assert (result.verdict, result.selected) == (verdict, selected)
+    if drift:
+        found = result.effects[0].strengths["drift"]
+        assert found["value"] == pytest.approx(drift, abs=4.0 * found["se"])
 
 
 @pytest.mark.slow

@@ -63,6 +63,7 @@ FACTS = {
     "floor": 1.0, "total": 0.0, "explained": 0.9, "enough": 0.7, "manoeuvres": 20, "chi2": 1.4,
     "observable": "strain", "unit": "strain", "groups": (), "or_nuisance": (), "shares": {},
     "scatter": None, "unexplained": {"significant": False}, "unestablished": (),
+    "taken": (0.0, []),
 }  # fmt: skip
 
 
@@ -70,6 +71,20 @@ def test_a_held_out_error_above_the_floor_is_said():
     facts = {**FACTS, "verdict": "nothing_missing"}
     assert "held out" not in sentence_of(facts)
     assert "1.12 floors" in sentence_of({**facts, "before": 1.2544})
+
+
+def test_what_a_nuisance_explains_is_in_the_headline():
+    taken = 0.9912, ["a drift (baseline along each log 84 ± 0.1 microstrain)"]
+    facts = {**FACTS, "verdict": "nothing_missing", "taken": taken}
+    assert sentence_of(facts) == (
+        "A drift (baseline along each log 84 ± 0.1 microstrain) explains 99.1 % of the excess; "
+        "nothing else is missing that these data could show."
+    )
+    scatter = {"size": 1e-7, "like_load": False, "follows": "", "grows": True, "together": ()}
+    more = (0.9, [*taken[1], "another rolling radius (radius level 1 ± 0.1 %)"])
+    said = sentence_of({**facts, "verdict": "scatter", "scatter": scatter, "taken": more})
+    assert "microstrain) and another rolling radius (radius level 1 ± 0.1 %) explain 90.0 %" in said
+    assert "of the excess. What is left does not repeat" in said
 
 
 @pytest.mark.parametrize(

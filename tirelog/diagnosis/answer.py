@@ -184,7 +184,7 @@ def not_varied(conditions: Conditions, effects: Iterable[Effect]) -> str:
     if not who:
         return ""
     return (
-        f"{said[0].upper()}{said[1:]}. What follows them ({', '.join(who)}) shows here by its "
+        f"{_capital(said)}. What follows them ({', '.join(who)}) shows here by its "
         "shape at most; logs that differ in them would tell more."
     )
 
@@ -218,8 +218,9 @@ _PARITY = {
 _SENTENCES = {
     "nothing_missing": "Nothing is missing that this data could show: what the model{beside} leaves"
     " is the noise floor{above}.",
-    "scatter": "What is left {repeats} from manoeuvre to manoeuvre, and is more than noise: {size} "
-    "({errors}).{like_load}{goes_with} {check}",
+    "nothing_else": "{taken}; nothing else is missing that these data could show{above}.",
+    "scatter": "{before}What is left {repeats} from manoeuvre to manoeuvre, and is more than "
+    "noise: {size} ({errors}).{like_load}{goes_with} {check}",
     "small": "What is left repeats, but is too small to matter: {errors}. {check}",
     "too_few": "Too few manoeuvres for a test ({manoeuvres}): candidates are ranked, none is "
     "claimed.",
@@ -257,7 +258,15 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
     rest = "partial" if left.get("significant") else "shapeless"
     nearest, near = left.get("nearest_effect"), left.get("nearest_share") or 0.0
     unnamed = "unknown_and_near" if near < facts["enough"] else "unknown_and_doubt"
+    of_nuisances, by_nuisances = facts["taken"]
+    taken = (
+        f"{_capital(' and '.join(by_nuisances))} {'explain' if by_nuisances[1:] else 'explains'} "
+        f"{percent(of_nuisances)} of the excess"
+        if by_nuisances
+        else ""
+    )
     kinds = {
+        "nothing_missing": "nothing_else" if taken else "nothing_missing",
         "unknown": unnamed if nearest else "unknown",
         "scatter": "small" if left.get("significant") else "scatter",
         "ambiguous": "ambiguous" if facts["groups"] else "or_nuisance",
@@ -280,6 +289,8 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
         errors=f"held out {floors:.2f} floors, reduced chi-square {facts['chi2']:.3g}",
         above=above,
         beside=f" with {beside} beside it" if beside else "",
+        taken=taken,
+        before=f"{taken}. " * bool(taken),
         left=f"{max(facts['after'] - floor, 0.0) ** 0.5 * factor:.3g} {unit}",
         where=f" {_WHERE[left['where']]}" if left.get("where") else "",
         sets="; ".join(" or ".join(group) for group in facts["groups"]),
@@ -299,6 +310,11 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
         like_load=" It looks like a load that changes." * bool(scatter and scatter["like_load"]),
         goes_with=_goes_with(scatter) if scatter else "",
     )
+
+
+def _capital(text: str) -> str:
+    """The text with its first letter as a sentence begins."""
+    return text[:1].upper() + text[1:]
 
 
 def _goes_with(scatter: Mapping[str, Any]) -> str:

@@ -50,6 +50,7 @@ from tirelog.diagnosis.candidates.naming import not_among_candidates, removed_by
 from tirelog.diagnosis.candidates.nuisances import (
     NuisanceFound,
     alike_sentences,
+    explained_by_nuisances,
     groups_of,
     held_by_form,
     held_sentences,
@@ -69,6 +70,7 @@ from tirelog.diagnosis.candidates.search import (
 )
 from tirelog.diagnosis.candidates.separation import advise, drive_next, drive_sentences
 from tirelog.diagnosis.certainty import (
+    SURENESS,
     Certainty,
     GroupVerdict,
     Marks,
@@ -183,7 +185,7 @@ class Diagnosis(AnswerRecord):
 
     @cached_property
     def certainty(self) -> Certainty:
-        """How often a verdict like this one is right, by simulated cases."""
+        """How many simulated cases with such a verdict were right."""
         why = unlike_cases(self.found.before.model, self.selected, self.gratings is not None)
         return Certainty(None, reason=why) if why else certainty_of(self.marks)
 
@@ -275,7 +277,9 @@ class Diagnosis(AnswerRecord):
 
     def further_sentences(self) -> list[str]:
         """What a diagnosis says beside its verdict and ranking, and what to do next."""
+        several = self.inclusion is not None or self.stability is not None
         return [
+            *([SURENESS] if several else []),
             *(f"cannot be told apart here: {', '.join(group)}" for group in self.ambiguous_groups),
             *map(separation_sentence, self.separating_manoeuvres),
             *drive_sentences(self.drive_next),
@@ -347,6 +351,7 @@ def conclude(found: SearchResult, stacks: Revolutions, asked: Gathered | None = 
         not_varied(before.cells.conditions, candidate_effects(before.model)),
         *(f"{said}." for said in out_of_range(result) if said not in left_before),
     ]
+    taken = explained_by_nuisances(beside, found.given or before, before, found.came_in)
     few, ranked = manoeuvres < FEWEST_MANOEUVRES, {c.effect for c in ranking}
     large = decision["left"].significant and decision["excess_after"] > SECOND_LEAST * floor
     uses = {nuisance.name: nuisance.use for nuisance in before.model.nuisances}
@@ -365,6 +370,7 @@ def conclude(found: SearchResult, stacks: Revolutions, asked: Gathered | None = 
         "after": found.after.square_held,
         "suspects": tuple(s.said for s in suspected[:3]),
         "beside": stayed,
+        "taken": taken,
         "scatter": scatter,
         "unexplained": unexplained,
     }

@@ -25,7 +25,15 @@ from tirelog.diagnosis.candidates.assessment import (
     signatures_of,
 )
 from tirelog.diagnosis.candidates.naming import explains_noise, worth_it
-from tirelog.diagnosis.rules import ALARM_P, FEWEST_MANOEUVRES, GAIN_SIGMAS, NUISANCE_SHARE, TWINS
+from tirelog.diagnosis.rules import (
+    ALARM_P,
+    FEWEST_MANOEUVRES,
+    GAIN_SIGMAS,
+    LEAST_SHARE_OF_FLOOR,
+    NUISANCE_SHARE,
+    REST_SHARE,
+    TWINS,
+)
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import (
     Base,
@@ -465,6 +473,25 @@ def nuisance_sentences(
     doubts = ["the model leaves a rest"] * fails
     doubts += [f"{name} is at its bound" for name in dict.fromkeys([*base.fit.held, *at_bound])]
     return [_sentence(nuisance, base, doubts) for nuisance in found if nuisance.stayed]
+
+
+def explained_by_nuisances(
+    found: Sequence[NuisanceFound], given: Base, base: Base, came_in: Sequence[str]
+) -> tuple[float, list[str]]:
+    """(share of the excess that nuisances explain together, each with its largest part in words).
+
+    given, base  without the nuisances that `came_in` and with them
+
+    The share is of the held-out mean square above the floor; 0 and none if it is too small to
+    matter.
+    """
+    floor = base.floor.square
+    excess, left = given.square_held - floor, max(base.square_held - floor, 0.0)
+    if not came_in or excess <= LEAST_SHARE_OF_FLOOR * floor or left > (1.0 - REST_SHARE) * excess:
+        return 0.0, []
+    parts = {one.nuisance: _said(one.largest, base) for one in found if one.stayed}
+    words = [f"{NUISANCES_SAID[name]} ({parts[name]})" for name in came_in if name in parts]
+    return 1.0 - left / excess, words
 
 
 def scatter_sentences(base: Base) -> list[str]:

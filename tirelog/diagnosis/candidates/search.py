@@ -55,6 +55,7 @@ from tirelog.diagnosis.rules import (
 )
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base
+from tirelog.inference.fit.cells import LEAST_CHANGE
 from tirelog.inference.nuisances import FORM, frees
 from tirelog.physics.effects import Effect
 
@@ -204,7 +205,7 @@ def _search(
         # an effect that came before a nuisance may have taken its place
         progress(f"once more with {newest(climb.passed_over, base)} first")
         other = _climb(climb.passed_over.with_scatter_estimated, extra, progress, allowed)
-        if other.after.reduced_chi2 < climb.after.reduced_chi2:
+        if _leaves_less_at_end(base, climb.passed_over, other, climb):
             climb = other
     if not quiet_waveforms(climb.after):
         climb = _with_one_to_begin(base, rivals, extra, progress, climb, allowed)
@@ -268,7 +269,7 @@ def _with_one_to_begin(
     came_in = len(groups_of(other.after)) - len(groups_of(base)) + len(other.named)
     left = (other.after.reduced_chi2 - 1.0) / (base.reduced_chi2 - 1.0)
     enough = left <= (1.0 - NUISANCE_SHARE) ** came_in
-    return other if enough and other.after.reduced_chi2 < climb.after.reduced_chi2 else climb
+    return other if enough and _leaves_less_at_end(base, first, other, climb) else climb
 
 
 def _climb(
@@ -344,13 +345,52 @@ def _may_do_as_well(base: Base, rival: Base, assessed: Sequence[Variant]) -> boo
 def _leaves_less(rival: Base, step: Step) -> bool:
     """Is the held-out loss beside a nuisance below that with the effect of a step?
 
-    Of a form by more than it has numbers: an effect that does with one what it does is the cause.
+    By more than its numbers, if it is a form or the effect follows what was measured: an effect
+    that does with one number what it does is the cause.
     """
     if step.named is None:
         return True
-    form = newest(rival, step.before) == FORM
-    numbers = len(frees(rival.model, FORM)) if form else 0
+    name = newest(rival, step.before)
+    many = name == FORM or _one_for_many(step.before, rival, step.named)
+    numbers = _numbers(rival, name) if many else 0
     return float(rival.held_white.sum()) + numbers < float(step.named.base.held_white.sum())
+
+
+def _leaves_less_at_end(base: Base, rival: Base, other: SearchResult, climb: SearchResult) -> bool:
+    """Does the search `other`, which a nuisance (`rival`) began, leave less than the first one?
+
+    If that began with an effect that does with one number what the nuisance does by many, then by
+    what a nuisance must remove.
+    """
+    first = climb.steps[0].named if climb.steps else None
+    one = first is not None and _one_for_many(base, rival, first)
+    least = 1.0 - NUISANCE_SHARE if one else 1.0
+    left, before = other.after.reduced_chi2 - 1.0, climb.after.reduced_chi2 - 1.0
+    return left < min(before, least * before)
+
+
+def _numbers(base: Base, nuisance: str) -> int:
+    """How many numbers a nuisance of the base has."""
+    held = base.cells.shared
+    linear = 0 if held is None else sum(group == nuisance for group in held.group)
+    return linear + len(frees(base.model, nuisance))
+
+
+def _one_for_many(base: Base, rival: Base, named: Refitted) -> bool:
+    """Does an effect do by a measured condition what a nuisance does by more numbers?
+
+    The condition varies in these logs. Speed and time are no such condition: a rolling radius
+    follows the one, a drift the other.
+    """
+    effect, conditions = named.assessed.effect, base.cells.conditions
+    measured = [
+        values
+        for name, _ in effect.followed
+        if name not in ("speed_m_s", "time_s")
+        and np.isfinite(values := getattr(conditions, name)).all()
+    ]
+    fewer = len(effect.strength) < _numbers(rival, newest(rival, base))
+    return fewer and any(np.ptp(x) > LEAST_CHANGE * np.abs(x).max() for x in measured)
 
 
 def _as_much(base: Base, rival: Base, named: Refitted) -> bool:
@@ -359,10 +399,13 @@ def _as_much(base: Base, rival: Base, named: Refitted) -> bool:
     Not if the better one leaves the noise floor alone and the other is clearly worse: then its form
     is right. By the waveforms, which a nuisance acts on. The tire's form has numbers enough to be
     clearly worse as soon as it leaves more than the floor, and is never alike to an effect that
-    does the same under all conditions: one number that does it is the cause.
+    does the same under all conditions: one number that does it is the cause. So is one that does
+    by a measured condition what a nuisance does by many numbers (`_one_for_many`).
     """
     form = newest(rival, base) == FORM
     if form and not named.assessed.effect.followed:
+        return False
+    if not form and _one_for_many(base, rival, named):
         return False
     better, worse = sorted((rival, named.base), key=lambda refitted: refitted.noise_chi2)
     removed = [base.noise_chi2 - refitted.noise_chi2 for refitted in (worse, better)]
