@@ -8,8 +8,9 @@ import pytest
 
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.answer import not_varied, sentence_of
-from tirelog.diagnosis.candidates.assessment import at_noise_floor
-from tirelog.diagnosis.candidates.naming import removed_by, worth_it
+from tirelog.diagnosis.candidates import naming
+from tirelog.diagnosis.candidates.assessment import Variant, at_noise_floor
+from tirelog.diagnosis.candidates.naming import Refitted, removed_by, worth_it
 from tirelog.diagnosis.candidates.nuisances import alike_sentences
 from tirelog.diagnosis.rules import RULES, THRESHOLDS, verdict_of
 from tirelog.physics.effects import BY_ID
@@ -202,3 +203,27 @@ def test_an_effect_that_follows_the_inflation_pressure_is_named_by_any_of_its_na
         assert not_varied(same, [effect]).startswith(
             "The same throughout: inflation pressure 220000 Pa. What follows them (inflation)"
         )
+
+
+@pytest.mark.parametrize(("own_p", "named"), [(0.005, "wear"), (0.4, None)])
+def test_a_name_needs_a_p_of_its_own(monkeypatch, own_p, named):
+    """`wear` leaves least, and `traction` alarms: its alarm is no evidence for wear.
+
+    What wear gains in eight manoeuvres is reached by 4 of 2^8 flips, times two candidates: 0.03.
+    """
+
+    def variant(name, p):
+        numbers = {"statistic": 9.0, "p": p, "gain": 5.0, "gain_error": 1.0, "removed": 3.0}
+        return Variant(BY_ID[name], ("amplitude",), {}, np.zeros((0, 0, 0)), False, **numbers)
+
+    gains = np.r_[np.ones(6), -0.2, -0.2]
+    before, after = np.full(8, 2.0), np.full(8, 2.0) - gains
+    base = base_of(np.zeros((4, 2)), before, before)
+    base.excess = 3.0
+    with_wear = base_of(np.zeros((4, 2)), after, after)
+    known = [variant("wear", own_p), variant("traction", 0.001)], {}
+    refitted = [Refitted(known[0][0], with_wear)]
+    monkeypatch.setattr(naming, "contend", lambda *given: refitted)
+    monkeypatch.setattr(naming, "group_of", lambda contenders: ())
+    step = naming.next_step(base, (), known)
+    assert (step.named.id if step.named else None) == named

@@ -29,10 +29,12 @@ from tirelog.diagnosis.candidates.assessment import (
     at_noise_floor,
     candidate_effects,
     flip_signs,
+    flip_test,
     freedom_of_shape,
     gain_and_error,
     idle_candidates,
     mean_drop,
+    scores_of,
     surely_gains,
     with_candidate,
 )
@@ -441,14 +443,30 @@ def step_beside_form(base: Base, without: Sequence[Variant], step: Step) -> Step
     best, *others = ranked(base, [*more, *step.contenders])
     if best.id in refitted or not right_to_the_floor(best):
         return step
-    gains = base.held_white - best.base.held_white
-    as_much = flip_signs(gains.size) @ gains >= gains.sum() * (1.0 - 1e-9)
-    p = float(min(1.0, len(without) * as_much.mean()))
+    p = _p_of_gains(base, best, len(without))
     if p > ALARM_P or not worth_it(base, best.base, p):
         return step
     best = replace(best, assessed=replace(best.assessed, p=p))
     assessed = [best.assessed if a.id == best.id else a for a in step.assessed]
     return Step.of(base, assessed, step.reasons, [best, *others], named=True)
+
+
+def _p_of_gains(base: Base, refitted: Refitted, candidates: int) -> float:
+    """p of a refit by flips of what it gains in each manoeuvre, times the number of candidates."""
+    gains = base.held_white - refitted.base.held_white
+    as_much = flip_signs(gains.size) @ gains >= gains.sum() * (1.0 - 1e-9)
+    return float(min(1.0, candidates * as_much.mean()))
+
+
+def _with_own_p(base: Base, refitted: Refitted, candidates: int) -> Refitted:
+    """The refitted candidate with the p that its name rests on.
+
+    Family-wise, by its slopes or by what its refit gains. Another candidate's alarm is no evidence
+    for this one. Slopes show badly what is far from linear.
+    """
+    slopes = refitted.assessed.p
+    p = slopes if slopes <= ALARM_P else min(slopes, _p_of_gains(base, refitted, candidates))
+    return replace(refitted, assessed=replace(refitted.assessed, p=p))
 
 
 def next_step(
@@ -469,11 +487,14 @@ def next_step(
     if small or not any(a.alarms(base) for a in assessed):
         return Step.of(base, assessed, reasons)
     contenders = contend(base, leading(assessed), reasons)
-    is_named = bool(contenders) and worth_it(base, contenders[0].base, contenders[0].assessed.p)
+    if not contenders:
+        return Step.of(base, assessed, reasons)
+    best = contenders[0] = _with_own_p(base, contenders[0], len(assessed))
+    is_named = best.assessed.p <= ALARM_P and worth_it(base, best.base, best.assessed.p)
     if named and is_named:
-        taken = base.square_held - contenders[0].base.square_held
+        taken = base.square_held - best.base.square_held
         beyond_form = base.excess > NOT_FORM * excess and taken > 0.5 * base.excess
-        is_named = beyond_form or survives(base, named, contenders[0])
+        is_named = beyond_form or survives(base, named, best, assessed)
     return Step.of(base, assessed, reasons, contenders, named=is_named)
 
 
@@ -520,11 +541,19 @@ def regrouped(
     return groups, untested
 
 
-def survives(base: Base, named: Sequence[str], candidate: Refitted) -> bool:
-    """Does the candidate remove enough beside free shapes of the effects named before?"""
+def survives(
+    base: Base, named: Sequence[str], candidate: Refitted, assessed: Sequence[Variant]
+) -> bool:
+    """Does the candidate remove enough beside free shapes of the effects named before?
+
+    Its p there is family-wise over all that were `assessed`, since it was chosen among them.
+    """
     free = np.concatenate([freedom_of_shape(base, effect) for effect in named], axis=-1)
-    again, _ = assess(base, [candidate.assessed], free)
-    if not again or again[0].p > 0.01:
+    others = [a for a in assessed if a.id != candidate.id]
+    kept, scores, _ = scores_of(base, [candidate.assessed, *others], free)
+    if not kept or kept[0].id != candidate.id:
+        return False
+    if flip_test(scores, base.cells.manoeuvres)[1][0] > ALARM_P:
         return False
     added = ([free], [free, candidate.assessed.columns])
     losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, added)
