@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.cases import Case, case
+from benchmarks.nuisance_worlds import PER_K
 from tests.diagnosis.toy import done
 from tirelog.diagnosis import diagnose as diagnosing
 from tirelog.diagnosis.certainty import certainty_of
@@ -62,15 +63,24 @@ def test_a_hidden_effect_is_named_and_the_error_falls_to_the_floor(model):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("seed", "drift", "verdict", "selected"),
-    [(3, 5e-6, "missing", ("thermal_drift",)), (5, 0.0, "nothing_missing", ())],
+    ("seed", "drift", "warming", "verdict", "selected"),
+    [
+        (3, 5e-6, {}, "missing", ("thermal_drift",)),
+        (5, 0.0, {}, "nothing_missing", ()),
+        (13, 5e-6, PER_K, "missing", ("thermal_drift",)),
+        (14, 0.0, PER_K, "nothing_missing", ()),
+    ],
 )
 def test_a_baseline_that_follows_a_measured_temperature_is_named(
-    model, seed, drift, verdict, selected
+    model, seed, drift, warming, verdict, selected
 ):
-    """One number along the temperature comes before a drift, which has many along the log."""
+    """One number along the temperature comes before a drift, which has many along the log.
+
+    Also where the drift is needed beside it: patch and stiffness move as the tire warms.
+    """
     tables = tomllib.loads((SAMPLES / "scenarios" / "thermal_drift.toml").read_text())
     tables["effects"][0]["drift"] = drift
+    tables["nuisances"] = {"warming": warming} if warming else {}
     log = to_recording(simulate(scenario_of({**tables, "seed": seed})), "warm")
     result = diagnose(stacks_from_logs([log]), model)
     assert (result.verdict, result.selected) == (verdict, selected)

@@ -341,7 +341,9 @@ def _alarms(
         statistic, count = statistics([scores[i]], times)[:, 0], gain.size
         mean = times @ gain / count
         spread = np.sqrt(np.maximum(times @ gain**2 / count - mean**2, 0.0))
-        surely = times @ gain > GAIN_SIGMAS * count / max(count - 1.0, 1.0) ** 0.5 * spread
+        shared = 1.0 / count + 1.0 / max(count - 1.0, 1.0)  # as in `gain_and_error`
+        error = spread * count * (shared * count / max(count - 1.0, 1.0)) ** 0.5
+        surely = times @ gain > GAIN_SIGMAS * error
         strong = first & (statistic >= sure)
         result[name] = ((statistic >= least) & surely & (large | strong), statistic)
     return result

@@ -28,10 +28,11 @@ THRESHOLDS: tuple[Threshold, ...] = (
         "allows twice as many",
     ),
     Threshold(
-        "GAIN_SIGMAS", 2.0, "standard errors",
-        "held-out gain at least, by the scatter of manoeuvres: effects of two squared floors "
-        "gain by three to eight; loads that wander, alike in neighbours, gave an effect that "
-        "acts through the load one and more",
+        "GAIN_SIGMAS", 1.4, "standard errors",
+        "held-out gain at least, by the scatter of manoeuvres, which share their training: an "
+        "effect of two squared floors gains by two to six; loads that wander, alike in "
+        "neighbours, gave an effect that acts through the load 0.7 and more; twice as much "
+        "loses effects of a few manoeuvres",
     ),
     Threshold(
         "LEAST_SHARE_OF_FLOOR", 0.05, "squared floors",
@@ -76,8 +77,9 @@ THRESHOLDS: tuple[Threshold, ...] = (
         "it would ask of a name more than the test asks of an alarm",
     ),
     Threshold(
-        "WORSE_SIGMAS", 3.0, "standard errors",
-        "by which a rival is clearly worse than one that is right to the floor",
+        "WORSE_SIGMAS", 2.1, "standard errors",
+        "by which a rival is clearly worse than one that is right to the floor; twice as much "
+        "leaves more sets of effects that are not told apart",
     ),
     # ---- is there another?
     Threshold(

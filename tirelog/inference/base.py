@@ -460,8 +460,8 @@ def _in_scatter(base: Base, values: FloatArray) -> Base:
     cells = _with_shift_of(fit, base.cells)
     if cells.shared is not None:  # the columns as the fitted model has them
         anew = shared_by(cells, fit, cells.shared.groups)
-        if anew is not None and anew.names == cells.shared.names:
-            cells = replace(cells, shared=anew)
+        if anew is not None and set(cells.shared.names) <= set(anew.names):
+            cells = replace(cells, shared=anew.of([*map(anew.names.index, cells.shared.names)]))
     slope, bend = load_slopes(cells, fit)
     columns = np.stack([slope, np.ones_like(slope)], axis=-1)
     scatter = measure_scatter(cells, fit, base.white, columns, base.discrepancy)

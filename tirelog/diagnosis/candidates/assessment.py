@@ -427,9 +427,16 @@ def surely_gains(gain: float, error: float, p: float, share: float) -> bool:
 
 
 def gain_and_error(before: FloatArray, after: FloatArray) -> tuple[float, float]:
-    """Held-out gain, summed over manoeuvres (M,), and its standard error from their scatter."""
-    gain = before - after
-    error = np.sqrt(gain.size) * gain.std(ddof=1) if gain.size > 1 else np.inf
+    """Held-out gain, summed over manoeuvres (M,), and its standard error from their scatter.
+
+    Any two gains share all training manoeuvres but one each, so they are not independent: to the
+    variance 1 / M of a mean comes test over training, 1 / (M - 1) (Nadeau and Bengio, Machine
+    Learning 52 (2003) 239).
+    """
+    gain, M = before - after, before.size
+    if M < 2:
+        return float(gain.sum()), float("inf")
+    error = M * np.sqrt(1.0 / M + 1.0 / (M - 1.0)) * gain.std(ddof=1)
     return float(gain.sum()), float(error)
 
 

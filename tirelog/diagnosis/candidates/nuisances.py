@@ -489,7 +489,11 @@ def explained_by_nuisances(
     excess, left = given.square_held - floor, max(base.square_held - floor, 0.0)
     if not came_in or excess <= LEAST_SHARE_OF_FLOOR * floor or left > (1.0 - REST_SHARE) * excess:
         return 0.0, []
-    parts = {one.nuisance: _said(one.largest, base) for one in found if one.stayed}
+    parts = {
+        one.nuisance: "above all " * bool(one.parts[1:]) + _said(one.largest, base)
+        for one in found
+        if one.stayed
+    }
     words = [f"{NUISANCES_SAID[name]} ({parts[name]})" for name in came_in if name in parts]
     return 1.0 - left / excess, words
 

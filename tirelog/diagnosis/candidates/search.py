@@ -54,8 +54,9 @@ from tirelog.diagnosis.rules import (
     TWINS,
 )
 from tirelog.errors import ModelError
-from tirelog.inference.base import Base
+from tirelog.inference.base import Base, refit
 from tirelog.inference.fit.cells import LEAST_CHANGE
+from tirelog.inference.metric import Offsets, stacked
 from tirelog.inference.nuisances import FORM, frees
 from tirelog.physics.effects import Effect
 
@@ -315,10 +316,14 @@ def _climb(
             climb = replace(climb, alike=(*climb.alike, pair))
         if rival is not None and (step is None or _leaves_less(rival, step)):
             progress(f"beside the model: {newest(rival, after)}")
-            after = rival.with_scatter_estimated
+            alarming = [a for a in known[0] if a.alarms(after) and not named]
+            one = _left_to_one(after, rival, alarming, extra)
+            after = rival.with_scatter_estimated if one is None else one.before
             climb = replace(climb, after=after, ground=None if climb.steps else after)
             excess = excess if climb.steps else after.excess
-            continue
+            if one is None or one.named is None:
+                continue
+            step = one
         assert step is not None
         passed_over = climb.passed_over if climb.steps or step.named is None else rival
         climb = replace(climb, steps=(*climb.steps, step), passed_over=passed_over)
@@ -328,6 +333,54 @@ def _climb(
         climb = replace(climb, after=step.named.base.with_scatter_estimated)
         if len(climb.steps) == most_effects:
             return climb
+
+
+def _left_to_one(
+    base: Base, rival: Base, alarming: Sequence[Variant], extra: tuple[Effect, ...]
+) -> Step | None:
+    """The step that names what does by one number, and a measured condition, what a nuisance did.
+
+    alarming  candidates that alarm at the `base`, by falling statistic; `rival` has the nuisance
+
+    The nuisance stays without the numbers that the candidate's main strength replaces, if the two
+    leave as little as the whole nuisance. None if no candidate does so.
+    """
+    name, held = newest(rival, base), rival.cells.shared
+    own = [i for i, group in enumerate(held.group) if group == name] if held is not None else []
+    if held is None or not own:
+        return None
+    white, least = rival.white, LEAST_SHARE_OF_FLOOR * rival.floor.square
+    alone = Offsets.of(replace(rival.cells, shared=None), white)
+    taken = alone.beside(white(rival.fit.moving))
+    columns = stacked(taken.without(white(held.columns[..., own] * held.sd[own])))
+    length = np.linalg.norm(columns, axis=0)
+    for candidate in (a for a in alarming if _varies_as_measured(base, a.effect)):
+        main = stacked(taken.without(white(candidate.columns[..., :1])))[:, 0]
+        share = np.linalg.lstsq(columns, main, rcond=None)[0]
+        if np.linalg.norm(columns @ share) < TWINS * np.linalg.norm(main):
+            continue
+        # numbers that make up a tenth of what the candidate does are replaced; twice as much would
+        # leave those of a short log in place
+        made = np.abs(share) * length > 0.1 * np.linalg.norm(main)
+        replaced = [own[i] for i in np.flatnonzero(made)]
+        change = held.columns[..., replaced] @ rival.fit.amplitudes[replaced]
+        size = float((rival.plain(change) ** 2).sum()) / rival.plain.weight
+        if size < least:
+            continue
+        gone = {held.names[i] for i in replaced}
+        less = [
+            mine and mine.of([i for i, own_name in enumerate(mine.names) if own_name not in gone])
+            for mine in (one.cells.shared for one in rival.blocks)
+        ]
+        without = refit(rival, rival.model, shared=less)
+        if isinstance(without, ModelError):
+            continue
+        step = next_step(without.with_scatter_estimated, extra)
+        if step.named is None or step.named.id != candidate.id:
+            continue
+        if step.named.base.square_held < rival.square_held + least:
+            return step
+    return None
 
 
 def _may_do_as_well(base: Base, rival: Base, assessed: Sequence[Variant]) -> bool:
@@ -379,18 +432,22 @@ def _numbers(base: Base, nuisance: str) -> int:
 def _one_for_many(base: Base, rival: Base, named: Refitted) -> bool:
     """Does an effect do by a measured condition what a nuisance does by more numbers?
 
-    The condition varies in these logs. Speed and time are no such condition: a rolling radius
-    follows the one, a drift the other.
+    Speed and time are no such condition: a rolling radius follows the one, a drift the other.
     """
-    effect, conditions = named.assessed.effect, base.cells.conditions
+    effect = named.assessed.effect
+    fewer = len(effect.strength) < _numbers(rival, newest(rival, base))
+    return fewer and _varies_as_measured(base, effect)
+
+
+def _varies_as_measured(base: Base, effect: Effect) -> bool:
+    """Does a condition vary here that the effect follows, other than speed and time?"""
     measured = [
         values
         for name, _ in effect.followed
         if name not in ("speed_m_s", "time_s")
-        and np.isfinite(values := getattr(conditions, name)).all()
+        and np.isfinite(values := getattr(base.cells.conditions, name)).all()
     ]
-    fewer = len(effect.strength) < _numbers(rival, newest(rival, base))
-    return fewer and any(np.ptp(x) > LEAST_CHANGE * np.abs(x).max() for x in measured)
+    return any(np.ptp(x) > LEAST_CHANGE * np.abs(x).max() for x in measured)
 
 
 def _as_much(base: Base, rival: Base, named: Refitted) -> bool:
