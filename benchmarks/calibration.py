@@ -231,7 +231,7 @@ def report(rows: Iterable[Row], known: dict[str, Any]) -> Iterator[str]:
     yield f"{len(fresh)} cases that the table of {known['date']} was not made of"
     for kind in CLASSES:
         own = [r for r in fresh if class_of(r.status) == kind]
-        bounds = {certainty_of(r.marks, known).probability for r in own} - {None}
+        bounds = [p for r in own if (p := certainty_of(r.marks, known).probability) is not None]
         if own:
             claim = f"at least {100.0 * min(bounds):.0f} %" if bounds else "nothing"
             yield f"  {kind}: claimed {claim}, right {wilson(sum(map(is_right, own)), len(own))}"

@@ -25,7 +25,7 @@ from tirelog.diagnosis.candidates.nuisances import (
     with_best_nuisances,
     with_form_errors,
 )
-from tirelog.diagnosis.residual_structure import half_angle
+from tirelog.diagnosis.residual_structure import extra_errors, half_angle, posterior_checks, zones
 from tirelog.diagnosis.results import (
     ERRORS,
     Comparison,
@@ -141,7 +141,13 @@ def compare(measured: Measured, model: Model) -> Comparison:
         errors = {"nuisances": [name for name in groups_of(beside) if name not in names]}
         errors |= {name: getattr(more, name) for name in ERRORS}
     with_form = with_form_errors(base, formed)
-    return replace(result, parameters=parameters_of(with_form), with_nuisances=errors)
+    return replace(
+        result,
+        parameters=parameters_of(with_form),
+        with_nuisances=errors,
+        extra_errors=extra_errors(base),
+        checks=posterior_checks(base),
+    )
 
 
 def comparison_of(base: Base, stacks: Revolutions = ()) -> Comparison:
@@ -386,20 +392,13 @@ def _by_angle(base: Base) -> list[dict[str, Any]]:
     """Errors by part of the turn: entry, patch, exit, away."""
     if base.cells.phi.shape[1] == 1:
         return [_row(base, np.ones(len(base.cells), bool), {"angle": "all"})]
-    edge, phi = half_angle(base), np.nanmean(base.cells.phi, axis=0)
-    zones = {
-        "entry": (phi >= -1.5 * edge) & (phi < -0.5 * edge),
-        "patch": np.abs(phi) <= 0.5 * edge,
-        "exit": (phi > 0.5 * edge) & (phi <= 1.5 * edge),
-        "away": np.abs(phi) > 1.5 * edge,
-    }
     cells, share = base.cells, base.plain.weights**2
     spread = np.einsum("cmi,cij,cmj->cm", cells.random, cells.random_cov, cells.random)
     bias = np.where(share > 0, cells.sd, 0.0) ** 2 + spread
     square = share * (np.nan_to_num(_residual(base)[0]) ** 2 - bias)
     noise = share * np.where(share > 0, cells.within, 0.0)
     rows = []
-    for name, zone in zones.items():
+    for name, zone in zones(base):
         left, within = (x[:, zone].sum() / share[:, zone].sum() for x in (square, noise))
         between = float(base.floor.between_by_angle[zone].mean())
         rows.append({"angle": name} | _sizes(left, within, between, cells.revolutions))

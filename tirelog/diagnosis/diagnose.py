@@ -93,7 +93,6 @@ from tirelog.diagnosis.compare import (
 )
 from tirelog.diagnosis.gratings import Gathered, GratingsFound, gathered
 from tirelog.diagnosis.residual_structure import (
-    Check,
     Leftover,
     Suspect,
     check_sentences,
@@ -102,7 +101,7 @@ from tirelog.diagnosis.residual_structure import (
     scattered,
     suspects,
 )
-from tirelog.diagnosis.results import Candidate, Comparison
+from tirelog.diagnosis.results import Candidate, Check, Comparison
 from tirelog.diagnosis.rules import (
     BEYOND_DOUBT_P,
     CLAIMING,

@@ -50,6 +50,11 @@ _STEP_ERRORS = ("rmse_fit", "rmse_heldout", "noise_floor", "excess_heldout")
 _ABOVE = "above scatter"
 
 
+#: captions of the two tables that say how wrong a model is
+_EXTRA = "Least error beside the noise floor at which model and data agree, each by itself"
+_CHECKS = "Residuals beside noise"
+
+
 @dataclass(frozen=True)
 class Waveforms:
     """Some cells to look at: measured, predicted, floor.
@@ -84,6 +89,58 @@ class Map:
     begins: tuple[float, ...] = ()
 
 
+@dataclass(frozen=True)
+class Check:
+    """A number of the residual beside the range in which noise alone leaves it."""
+
+    name: str
+    measured: float
+    low: float
+    high: float
+    also: ClassVar = ("never",)
+
+    @property
+    def never(self) -> bool:
+        """Noise never leaves this."""
+        return not self.low <= self.measured <= self.high
+
+    @property
+    def noise_gives(self) -> str:
+        """The range of noise in words."""
+        return f"{self.low:.3g} to {self.high:.3g}"
+
+
+@dataclass(frozen=True)
+class ExtraError:
+    """The least error beside the noise at which model and data agree in one respect.
+
+    of, name  "zone" and entry, patch, exit or away; "speed", "regime" or "log" and which; or
+              "parameter" and its name
+    observable  what it is an error of
+    size      standard deviation of an error of cell means in that zone or condition, in `unit`; or
+              of a relative change of the parameter from cell to cell. 0 if they agree without;
+              None if no such change makes them agree
+    """
+
+    of: str
+    name: str
+    size: float | None
+    unit: str
+    observable: str
+
+
+def _extra_row(own: ExtraError) -> list[Any]:
+    """A row of the table of extra errors, in the unit in which a person reads it."""
+    word = {"zone": "", "parameter": "change of ", "log": "log "}.get(own.of, "worst: ")
+    name = word + (PurePath(own.name).name if own.of == "log" else own.name)
+    if own.size is None:
+        return [name, "no size does", ""]
+    if own.of == "parameter":
+        return [name, 100.0 * own.size, "%"]
+    factor, unit = shown(own.observable, own.unit)
+    return [name, own.size * factor, unit]
+
+
 @dataclass(frozen=True, repr=False)
 class Comparison(AnswerRecord):
     """A fitted model against logs.
@@ -114,6 +171,9 @@ class Comparison(AnswerRecord):
     `parts` has the comparison of each in its own unit, and the tables; `contributions` says what
     each knows, `agreement` whether they contradict each other; waveforms and maps are those of the
     first.
+
+    `extra_errors`: how much error beside the noise makes model and data agree; `checks`: how far
+    the residuals are from noise. Of what `comparison_of` makes without logs both are empty.
 
     `obstacles`: errors hit by hit, None without a [road] or with a model that does not move;
     `aside`: remarks on what was not compared.
@@ -157,6 +217,8 @@ class Comparison(AnswerRecord):
     with_nuisances: Mapping[str, Any] | None = None
     obstacles: TransientComparison | None = None
     aside: tuple[str, ...] = ()
+    extra_errors: tuple[ExtraError, ...] = ()
+    checks: tuple[Check, ...] = ()
 
     @property
     def label(self) -> str:
@@ -187,7 +249,19 @@ class Comparison(AnswerRecord):
         """Errors and parameters; nuisances, agreement, and what a reader should know."""
         errors = self.together_table() if self.parts else self.errors_table()
         said = [text for text in (self.nuisances_sentence(), self.agreement) if text]
-        return [errors, self.parameters_table()], [*said, *self.notes]
+        return [errors, self.parameters_table(), *self.wrongness()], [*said, *self.notes]
+
+    def wrongness(self) -> list[AnswerTable]:
+        """How wrong the model is without a name for it: extra errors, and what noise never does."""
+        tables = []
+        if rows := [own for own in self.extra_errors if own.size is None or own.size > 0.0]:
+            tables.append(
+                AnswerTable(_EXTRA, ["", "at least", "unit"], [_extra_row(x) for x in rows])
+            )
+        if self.checks:
+            cells = [[c.name, c.measured, c.noise_gives] for c in self.checks]
+            tables.append(AnswerTable(_CHECKS, ["residuals", "measured", "noise gives"], cells))
+        return tables
 
     def page(self) -> list[str | AnswerTable]:
         """What a terminal shows: errors, where they are, parameters; of several what each brings.
@@ -212,7 +286,19 @@ class Comparison(AnswerRecord):
                 "phase, level and alignment of each)"
             )
             hits = [text, table.columns(*table.names[:-2])]
-        return [*first, self.parameters_table(), *each, *([said] if said else []), *hits]
+        wrong = [part for table in self.wrongness() for part in (table.caption, table)]
+        said_of = [said] if said else []
+        return [*first, self.parameters_table(), *each, *said_of, *wrong, *hits]
+
+    def _worst_errors(self) -> list[ExtraError]:
+        """The extra errors of zones and parameters, and the largest of each kind of condition."""
+        worst: dict[tuple[str, ...], ExtraError] = {}
+        for own in self.extra_errors:
+            each = own.of in ("zone", "parameter")
+            key = (own.of, own.observable, own.name if each else "")
+            if key not in worst or (own.size or 0.0) > (worst[key].size or 0.0):
+                worst[key] = own
+        return list(worst.values())
 
     @property
     def _measured(self) -> str:
