@@ -41,6 +41,22 @@ def test_what_ranks_models_does_not_depend_on_them(capsys: pytest.CaptureFixture
     assert "do not rank models by excess" in page
 
 
+def test_models_are_ranked_on_the_same_logs_above_the_same_scatter() -> None:
+    measured = MeasuredLogs([stack(manoeuvres=6, m=64)])
+    length = MODEL.parameters["patch_half_length_m"]
+    wrong = MODEL.with_parameters({length.name: replace(length, value=1.3 * length.value).fixed()})
+    asked = tirelog.compare(measured, wrong, [MODEL])
+    best, worse = asked.to_json()["ranking"]
+    assert (best["free"], worse["free"]) == (worse["free"] + 1, best["free"] - 1)
+    assert worse["rmse_heldout"] == asked.rmse_heldout
+    assert best["sigmas"] == 0.0 < 2.0 < worse["sigmas"]
+    for one in (best, worse):
+        above = one["rmse_heldout"] ** 2 - asked.noise_floor_within**2
+        assert one["above_scatter"] == pytest.approx(np.sqrt(max(above, 0.0)))
+    assert asked.wrongness()[0].rows[0][-1] == best["free"]
+    assert tirelog.compare(measured, wrong).ranking == ()
+
+
 def test_a_start_beyond_its_critical_speed_is_fitted() -> None:
     """0.1 N m^2 on 1e5 N/m^2 carry no steady wave above 6.7 m/s; the log goes up to 24 m/s."""
     names = ("flexural_stiffness_N_m2", "foundation_stiffness_N_m2")

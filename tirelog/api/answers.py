@@ -197,7 +197,7 @@ def fit(
     return FitOfLogs(fitted, found, learned, tuple(said))
 
 
-def compare(measured: MeasuredLogs, model: Model) -> Comparison:
+def compare(measured: MeasuredLogs, model: Model, others: Sequence[Model] = ()) -> Comparison:
     """A model fitted on part of the manoeuvres, and its error on the rest beside the noise floor.
 
     Parameters
@@ -206,6 +206,8 @@ def compare(measured: MeasuredLogs, model: Model) -> Comparison:
         What `measure` gave.
     model : Model
         Fitted from its values, within its bounds; an effect that is to stay has fixed parameters.
+    others : sequence of Model, optional
+        Fitted to the same logs; ``ranking`` then has all of them, the best first.
 
     Returns
     -------
@@ -228,7 +230,7 @@ def compare(measured: MeasuredLogs, model: Model) -> Comparison:
     0.62
     """
     found = _known(measured)
-    result = comparing.compare(found.revolutions, model)
+    result = comparing.compare(found.revolutions, model, others)
     if not found.obstacles:
         return result
     if result.model.carcass != "coupled_ring":

@@ -119,13 +119,19 @@ def compare(
             "setup by hit, time or frequency.",
         ),
     ] = None,
+    against: Annotated[
+        list[Path] | None,
+        typer.Option("--against", help="Another model file to rank on the same logs; repeatable."),
+    ] = None,
     kind: Annotated[str, options.plot_kind(COMPARE)] = "page",
 ) -> None:
     """Fit a model on some manoeuvres and show its error on the others, beside the noise floor."""
     options.refuse_kind_alone(kind, asked.plot)
     if by is not None:
         refuse_unknown(by, ERRORS_BY, f"--by {by}", do="choose one")
-    with asked.answered("fitting the model", api.answers.compare) as result:
+    others = [api.models.load_model(path, effects=asked.effects) for path in against or ()]
+    ask = partial(api.answers.compare, others=others)
+    with asked.answered("fitting the model", ask) as result:
         parts = None if by is None else result.by(by)
         asked.show(result, result.notes, kind=kind)
         if parts is None:

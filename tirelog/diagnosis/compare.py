@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.answer import excess_of, rounding_sentences
-from tirelog.diagnosis.candidates.assessment import out_of_range
+from tirelog.diagnosis.candidates.assessment import gain_and_error, out_of_range
 from tirelog.diagnosis.candidates.nuisances import (
     form_explains,
     groups_of,
@@ -30,6 +30,7 @@ from tirelog.diagnosis.results import (
     ERRORS,
     Comparison,
     Map,
+    RankedModel,
     Waveforms,
     agreement_sentence,
     contributions,
@@ -127,12 +128,14 @@ def other_observable(pieces: Sequence[Pieces], model: Model) -> UsageError:
     )
 
 
-def compare(measured: Measured, model: Model) -> Comparison:
+def compare(measured: Measured, model: Model, others: Sequence[Model] = ()) -> Comparison:
     """The model's free parameters fitted to all logs, and the error on manoeuvres left out.
 
-    Beside it the errors with the nuisances that earn a place, which `diagnose` lets in.
+    Beside it the errors with the nuisances that earn a place, which `diagnose` lets in; and the
+    rank of the model among the `others`, which are fitted to the same logs.
     """
-    base = start(measured, model)
+    pieces = measured_pieces(measured)
+    base = start_from(pieces, model)
     result, beside = comparison_of(base, single_revolutions(measured)), with_best_nuisances(base)
     formed = beside if form_explains(beside, base) else None
     errors: dict[str, Any] | None = None
@@ -147,7 +150,35 @@ def compare(measured: Measured, model: Model) -> Comparison:
         with_nuisances=errors,
         extra_errors=extra_errors(base),
         checks=posterior_checks(base),
+        ranking=_ranking([base, *(start_from(pieces, other) for other in others)]),
     )
+
+
+def _ranking(bases: Sequence[Base]) -> tuple[RankedModel, ...]:
+    """The models of several bases of the same logs, best first; none of one alone.
+
+    By what their held-out errors are above the scatter within manoeuvres, which is that of the
+    data. The scatter between manoeuvres depends on a model, and is in no rank.
+    """
+    if len(bases) < 2:
+        return ()
+    within = min(base.floor.within for base in bases)
+    order = sorted(bases, key=lambda base: base.square_held)
+    best, found = order[0], []
+    for base in order:
+        gain, error = gain_and_error(base.held_plain, best.held_plain)
+        path = base.given.path
+        found.append(
+            RankedModel(
+                str(path) if path else base.model.carcass,
+                base.rmse_held,
+                float(np.sqrt(max(base.square_held - within, 0.0))),
+                base.reduced_chi2,
+                len(base.fit.names),
+                gain / error if error > 0.0 and np.isfinite(error) else 0.0,
+            )
+        )
+    return tuple(found)
 
 
 def comparison_of(base: Base, stacks: Revolutions = ()) -> Comparison:

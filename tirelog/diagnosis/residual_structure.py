@@ -581,12 +581,14 @@ def _statistics(base: Base, used: NDArray[np.bool_]) -> dict[str, Callable[[Floa
         return float(used.sum()) * float(np.mean(np.square(lags)))
 
     return {
-        "largest cell": lambda r: float(((r**2).sum(axis=1) / count).max()),
-        "lag one over angles": lambda r: float((r[:, 1:] * r[:, :-1]).sum()) / square(r),
+        "largest mean square of a cell": lambda r: float(((r**2).sum(axis=1) / count).max()),
+        "autocorrelation over the angle": lambda r: float((r[:, 1:] * r[:, :-1]).sum()) / square(r),
         "Ljung-Box over ten angles": ljung_box,
-        "lag one over cells": lambda r: float((r[before] * r[after]).sum()) / square(r),
+        "autocorrelation from cell to cell": lambda r: (
+            float((r[before] * r[after]).sum()) / square(r)
+        ),
         "kurtosis": lambda r: float(np.square(r**2).sum()) * float(used.sum()) / square(r) ** 2,
-        "drift": lambda r: float(time @ (r.sum(axis=1) / np.sqrt(count))),
+        "drift along the logs": lambda r: float(time @ (r.sum(axis=1) / np.sqrt(count))),
     }
 
 

@@ -129,6 +129,25 @@ class ExtraError:
     observable: str
 
 
+@dataclass(frozen=True)
+class RankedModel:
+    """A model among others on the same logs, and its errors there.
+
+    model         its file, or its carcass
+    rmse_heldout  on manoeuvres left out;  above_scatter  above the scatter within manoeuvres, which
+                  is the same for all models (in floors of each, of several observables)
+    free          number of free parameters
+    sigmas        by how many standard errors of the manoeuvres it is worse than the best
+    """
+
+    model: str
+    rmse_heldout: float | None
+    above_scatter: float
+    reduced_chi2: float
+    free: int
+    sigmas: float
+
+
 def _extra_row(own: ExtraError) -> list[Any]:
     """A row of the table of extra errors, in the unit in which a person reads it."""
     word = {"zone": "", "parameter": "change of ", "log": "log "}.get(own.of, "worst: ")
@@ -173,7 +192,8 @@ class Comparison(AnswerRecord):
     first.
 
     `extra_errors`: how much error beside the noise makes model and data agree; `checks`: how far
-    the residuals are from noise. Of what `comparison_of` makes without logs both are empty.
+    the residuals are from noise; `ranking`: the model among others on the same logs. All three are
+    empty in what `comparison_of` makes.
 
     `obstacles`: errors hit by hit, None without a [road] or with a model that does not move;
     `aside`: remarks on what was not compared.
@@ -219,6 +239,7 @@ class Comparison(AnswerRecord):
     aside: tuple[str, ...] = ()
     extra_errors: tuple[ExtraError, ...] = ()
     checks: tuple[Check, ...] = ()
+    ranking: tuple[RankedModel, ...] = ()
 
     @property
     def label(self) -> str:
@@ -252,16 +273,22 @@ class Comparison(AnswerRecord):
         return [errors, self.parameters_table(), *self.wrongness()], [*said, *self.notes]
 
     def wrongness(self) -> list[AnswerTable]:
-        """How wrong the model is without a name for it: extra errors, and what noise never does."""
-        tables = []
-        if rows := [own for own in self.extra_errors if own.size is None or own.size > 0.0]:
-            tables.append(
-                AnswerTable(_EXTRA, ["", "at least", "unit"], [_extra_row(x) for x in rows])
-            )
-        if self.checks:
-            cells = [[c.name, c.measured, c.noise_gives] for c in self.checks]
-            tables.append(AnswerTable(_CHECKS, ["residuals", "measured", "noise gives"], cells))
-        return tables
+        """How wrong the model is: its rank among others, extra errors, residuals beside noise."""
+        factor, unit = shown(self.observable, self.unit)
+        ranks = [
+            [r.model, in_unit(r.rmse_heldout, factor), r.above_scatter * factor, r.sigmas]
+            + [r.reduced_chi2, r.free]
+            for r in self.ranking
+        ]
+        extra = [_extra_row(own) for own in self._worst_errors() if own.size != 0.0]
+        residuals = [[c.name, c.measured, c.noise_gives] for c in self.checks]
+        names = ["model", "held out", _ABOVE, "sigma worse", "chi-square", "free parameters"]
+        tables = (
+            AnswerTable(f"Models on the same logs, best first [{unit}]", names, ranks),
+            AnswerTable(_EXTRA, ["", "at least", "unit"], extra),
+            AnswerTable(_CHECKS, ["residuals", "measured", "noise gives"], residuals),
+        )
+        return [table for table in tables if table.rows]
 
     def page(self) -> list[str | AnswerTable]:
         """What a terminal shows: errors, where they are, parameters; of several what each brings.
