@@ -132,7 +132,7 @@ def says_so(result: dict[str, Any], effect: str) -> bool:
     """
     word = {"stiffening": "load", "water_film": "water depth"}[effect]
     unclaimed = result["verdict"] in ("nothing_missing", "ambiguous", "too_few", "unknown")
-    same, _, followers = result["note"].partition("What follows them")
+    same, _, followers = result["note"].partition("Effects that follow them")
     return unclaimed and word in same and effect in followers
 
 

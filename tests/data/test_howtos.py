@@ -60,7 +60,7 @@ except ModelError as problem:
 else:
     raise AssertionError("predicted without its condition")
 said = not_varied(Conditions.of(2, camber_deg=3.0), [BY_ID["camber_load"]])
-assert said.startswith("The same throughout: camber 3 deg. What follows them (camber_load)"), said
+assert said.startswith("Constant: camber 3 deg. Effects that follow them (camber_load)"), said
 assert any("camber" in manoeuvre.name for manoeuvre in ALLOWED)
 own = effect_by_expression("own", "baseline", "camber * 1e-6", ())
 assert own.followed == (("camber_deg", 1.0),) and own.needs == ("camber_deg",)

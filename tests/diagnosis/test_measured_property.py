@@ -138,7 +138,7 @@ def test_several_channels_are_fitted_together_by_command(cleat, beam, compared, 
     said = capfd.readouterr()
     assert "14 revolutions" in said.out
     assert "2 channels are fitted together" in said.err
-    assert "errors are up to 1.4 times what is said" in " ".join(said.err.split())
+    assert "true errors are up to 1.4 times larger" in " ".join(said.err.split())
     for name in ("patch_half_length_m", "lever_arm_m"):
         p, alone = load_model(fitted).parameters[name], compared.parameters[name]
         assert p.free
@@ -147,7 +147,7 @@ def test_several_channels_are_fitted_together_by_command(cleat, beam, compared, 
     assert run([*words, "--channel", "strain_2", "--nuisances", "offset shift"]) == 0
     said = capfd.readouterr()
     assert "7 revolutions" in said.out
-    assert "taken out of each mean of like revolutions: offset, shift" in said.err
+    assert "taken out of each mean of similar revolutions: offset, shift" in said.err
     assert run([*words, "--nuisances", "gain"]) == 2
     assert "unknown nuisance 'gain'; allowed are offset, amplitude" in capfd.readouterr().err
 

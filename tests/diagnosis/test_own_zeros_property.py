@@ -49,7 +49,10 @@ def test_zeros_that_differ_are_no_effect(seed, apart_rad):
 def test_one_log_does_not_differ_from_itself():
     found = asked(7, 0.0, pressures=(1.6e5,))
     assert found.verdict == "nothing_missing"
-    assert found.not_tested["inflation"] == "does here only what the model's own parameters do"
+    assert (
+        found.not_tested["inflation"]
+        == "cannot be separated from the model's own parameters in these logs"
+    )
 
 
 def test_what_moves_along_a_log_is_told_beside_them():
@@ -57,7 +60,7 @@ def test_what_moves_along_a_log_is_told_beside_them():
     assert (found.verdict, found.selected) == ("missing", ("telemetry_delay",))
     strength = found.effects[0].strengths["delay_s"]
     assert abs(strength["value"] - 2e-5) < 3.0 * strength["se"] < 1e-5
-    assert found.not_tested["speed_trend"] == "stands for longitudinal_force_N, which is measured"
+    assert found.not_tested["speed_trend"] == "replaces longitudinal_force_N, which is measured"
 
 
 @pytest.mark.parametrize(
@@ -69,7 +72,7 @@ def test_a_stand_in_is_tried_where_it_stands_for_nothing(observables, refused):
     blocks = [SimpleNamespace(observable=name, conditions=drive) for name in observables]
     model = Model.new("ring", observables[0], radius_m=0.305)
     model = replace(model, beside=observables[1:])
-    said = pytest.raises(ModelError, match="stands for") if refused else nullcontext()
+    said = pytest.raises(ModelError, match="replaces") if refused else nullcontext()
     with said:
         refuse_stand_in(BY_ID["speed_trend"], model, blocks)
 

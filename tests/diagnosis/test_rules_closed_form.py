@@ -91,9 +91,9 @@ def test_what_a_nuisance_explains_is_in_the_headline():
 @pytest.mark.parametrize(
     ("name", "share", "said"),
     [
-        ("wear", 0.99, "wear would explain 99.0 % of the excess, but its strength cannot be told"),
+        ("wear", 0.99, "wear would explain 99.0 % of the excess, but its strength does not"),
         ("aero_load", 0.99, "aero_load would explain 99.0 % of the excess, but that is not beyond"),
-        ("wear", 0.3, "no effect of the catalogue explains; the nearest, wear, explains 30.0 %"),
+        ("wear", 0.3, "No effect of the catalogue explains it; the nearest, wear, explains 30.0"),
     ],
 )
 def test_the_nearest_effect_is_said_and_why_it_is_not_named(name, share, said):
@@ -182,7 +182,7 @@ def conditions(**values):
 def test_the_same_and_the_unknown_are_said_apart():
     said = not_varied(conditions(load_N=3434.0, water_depth_mm=np.nan), FOLLOWING)
     assert said.startswith(
-        "The same throughout: load 3434 N; not known: water depth. What follows them "
+        "Constant: load 3434 N; not known: water depth. Effects that follow them "
         "(stiffening, water_film)"
     )
 
@@ -201,7 +201,7 @@ def test_an_effect_that_follows_the_inflation_pressure_is_named_by_any_of_its_na
     same = conditions(load_N=np.array([3000.0, 3400.0, 3500.0, 3600.0]))
     for effect in (BY_ID["inflation"], replace(BY_ID["inflation"], follows="inflation pressure")):
         assert not_varied(same, [effect]).startswith(
-            "The same throughout: inflation pressure 220000 Pa. What follows them (inflation)"
+            "Constant: inflation pressure 220000 Pa. Effects that follow them (inflation)"
         )
 
 

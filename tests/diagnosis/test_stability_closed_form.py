@@ -43,7 +43,7 @@ def test_p_over_many_tires():
 
 def test_a_verdict_that_stands_is_said_to():
     said = stability("log", WHOLE, [without("a"), without("b"), without("c")])
-    assert said["sentence"] == "The verdict stands: it is the same without any one of 3 logs."
+    assert said["sentence"] == "The verdict holds: it is the same without any one of 3 logs."
 
 
 def test_a_verdict_that_hangs_on_one_log_says_on_which():
@@ -57,12 +57,12 @@ def test_a_verdict_that_hangs_on_one_log_says_on_which():
     found = stability("tire", WHOLE, others)
     assert found["sentence"] == (
         "The verdict hangs on single tires, 2 of 3: without a it is nothing missing; without d it "
-        "is ambiguous (wear). Not to be told: without c: needs water_depth_mm; without "
+        "is ambiguous (wear). Not known: without c: needs water_depth_mm; without "
         "e: too few manoeuvres are left."
     )
     assert [row["same"] for row in found["without"]] == [False, True, None, False, None]
     assert stability("log", WHOLE, others[-1:])["sentence"].startswith(
-        "Whether the verdict hangs on single logs cannot be told. Not to be told: "
+        "Whether the verdict hangs on single logs is not known. Not known: "
     )
 
 

@@ -25,7 +25,7 @@ def test_revolutions_outside_are_counted() -> None:
     speed = np.array([8.0, 10.0, 25.0, 30.0])
     assert remarks(model, (5, 30, 38, 7), speed_m_s=speed) == [
         "speed_trend is valid for speed from 10 to 25 m/s; 12 of 80 revolutions are outside, by "
-        "the means of like ones"
+        "means of similar ones"
     ]
     assert remarks(model, (5, 7), speed_m_s=np.array([10.0, 25.0])) == []
 
@@ -44,7 +44,7 @@ def test_what_is_off_or_not_known_leaves_no_range() -> None:
 def test_a_parameter_outside_is_said() -> None:
     model = Model.new("beam").with_effect("hysteresis", loss_factor=0.7)
     assert remarks(model, (5,), speed_m_s=10.0) == [
-        "hysteresis is valid for loss_factor from 0 to 0.5; it stands at 0.7"
+        "hysteresis is valid for loss_factor from 0 to 0.5; its value is 0.7"
     ]
     mild = model.with_values({"hysteresis.loss_factor": 0.5})
     assert remarks(mild, (5,), speed_m_s=10.0) == []

@@ -278,19 +278,19 @@ def coarse(step_nm, noise_nm):
 def test_an_error_below_what_rounding_leaves_is_said_and_fine_steps_are_not():
     base, said = coarse(step_nm=0.02, noise_nm=1e-6)
     assert 0.0 < base.square_held < 0.9 * base.square_rounding
-    leaves = "the steps in which the values come leave"
+    leaves = "the steps of the values"
     assert any(leaves in remark for remark in said)
     assert any(leaves in note for note in diagnosed(base).notes)
     base, said = coarse(step_nm=1e-4, noise_nm=8e-4)
     assert 0.0 < base.square_rounding < 0.01 * base.floor.square
-    assert not any("steps in which" in remark for remark in said)
+    assert not any("steps of the values" in remark for remark in said)
 
 
 def test_a_floor_that_is_mostly_rounding_is_said():
     said = rounding_sentences("strain", held=1.0e-12, floor=1.0e-12, rounding=0.7e-12)
     (told,) = said
     assert told.startswith(
-        "70.0 % of the floor's mean square is rounding: the steps in which the values come leave "
+        "70.0 % of the floor's mean square is rounding: the steps of the values leave "
         "0.837 microstrain"
     )
     assert not rounding_sentences("strain", held=1.0e-12, floor=1.0e-12, rounding=0.3e-12)

@@ -67,7 +67,7 @@ def test_a_delay_is_told_by_the_measured_force_and_confounded_without_it():
     assert (told.verdict, told.selected) == ("missing", ("telemetry_delay",))
     strength = told.effects[0].strengths["delay_s"]
     assert abs(strength["value"] - DELAY_S) < 2.5 * strength["se"] < 0.02 * DELAY_S
-    assert told.not_tested["speed_trend"] == ("stands for longitudinal_force_N, which is measured")
+    assert told.not_tested["speed_trend"] == ("replaces longitudinal_force_N, which is measured")
     assert untold.verdict == "ambiguous"
     assert {"telemetry_delay", "speed_trend"} <= set(untold.ambiguous_groups[0])
     for found in (told, untold):  # the zeros of two logs are no sign of their pressures

@@ -154,7 +154,7 @@ def fit(
     model : Model
         Where the fit starts; its bounds are kept.
     nuisances : sequence of str
-        What is taken out of each mean of like revolutions: ``"offset"``, ``"amplitude"`` (by some
+        What is taken out of each mean of similar revolutions: ``"offset"``, ``"amplitude"`` (by some
         10 %), ``"shift"``. `compare` takes out the shift, which of numbers per revolution is all
         that can be.
 

@@ -212,7 +212,7 @@ def fit(
     nuisances: Annotated[
         str,
         typer.Option(
-            help="Taken out of each mean of like revolutions: offset, amplitude (by some 10 %), "
+            help="Taken out of each mean of similar revolutions: offset, amplitude (by some 10 %), "
             "shift (words, or none)."
         ),
     ] = "shift",

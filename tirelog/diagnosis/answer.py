@@ -179,13 +179,13 @@ def not_varied(conditions: Conditions, effects: Iterable[Effect]) -> str:
         else:
             unknown.append(condition.name)
         who |= dict.fromkeys(followers)
-    parts = {"the same throughout": same, "not known": unknown}
+    parts = {"constant": same, "not known": unknown}
     said = "; ".join(f"{word}: {', '.join(names)}" for word, names in parts.items() if names)
     if not who:
         return ""
     return (
-        f"{_capital(said)}. What follows them ({', '.join(who)}) shows here by its "
-        "shape at most; logs that differ in them would tell more."
+        f"{_capital(said)}. Effects that follow them ({', '.join(who)}) can be recognised only by "
+        "their shape. Add logs with other values."
     )
 
 
@@ -224,13 +224,14 @@ _SENTENCES = {
     "small": "What is left repeats, but is too small to matter: {errors}. {check}",
     "too_few": "Too few manoeuvres for a test ({manoeuvres}): candidates are ranked, none is "
     "claimed.",
-    "unknown": "{lacks} that no effect of the catalogue explains. {check}",
-    "unknown_and_near": "{lacks} that no effect of the catalogue explains; the "
-    "nearest, {nearest}, explains {near}. {check}",
-    "unknown_and_doubt": "{lacks}; {nearest} would explain {near} of the excess, but "
+    "unknown": "{lacks}. No effect of the catalogue explains it. {check}",
+    "unknown_and_near": "{lacks}. No effect of the catalogue explains it; the nearest, {nearest}, "
+    "explains {near}. {check}",
+    "unknown_and_doubt": "{lacks}. {nearest} would explain {near} of the excess, but "
     "{doubt}, so none is named. {check}",
-    "ambiguous": "Missing is {sets}: these data cannot tell which; {each}.",
-    "or_nuisance": "{missing}, or {places}: these data cannot tell which; {removes} of the excess.",
+    "ambiguous": "Missing is {sets}: these data do not decide which; {each}.",
+    "or_nuisance": "{missing}, or {places}: these data do not decide which; {removes} of "
+    "the excess.",
     "partial": "{explains} repeats{where} and has no name yet. {check}",
     "shapeless": f"{{explains}} has no name: {_SHAPELESS}. {{check}}",
     "form": "{explains} repeats and is within what a somewhat different form of {names} would "
@@ -280,10 +281,11 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
         explains=f"{names} {'explains' if one else 'explain'} {percent(share)} of the excess; the "
         f"other {percent(1 - share)}",
         manoeuvres=facts["manoeuvres"],
-        lacks=f"Something repeatable is missing ({max(squares - 1.0, 0.0):.2g} squared floors)",
+        lacks="The model misses something that repeats: "
+        f"{sqrt(max(squares - 1.0, 0.0)):.2g} times the noise floor",
         nearest=nearest,
         near=percent(near),
-        doubt="its strength cannot be told from nothing here"
+        doubt="its strength does not differ from zero here"
         if nearest in facts["unestablished"]
         else "that is not beyond doubt",
         errors=f"held out {floors:.2f} floors, reduced chi-square {facts['chi2']:.3g}",
@@ -348,7 +350,7 @@ def strengths(found: Mapping[str, Mapping[str, Any]], most: int | None = None) -
     for name, s in list(found.items())[:most]:
         if s["se"] is None:
             return "-"
-        error = f"+- {s['se']:.2g}" if isfinite(s["se"]) else "(not determined alone)"
+        error = f"+- {s['se']:.2g}" if isfinite(s["se"]) else "(correlated)"
         if (with_form := s.get("se_with_form")) is not None:
             beside = (
                 f"with form {with_form:.2g}"
@@ -378,19 +380,17 @@ def rounding_sentences(observable: str, held: float, floor: float, rounding: flo
     # more than chance does on a short log. Half of it would pass copied values by
     if rounding > 0.0 and min(held, floor) < 0.9 * rounding:
         return [
-            f"the error held out is {max(held, 0.0) ** 0.5 * factor:.3g} {unit} at a floor of "
-            f"{floor**0.5 * factor:.3g}, and the steps in "
-            f"which the values come leave {size} already: steps and samples are not independent, "
-            "as when the noise is far below a step, or values were copied, interpolated or "
-            "made; the error is no measure of the model then; log finer steps"
+            f"the held-out error is {max(held, 0.0) ** 0.5 * factor:.3g} {unit} at a floor of "
+            f"{floor**0.5 * factor:.3g}, and the steps of the values alone leave {size}. "
+            "Samples are not independent: the noise is far below a step, or values were copied, "
+            "interpolated or made. The error does not measure the model then; log finer steps"
         ]
     # share of the floor's mean square from which on rounding is said; doubling it would say it
     # never
     if rounding > 0.5 * floor:
         return [
-            f"{percent(rounding / floor)} of the floor's mean square is rounding: "
-            f"the steps in which the values come leave {size}; "
-            "what is smaller is not seen; log finer steps"
+            f"{percent(rounding / floor)} of the floor's mean square is rounding: the steps of the "
+            f"values leave {size}. Smaller changes are not seen; log finer steps"
         ]
     return []
 

@@ -283,7 +283,7 @@ def inclusion(
 
 
 def inclusion_sentences(drawn: Mapping[str, Any]) -> list[str]:
-    """A sentence for each step; that a name hangs on some manoeuvres is said."""
+    """A sentence for each step; it warns if a name hangs on some manoeuvres."""
     said = []
     for step in drawn["steps"]:
         shares, none, named = step["shares"], step["none"], step["named"]
@@ -361,7 +361,7 @@ def _alarms(
 # ones among those that are said to lack something at `FALSE_DISCOVERIES`.
 
 
-#: share of false ones among tires that are said to lack something; doubled, twice as many
+#: share of false ones among tires that are reported to lack something; doubled, twice as many
 FALSE_DISCOVERIES = 0.05
 #: verdicts that say that something is missing
 _LACKS = ("missing", "ambiguous", "partial", "unknown")
@@ -371,7 +371,7 @@ _TOLD = 4
 
 @dataclass(frozen=True)
 class GroupVerdict:
-    """What was said of some of the logs.
+    """The verdict on some of the logs.
 
     `group`: the log or tire that was left out, or alone; `verdict` "" if it could not be asked,
     `problem` why. `p`: how likely chance alone is to look so; None if nothing was tested.
@@ -393,7 +393,7 @@ class GroupVerdict:
 
     @property
     def alarms(self) -> bool:
-        """Is something said to be missing?"""
+        """Does the verdict claim that something is missing?"""
         return self.verdict in _LACKS
 
     @property
@@ -407,7 +407,7 @@ class GroupVerdict:
 def stability(by: str, whole: GroupVerdict, without: Sequence[GroupVerdict]) -> dict[str, Any]:
     """The verdicts without each log, or tire (`by`), beside that of the `whole`, and a sentence.
 
-    The sentence says whether the verdict stands, where it does not, and where it cannot be told.
+    The sentence says whether the verdict holds, where it changes, and where that is not known.
     """
     claim = (whole.verdict, {*whole.selected})
     same = [(a.verdict, {*a.selected}) == claim if a.tested else None for a in without]
@@ -419,12 +419,12 @@ def stability(by: str, whole: GroupVerdict, without: Sequence[GroupVerdict]) -> 
         if like is None
     ]
     told = len(without) - len(untold)
-    said = f"Whether the verdict hangs on single {by}s cannot be told."
+    said = f"Whether the verdict hangs on single {by}s is not known."
     if changed:
         said = f"The verdict hangs on single {by}s, {len(changed)} of {told}: {_some(changed)}."
     elif told:
-        said = f"The verdict stands: it is the same without any one of {told} {by}s."
-    said += f" Not to be told: {_some(untold)}." if untold else ""
+        said = f"The verdict holds: it is the same without any one of {told} {by}s."
+    said += f" Not known: {_some(untold)}." if untold else ""
     rows = [vars(a) | {"same": like} for a, like in pairs]
     return {"by": by, "sentence": said, "without": rows}
 

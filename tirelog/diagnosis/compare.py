@@ -293,15 +293,14 @@ def remarks_of(base: Base) -> list[str]:
         place, word = ("a maximum", "inner") if skew > 0 else ("a minimum", "outer")
         if word != base.cells.surface:
             said.append(
-                f"the strain has {place} in the patch, as on the {word} surface; the setup says "
-                f"{base.cells.surface}; "
-                f'write surface = "{word}" if that is where the grating is'
+                f"the strain has {place} in the patch, as on the {word} surface, and the setup "
+                f'says {base.cells.surface}. Write surface = "{word}" if the grating is there'
             )
     if not base.fit.settled:
         said.append("the fit did not settle; its parameters may be off; start from other values")
     own = {name: base.model.parameters[name] for name in base.fit.names if "." not in name}
     said += [
-        f"{name} stands at its bound {p.value:g} {p.unit}; give wider bounds or fix it"
+        f"{name} is at its bound {p.value:g} {p.unit}; give wider bounds or fix it"
         for name, p in own.items()
         if p.value in (p.min, p.max)
     ]

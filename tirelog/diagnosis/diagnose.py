@@ -128,7 +128,7 @@ from tirelog.vocabulary.observables import shown
 class Diagnosis(AnswerRecord):
     """The answer to "which effect is missing" (contract, Diagnosis).
 
-    `before` and `after`: the model as it came and with what was selected.
+    `before` and `after`: the model as it was given and with what was selected.
     """
 
     picture = "diagnose_figure"
@@ -239,7 +239,7 @@ class Diagnosis(AnswerRecord):
         return self.sentence
 
     def below(self) -> tuple[list[AnswerTable], list[str]]:
-        """The ranking; how sure, the errors, what else is said, and what to do next."""
+        """The ranking; how sure, the errors, notes, and what to do next."""
         said = [self.certainty.sentence, self.errors_sentence(), *self.further_sentences()]
         return [self.ranking_table()], [*said, *self.before.remarks]
 
@@ -279,7 +279,10 @@ class Diagnosis(AnswerRecord):
         several = self.inclusion is not None or self.stability is not None
         return [
             *([SURENESS] if several else []),
-            *(f"cannot be told apart here: {', '.join(group)}" for group in self.ambiguous_groups),
+            *(
+                f"not separated by these logs: {', '.join(group)}"
+                for group in self.ambiguous_groups
+            ),
             *map(separation_sentence, self.separating_manoeuvres),
             *drive_sentences(self.drive_next),
             *self.notes,
@@ -317,9 +320,9 @@ def diagnose(
 
 
 def conclude(found: SearchResult, stacks: Revolutions, asked: Gathered | None = None) -> Diagnosis:
-    """The verdict and everything that is said with it.
+    """The verdict and all that goes with it.
 
-    `asked`: of several gratings what they had said before.
+    `asked`: of several gratings what they gave before.
     """
     decision, before = decide(found), found.before
     verdict, selected, floor = (decision[name] for name in ("verdict", "selected", "floor"))
@@ -452,7 +455,7 @@ def decide(found: SearchResult) -> dict[str, Any]:
                                  are claimed and with them
     repeats, share  what the share is of, which they remove (`shares_explained`)
     left, floor     what repeats of what the claimed model leaves, and its noise floor [unit^2]
-    groups          effects that cannot be told apart;  or_nuisance  (nuisance, effect) likewise
+    groups          effects that are not separated;  or_nuisance  (nuisance, effect) likewise
     """
     last, left = found.after if found.named else found.before, describe(found.after)
     floor = last.floor
@@ -565,7 +568,7 @@ def with_groups(
     alone: bool = False,
     progress: Progress = lambda text: None,
 ) -> Diagnosis:
-    """The diagnosis, with whether it stands without each group of logs in turn.
+    """The diagnosis, with whether it holds without each group of logs in turn.
 
     groups  name -> its logs: those of one tire, or one log each;  some  gives the pieces of logs
     alone   also what each group says alone, with p adjusted over them
@@ -603,7 +606,7 @@ def _verdicts(
     progress: Progress,
     words: str,
 ) -> Iterator[GroupVerdict]:
-    """What is said of some logs, by the name of each group; what cannot be asked says why.
+    """The verdict on some logs, by the name of each group; what cannot be asked says why.
 
     `words` for `progress`, with {group}.
     """

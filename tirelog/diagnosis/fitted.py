@@ -44,7 +44,7 @@ from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import WAVEFORMS, shown
 from tirelog.vocabulary.quality import Quality, marked, quality_text
 
-#: what a fit takes out of each mean of like revolutions unless asked otherwise, as `compare` does
+#: what a fit takes out of each mean of similar revolutions by default, as `compare` does
 AS_COMPARE = ("shift",)
 
 
@@ -54,7 +54,7 @@ class FitOfLogs(AnswerRecord):
 
     model    with values and standard errors
     found    what the fit to steady revolutions says: errors, covariance, correlations, bounds
-    learned  what obstacles told, None without them or if nothing of it is free
+    learned  what obstacles gave, None without them or if nothing of it is free
     remarks  what a reader should know before believing it
     """
 
@@ -112,7 +112,7 @@ class FitOfLogs(AnswerRecord):
 
     def below(self) -> tuple[list[AnswerTable], list[str]]:
         """The parameters as fitted; bounds, doubts and remarks."""
-        bounds = [f"{name} stands at a bound" for name in self.found.at_bound]
+        bounds = [f"{name} is at a bound" for name in self.found.at_bound]
         rows = [
             (name, p.value, p.se if p.se is None or np.isfinite(p.se) else "not determined", p.unit)
             for name, p in self.model.parameters.items()
@@ -129,7 +129,7 @@ def fit_channels_measured(
 
     channels    strain and radial acceleration of one tire may stand beside each other; each channel
                 has its own noise, scatter and offset per log
-    nuisances   taken out of each mean of like revolutions: 'offset', 'amplitude' (by some 10 %),
+    nuisances   taken out of each mean of similar revolutions: 'offset', 'amplitude' (by some 10 %),
                 'shift'. Beside free amplitudes little shows the lever arm, and its error says so
     ModelError  nothing is free, a log does not know a condition that an effect of the model needs,
                 or an unknown nuisance
@@ -140,9 +140,9 @@ def fit_channels_measured(
     _refuse(pieces, model)
     if len(pieces) > 1:
         said.append(
-            f"{len(pieces)} channels are fitted together as if each had a scatter of its own; "
-            f"where one load moves all of them, errors are up to {len(pieces) ** 0.5:.2g} times "
-            "what is said"
+            f"{len(pieces)} channels are fitted together as if each had a scatter of its own. "
+            "Where one load moves all of them, true errors are up to "
+            f"{len(pieces) ** 0.5:.2g} times larger"
         )
     start = without_motion_parameters(model)
     fitted: Sequence[Base] | None = None
@@ -151,7 +151,7 @@ def fit_channels_measured(
         said += of_form
     else:
         said.append(
-            f"taken out of each mean of like revolutions: {', '.join(nuisances) or 'nothing'}; "
+            f"taken out of each mean of similar revolutions: {', '.join(nuisances) or 'nothing'}; "
             "`compare` takes out the shift, so its parameters, errors and chi-square differ"
         )
     if fitted is None:
@@ -297,7 +297,7 @@ class TireForm(AnswerRecord):
         if self.doubtful:
             return (
                 f"the fit leaves more than noise (reduced chi-square {self.reduced_chi2:.3g}, "
-                "noise gives 1): an effect may be missing, and its mean is in the form; see "
+                "noise gives 1). An effect may be missing, and its mean is in the form: see "
                 "`tirelog diagnose`"
             )
         half, error = 1e3 * self.half_length_m, 1e3 * self.half_length_se_m

@@ -50,7 +50,7 @@ _WHOLE = _LADDER | {
 
 
 def outcome_of(decision: str) -> str:
-    """The outcome of a step by its decision, which alone said it once."""
+    """The outcome of a step by its decision, for files that have no outcome."""
     first = ("start", "removed", "added")
     return next((word for word in first if decision.startswith(word)), "not_added")
 

@@ -102,15 +102,14 @@ def ladder(
     fails = verdict != "at_the_floor" and not at_noise_floor(after, after.floor.square)
     untested = list(found.untested)
     if isinstance(on_locked, ModelError):
-        untested.append(f"No error on the manoeuvres that nothing had touched: {on_locked.what}.")
+        untested.append(f"No error on the manoeuvres reserved for the end: {on_locked.what}.")
         on_locked = None, None
     kept_back = int(manoeuvres_of(locked).size) if locked else 0
     if kept_back:
         untested.append(
             f"{kept_back} of {base.cells.manoeuvres + kept_back} manoeuvres are locked away until "
-            f"the last step is made; the errors of the steps are those on the other "
-            f"{base.cells.manoeuvres}, so the first differs somewhat from what `compare` says on "
-            "all"
+            f"the last step. The errors of the steps are those on the other "
+            f"{base.cells.manoeuvres}: `compare`, which uses all, differs somewhat"
         )
     left_before, held = out_of_range(found.before), [effect.id for effect in after.model.effects]
     observable, unit = observed(after)
@@ -149,7 +148,7 @@ def _reached(first: Base, last: Base) -> str:
 def _steps(found: SearchResult) -> Iterable[LadderStep]:
     """The base's row, a row for each effect that came in, and one for the first that did not."""
     last, later = found.before, [*(step.before for step in found.steps[1:]), found.after]
-    yield _row(last, None, "base", "start", "The model as it came.")
+    yield _row(last, None, "base", "start", "The model as given.")
     for step, base in zip(found.steps, later, strict=True):
         if (named := step.named) is None:
             break

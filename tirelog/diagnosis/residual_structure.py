@@ -5,7 +5,7 @@ Where, even or odd, what it follows, at which exponent of speed or fixed frequen
     projected whitened residual against families of columns:
         (what a cell is driven under: 1, (v/20)^e for a few e, acceleration, time, load, distance,
         water) x (free shapes over the angle)    -> the family with the largest T describes it
-        (v/20)^e x (free shapes over the time since the exit edge): what stands still there moves
+        (v/20)^e x (free shapes over the time since the exit edge): what keeps its place there moves
         over the angle as the speed changes, and no shape over the angle repeats it
         rings after the exit edge at a fixed frequency in time, or at a fixed wavelength along the
         tread                                    -> which of the two
@@ -169,7 +169,7 @@ class Leftover:
     `size` held-out mean square that the best free shape removes [unit^2]; `in_pressure` if a
     change of the contact pressure explains it best, `in_time` if a shape over the time since the
     exit edge does; `shape` (m,) the residual's leading one over
-    `phi_rad` (m,). `observable`: of several fitted together the one that it is told of;
+    `phi_rad` (m,). `observable`: of several fitted together the one that it describes;
     `contradicts`: nothing repeats within that one, but it contradicts the others.
     """
 
@@ -267,7 +267,7 @@ def _scores(
 def describe(base: Base) -> Leftover:
     """The rest that this fit leaves.
 
-    Of several observables it is told of the one in which it is largest, its size in floors of all.
+    Of several observables it describes the one in which it is largest, its size in floors of all.
     """
     if isinstance(base, JointBase):
         return _describe_several(base)

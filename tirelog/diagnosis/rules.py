@@ -24,20 +24,18 @@ THRESHOLDS: tuple[Threshold, ...] = (
     # ---- is anything there?
     Threshold(
         "ALARM_P", 0.01, "probability",
-        "family-wise p at most; bounds the rate of false alarms over all candidates, doubled it "
-        "allows twice as many",
+        "family-wise p at most. It bounds the rate of false alarms over all candidates",
     ),
     Threshold(
         "GAIN_SIGMAS", 1.4, "standard errors",
-        "held-out gain at least, by the scatter of manoeuvres, which share their training: an "
-        "effect of two squared floors gains by two to six; loads that wander, alike in "
-        "neighbours, gave an effect that acts through the load 0.7 and more; twice as much "
-        "loses effects of a few manoeuvres",
+        "held-out gain at least; manoeuvres share their training, which the error allows for. "
+        "Effects of two squared floors gain two to six. Loads that wander gave a false effect "
+        "0.7 and more",
     ),
     Threshold(
         "LEAST_SHARE_OF_FLOOR", 0.05, "squared floors",
-        "what goes must be this large at least: what is too small to matter may repeat "
-        "perfectly, and no p-value removes that",
+        "least size of what an effect removes. Smaller changes may repeat perfectly, and no "
+        "p-value removes them",
     ),
     Threshold(
         "FEWEST_MANOEUVRES", 8, "manoeuvres",
@@ -45,9 +43,9 @@ THRESHOLDS: tuple[Threshold, ...] = (
     ),
     Threshold(
         "NUISANCE_SHARE", 0.4, "share of what chi-square is above its degrees of freedom",
-        "that a nuisance must remove to come in, and an effect whose size held-out errors do "
-        "not tell: of two nuisances at once the larger removes half; those beside an effect "
-        "that nothing explains remove a third",
+        "least share that a nuisance removes, and an effect whose size held-out errors do not "
+        "show. Of two nuisances the larger removes half. Nuisances beside an unknown effect "
+        "remove a third",
     ),
     # ---- which one is it?
     Threshold(
@@ -60,82 +58,79 @@ THRESHOLDS: tuple[Threshold, ...] = (
     ),
     Threshold(
         "TWINS", 0.95, "cosine",
-        "likeness from which on two effects are one to these data: noise separates shapes that "
-        "differ by 5 %, knowledge of tires does not",
+        "likeness from which on two effects are one to these data. Noise separates shapes "
+        "that differ by 5 %; knowledge of tires does not",
     ),
     Threshold(
         "LIKE", 0.90, "cosine",
-        "and from which on they are if the worse one leaves less than THIRD more",
+        "likeness from which on they are one if the worse leaves less than THIRD more",
     ),
     Threshold(
         "THIRD", 1.0 / 9.0, "squared floors",
-        "a third of the floor, in mean squares",
+        "a third of the floor, as mean square",
     ),
     Threshold(
         "ESTABLISHED_SIGMAS", 2.0, "standard errors",
-        "by which an effect's strengths differ from nothing, per root of their number; doubled "
-        "it would ask of a name more than the test asks of an alarm",
+        "least distance of an effect's strengths from zero, per root of their number. Twice "
+        "as much asks more than the test asks of an alarm",
     ),
     Threshold(
         "WORSE_SIGMAS", 2.1, "standard errors",
-        "by which a rival is clearly worse than one that is right to the floor; twice as much "
-        "leaves more sets of effects that are not told apart",
+        "least distance of a clearly worse rival from one that is right to the floor. Twice "
+        "as much leaves more sets of effects that are not separated",
     ),
     # ---- is there another?
     Threshold(
         "SECOND_LEAST", 0.5, "squared floors",
-        "what a further effect must remove beside free shapes of those before: what a form that "
-        "is somewhat wrong leaves repeats perfectly; true seconds keep 2 and more, false ones "
-        "0.3 at most",
+        "least size of a further effect beside free shapes of those before. A somewhat wrong "
+        "form leaves 0.3 at most; true second effects keep 2 and more",
     ),
     Threshold(
         "NOT_FORM", 0.12, "share of the excess",
-        "a rest that no form of the first effect would leave; forms 20 to 40 % wrong leave 1 to "
-        "6 %",
+        "a larger rest is left by no form of the first effect. Forms that are 20 to 40 % "
+        "wrong leave 1 to 6 %",
     ),
     Threshold(
         "MOST_EFFECTS", 4, "effects",
-        "that one diagnosis names at most",
+        "most effects that one diagnosis names",
     ),
     # ---- what is said of it?
     Threshold(
         "EXPLAINED", 0.9, "share of the excess that repeats",
-        "that the named effects remove; below it something is missing besides",
+        "share that the named effects remove; below it something else is missing too",
     ),
     Threshold(
         "MOST", 0.7, "share of the excess that repeats",
-        "below it a name is not claimed: false names explain less",
+        "below this share a name is not claimed: false names explain less",
     ),
     Threshold(
         "TOGETHER", 0.85, "share of the excess that repeats",
-        "that several must remove if the first alone does not remove MOST: two wrong names "
+        "share of several effects, if the first alone does not remove MOST. Two wrong names "
         "imitate more than one",
     ),
     Threshold(
         "REST_SHARE", 0.02, "share of the excess",
-        "from which on a rest is worth a word",
+        "from here on a rest is reported",
     ),
     Threshold(
         "BEYOND_DOUBT_P", 0.001, "probability",
-        "family-wise p at most with which an effect is named beside a rest that does not "
-        "repeat, by the size of what it changes where held-out errors do not tell it; with "
-        "ALARM_P one null in a hundred that scatters would get a name",
+        "family-wise p at most of a name beside a rest that does not repeat. With ALARM_P one "
+        "null in a hundred that scatters would get a name",
     ),
     Threshold(
         "QUIET_FLOORS", 1.05, "floors",
-        "held-out error at most of what is the noise floor; twice the margin would let a "
-        "quarter of the floor's square pass unsaid",
+        "largest held-out error of a model that leaves only noise. Twice the margin would let "
+        "a quarter of the floor's square pass",
     ),
     Threshold(
         "ERROR_SIGMAS", 2.0, "standard deviations",
-        "of what the errors of parameters add to a held-out error, by which it may be above "
-        "that: it counts where manoeuvres scatter and are few; doubled, a scatter would hide as "
-        "much again as it is itself",
+        "allowance for errors of parameters in a held-out error above that. It matters with "
+        "few manoeuvres that scatter. Twice as much hides a scatter as large again",
     ),
     Threshold(
         "QUIET_CHI2", 1.2, "reduced chi-square",
-        "and its chi-square at most, beside ERROR_SIGMAS of what chance adds to one of so few "
-        "degrees of freedom",
+        "largest chi-square of a model that leaves only noise, beside ERROR_SIGMAS of what "
+        "chance adds to it",
     ),
 )  # fmt: skip
 _VALUES = {threshold.name: threshold.value for threshold in THRESHOLDS}
@@ -178,14 +173,13 @@ RULES = (
     Rule(
         "scatter",
         lambda e: not e["named"] and not e["repeats"] and not e["quiet"],
-        "nothing is named, nothing repeats, and what is left is more than the floor",
+        "nothing is named, nothing repeats, and the rest is more than the floor",
     ),
     Rule(
         "nothing_missing",
         lambda e: not e["named"] and not e["repeats"],
-        f"nothing is named, nothing repeats, and what is left is the floor: held out at most "
-        f"{_FLOORS:g} floors and what chance adds to it, reduced chi-square at most "
-        f"{_CHI2:g}",
+        "nothing is named, nothing repeats, and the rest is noise: held-out error at most "
+        f"{_FLOORS:g} floors, reduced chi-square at most {_CHI2:g}, and what chance adds",
     ),
     Rule(
         "unknown",

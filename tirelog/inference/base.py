@@ -112,8 +112,8 @@ class Base:
     """A model fitted on cells.
 
     Metrics `white` (significance) and `plain` (size), the floor; `discrepancy` [unit^2], the mean
-    square that the model misses; `raw`: the cells as the first fit centred them. `given`: the model
-    as it came, with the values that the search started from. `held`: losses by manoeuvre left out,
+    square that the model misses; `raw`: the cells as the first fit centred them. `given`: the
+    model before the fit, with its start values. `held`: losses by manoeuvre left out,
     (M,) in each metric, if they are known from elsewhere.
     """
 
@@ -645,7 +645,7 @@ def _at_bound(p: Parameter) -> bool:
 
 
 def _undetermined(names: Sequence[str], known: Errors, held: Sequence[str]) -> list[str]:
-    """Sentences on what the data do not determine; what stands at a bound is said elsewhere."""
+    """Sentences on what the data do not determine; parameters at a bound are listed elsewhere."""
     return [
         f"the data do not determine {' with '.join(members)}: "
         f"fix {members[0] if len(members) == 1 else 'all but one'}."

@@ -2,7 +2,7 @@
 
     within    repeatability of revolutions inside a manoeuvre, by angle: noise and the random
               effects of revolutions
-    between   scatter between manoeuvres, as it came out in these data
+    between   scatter between manoeuvres, as these data have it
     floor^2 = within^2 + between^2,   excess^2 = rmse^2 - floor^2
 
 rmse is that of one revolution's value at one angle. A cell's mean shows it as
@@ -387,7 +387,7 @@ class UnweightedMetric(Whitener):
 
     @property
     def weights(self) -> FloatArray:
-        """Root of the revolutions that each value stands for, (C, m); zero if empty."""
+        """Root of the number of revolutions behind each value, (C, m); zero if empty."""
         return self.inverse_sd
 
     def mean_square(self, losses: FloatArray) -> float:
@@ -472,7 +472,7 @@ def _along_the_angle(cells: Cells, values: FloatArray) -> FloatArray:
 def measure_floor(
     cells: Cells, plain: UnweightedMetric, columns: FloatArray, scatter: Scatter
 ) -> Floor:
-    """The floor from the cells' repeatability and the scatter of manoeuvres as it came out."""
+    """The floor from the cells' repeatability and the measured scatter of manoeuvres."""
     share = plain.weights**2
     total = np.maximum(share.sum(axis=0), 1e-300)
     within = np.where(share > 0, cells.within, 0.0)
@@ -531,7 +531,7 @@ def held_out_losses_with(
 def steps_left_out(cells: Cells, white: Whitener, fit: Fit) -> FloatArray:
     """How far the free parameters move (M, p) if each manoeuvre is left out in its turn.
 
-    One step from the fitted point, as for held-out losses; zero for what stands at a bound.
+    One step from the fitted point, as for held-out losses; zero for parameters at a bound.
     """
     (normal,) = _left_out_of(cells, white, fit, [()])
     p = fit.jacobian.shape[-1]

@@ -6,9 +6,9 @@ For fit, compare, diagnose, ladder, report and campaign.
         --obstacles of logs with a [road] found--> MeasuredLogs: the revolutions off them, and the
                                                    obstacles beside
 
-`measured_pieces` makes of it the means of like revolutions that every question is asked of, under
-one limit of memory. What was set apart, taken together or left out on the way is in `notes`, and
-goes with the revolutions into every answer.
+`measured_pieces` makes of it the means of similar revolutions that every question is asked of,
+under one limit of memory. What was set apart, taken together or left out on the way is in
+`notes`, and goes with the revolutions into every answer.
 """
 
 from __future__ import annotations
@@ -278,7 +278,7 @@ def _hits(log: TransientLog) -> FloatArray:
     if not found.size:
         raise UsageError(
             f"no obstacle in channel {log.channel} where the setup's [road] says {road.kind}",
-            allowed="one that stands out of the steady revolutions is needed",
+            allowed="a clear pulse above the steady revolutions is needed",
             do="give time_s or position_m, or leave [road] out",
             file=log.log,
         )
@@ -389,7 +389,7 @@ def several_channels(channel: str | None) -> tuple[str, ...]:
 def measured_gratings(
     recordings: Iterable[Recording], names: Sequence[str], *, most: int = STRETCH
 ) -> MeasuredLogs:
-    """The revolutions of several gratings of one tire, and where each stands on the wheel.
+    """The revolutions of several gratings of one tire, and the place of each on the wheel.
 
     names       of the channels, or ALL_CHANNELS
     UsageError  as `measured`, and if a log lacks one, they are on both surfaces, or fewer than two

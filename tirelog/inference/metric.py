@@ -4,7 +4,7 @@
                      for all logs together
                   -> the columns of the shared effects, each as large as its standard deviation
 
-What a log's baseline stands at is nobody's physics. A metric couples no two manoeuvres and a
+The level of a log's baseline is no physics. A metric couples no two manoeuvres and a
 manoeuvre belongs to one log, so the columns of two logs never meet: each is projected out alone,
 and the number of logs costs neither memory nor time. A shared effect is not projected out but
 shrunk by what its standard deviation allows: the sum of squares left is the least one that

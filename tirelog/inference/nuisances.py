@@ -281,7 +281,7 @@ def moved_prediction(cells: Cells, model: Model, factors: Mapping[str, float]) -
 def is_drift(shared: SharedEffects, amplitudes: FloatArray) -> bool:
     """Do fitted amplitudes of a drift differ between logs by less than they move along them?
 
-    What stands apart from log to log and moves in none belongs to the logs: their load, their
+    What differs from log to log and moves in none belongs to the logs: their load, their
     pressure, or physics that follows them.
     """
     sized = dict(zip(shared.names, (amplitudes / shared.sd).tolist(), strict=True))
@@ -462,7 +462,7 @@ def _moved_slope(cells: Cells, model: Model, name: str) -> FloatArray | None:
     """Change of the prediction per relative change of the inflation pressure or the radius, (C, m).
 
     The radius with which the tread passes: speeds and lengths are angles times it, and a ring is
-    as large. None if nothing of the model stands under it.
+    as large. None if nothing of the model depends on it.
     """
     if name not in model.parameters:
         return None

@@ -32,7 +32,7 @@ def once_each(
 ) -> Iterator[Recording]:
     """The recordings as they come; what they share with earlier ones is added to `notes`.
 
-    Told by the samples of the `channel`, or of the first that measures one of the observables.
+    Judged by the samples of the `channel`, or of the first that measures one of the observables.
 
     UsageError: a log holds the same samples as an earlier one.
     """

@@ -503,8 +503,8 @@ def given_tables(paths: Sequence[Path], campaign: Path | None = None) -> GivenTa
 def made_tables(names: Sequence[str], recordings: Sequence[Recording]) -> dict[str, MadeTable]:
     """Tables of the logs that suit them, made as their commands make them, in what is drawn of it.
 
-    Each, None if no log suits it, with the regressions on speed (of the dissipation table) and what
-    was said of it. Together, so that each channel is read and its passages are found once.
+    Each, None if no log suits it, with the regressions on speed (of the dissipation table) and the
+    remarks on it. Together, so that each channel is read and its passages are found once.
     TirelogError: one of them cannot be made.
     """
     parts: dict[str, list[pd.DataFrame]] = {name: [] for name in names}
@@ -575,7 +575,7 @@ def used_papers(sections: Sequence[Section]) -> list[tuple[str, str]]:
 # Sections --JSON--> models/<model>/page.json --> the same Sections
 
 
-#: ids stand in the page as they are
+#: ids are in the page as they are
 _ID = re.compile(r"[a-z][a-z0-9_-]*")
 _CARD = {
     **dict.fromkeys(("word", "sentence", "command", "rungs_said", "unit"), str),
@@ -633,7 +633,7 @@ def _section(data: dict[str, Any]) -> Section:
 def model_pages(campaign: Path) -> Iterator[Told]:
     """(sections, what is missing) of each model of a campaign.
 
-    Titles and ids are told apart if there are several.
+    Titles and ids differ if there are several.
     """
     files = sorted(campaign.glob("models/*/page.json"))
     for number, file in enumerate(files, 1):

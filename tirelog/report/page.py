@@ -63,7 +63,7 @@ DASHES = ("solid", "dash", "dot", "dashdot")
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure: `alt` is what a person who cannot see it would be told.
+    """A figure: `alt` is what a person reads who cannot see it.
 
     half   it may stand beside the next one on a wide window
     """
@@ -146,7 +146,7 @@ def figure(id: str, title: str, alt: str, panel: Panel, half: bool = False, **sh
 def _traces(mark: Mark, panel: Panel) -> list[dict[str, Any]]:
     """A mark as the plotting library has it; none of words and of lines across the panel.
 
-    What only this library has of its look stands in its style, as `marker` or `line`.
+    What only this library has of its look is in its style, as `marker` or `line`.
     """
     style, named = mark.style, not mark.name.startswith("_")
     colour = mark.colour if isinstance(mark.colour, str) else COLOURS[mark.colour % len(COLOURS)]
@@ -211,7 +211,7 @@ class Card:
 
     word      the verdict in a word or two; sentence: what it says
     facts     (term, text): measured on what, how sure, ...
-    rungs     models on the way to the best one: `name` and what that is (`said`), `error` and noise
+    rungs     models on the way to the best one: `name` and what that is, `error` and noise
               `floor` in `unit`, of which the last is shown; rungs_said: what errors these are
     advice    what to do or drive next; command: the line to type next
     """
@@ -396,7 +396,7 @@ def _palette() -> str:
 
 
 def _about(report: Report) -> str:
-    """What stands behind the page, at its foot."""
+    """What the page rests on, at its foot."""
     absent = _items(f"{escape(what)}: <code>{escape(done)}</code>" for what, done in report.missing)
     cited = _items(f"{escape(p)} <em>Here: {escape(what)}.</em>" for p, what in report.papers)
     meanings = "".join(f"<dt>{escape(w)}</dt><dd>{escape(meaning)}</dd>" for w, meaning in GLOSSARY)
@@ -459,7 +459,7 @@ def _card(card: Card) -> str:
     )
     advice = "".join(f"<p>{escape(text)}</p>" for text in card.advice)
     return (
-        '<div class="card"><div class="said">'
+        '<div class="card"><div class="verdicts">'
         f'<p class="verdict"><strong>{escape(card.word)}</strong></p>'
         f'<p class="sentence">{escape(card.sentence)}</p></div><div class="steps">{_rungs(card)}'
         f"<h3>Next</h3>{advice}<pre><code>{escape(card.command)}</code></pre></div>"
@@ -538,10 +538,8 @@ GLOSSARY = (
     ("effect", "one physical mechanism that can be in a model or missing from it"),
     (
         "noise floor",
-        "the error that scatter alone leaves: that of revolutions within a manoeuvre, which is "
-        "the same for every model, and that between "
-        "like manoeuvres, which is seen through the model, so that a worse model has a higher "
-        "floor",
+        "the error that scatter alone leaves, within and between manoeuvres. The first part is the "
+        "same for every model; of the second a worse model has more",
     ),
     ("excess error", "sqrt(rmse^2 - floor^2): what a better model could still remove"),
     (

@@ -5,7 +5,7 @@ Columns (C, m, k), which candidates cannot be tested, and why; whether what a mo
 A signature is the change of the fitted model's prediction when the effect is switched on at its
 probe strength, per unit of strength, one column per strength parameter. If an effect has shape
 parameters besides (the width of a pulse, a time constant), it is tried at a few of them, one at a
-time: variants, of which the one with the largest statistic stands for the effect (all take part in
+time: variants, of which the one with the largest statistic represents the effect (all take part in
 the family-wise maximum).
 """
 
@@ -184,7 +184,7 @@ def signatures_of(base: Base, effect: Effect) -> list[Variant] | ModelError:
 
 
 def refuse_stand_in(effect: Effect, model: Model, blocks: Sequence[Cells]) -> None:
-    """ModelError if the effect stands for what is measured, in all observables that it acts on."""
+    """ModelError if the effect replaces what is measured, in all observables that it acts on."""
     acted_on = [cells for cells in blocks if model.acts_on(effect, cells.observable)]
     stands_for = [effect.stands_for.get(cells.observable, ()) for cells in acted_on]
     measured = all(
@@ -194,7 +194,7 @@ def refuse_stand_in(effect: Effect, model: Model, blocks: Sequence[Cells]) -> No
     )
     if acted_on and all(stands_for) and measured:
         names = dict.fromkeys(name for own in stands_for for name in own)
-        raise ModelError(f"stands for {' and '.join(names)}, which is measured")
+        raise ModelError(f"replaces {' and '.join(names)}, which is measured")
 
 
 def _moves_zeros_alone(cells: Cells, change: FloatArray) -> bool:
@@ -531,7 +531,9 @@ def scores_of(
         # the effect would have to be a thousand times as large as what is seen of it; twice as much
         # refuses effects that are seen to a five hundredth
         if not np.any(visible > 1e-3):
-            reasons[signature.id] = "does here only what the model's own parameters do"
+            reasons[signature.id] = (
+                "cannot be separated from the model's own parameters in these logs"
+            )
             continue
         left[..., visible <= 1e-3] = 0.0  # of a strength that shows nothing rounding is left
         kept.append(signature)
@@ -582,7 +584,7 @@ def quiet_waveforms(base: Base) -> bool:
 def out_of_range(base: Base) -> list[str]:
     """A remark for each range of an effect of the fitted model that is left; none if it is off.
 
-    A log's conditions are judged by the means of like revolutions, which is what is fitted; one
+    A log's conditions are judged by the means of similar revolutions, which are fitted; one
     that is not known leaves no range.
     """
     model, cells, said = base.model, base.cells, []
@@ -596,7 +598,7 @@ def out_of_range(base: Base) -> list[str]:
                 if not low <= values[name] <= high:
                     said.append(
                         f"{effect.id} is valid for {name} {_range(low, high, unit)}; "
-                        f"it stands at {values[name]:.4g}"
+                        f"its value is {values[name]:.4g}"
                     )
                 continue
             x = getattr(cells.conditions, name)
@@ -605,8 +607,8 @@ def out_of_range(base: Base) -> list[str]:
                 said.append(
                     f"{effect.id} is valid for {condition.name} "
                     f"{_range(low, high, condition.unit)}; {outside} of "
-                    f"{int(cells.revolutions.sum())} revolutions are outside, by the means of like "
-                    "ones"
+                    f"{int(cells.revolutions.sum())} revolutions are outside, by means of "
+                    "similar ones"
                 )
     return said
 

@@ -1,6 +1,6 @@
 """Which effect it is.
 
-Refits of the best candidates, sets that cannot be told apart, second effects.
+Refits of the best candidates, sets that these data do not separate, second effects.
 
     Variant, by falling statistic -> contenders
         -> refitted with the base parameters from two strengths -> least held-out loss names
@@ -204,7 +204,7 @@ class Refitted:
     def established(self) -> bool:
         """Its strengths are distinguishable from nothing.
 
-        What stands at its bounds, or what other parameters do as well, is not.
+        Strengths at their bounds, or replaceable by other parameters, are not.
         """
         return self.sigmas >= ESTABLISHED_SIGMAS
 
@@ -346,7 +346,7 @@ def clearly_worse(one: Base, other: Base) -> bool:
 
 
 def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:
-    """The best and those that these data cannot tell from it; empty if it stands alone.
+    """The best and those that these data do not separate from it; empty if it is alone.
 
     Likeness of shape decides, since no tire follows our forms. But if the best leaves the noise
     floor alone its form is right, and a rival that leaves clearly more, and more than the floor, is
@@ -479,7 +479,7 @@ def next_step(
 ) -> Step:
     """The first effect, or a further one beside those `named`, if there is one.
 
-    `known`: what `assess_all` has said; `excess`: the mean square that the first base left above
+    `known`: what `assess_all` gives; `excess`: the mean square that the first base left above
     the floor.
     """
     assessed, reasons = known or assess_all(base, extra)

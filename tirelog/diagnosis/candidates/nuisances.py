@@ -96,8 +96,8 @@ def allowed_nuisances(base: Base) -> tuple[str, ...]:
 def alarming_nuisances(base: Base, allowed: Iterable[str]) -> list[tuple[SharedEffects, float]]:
     """The nuisances beside those of the base that repeat and gain, as an effect must.
 
-    By falling held-out gain, which stands beside each. Their size is judged once they are fitted:
-    what scatters takes it for its own before.
+    Each with its held-out gain, by falling gain. Their size is judged once they are fitted, since
+    scatter takes it before.
     """
     held = groups_of(base)
     found = [_effects_of(base, name) for name in allowed if name not in held]

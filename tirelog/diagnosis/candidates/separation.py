@@ -5,7 +5,7 @@
         -> separation in standard errors, repeats until it reaches 3
 
 Two effects that stay alike in shape on every manoeuvre of the list (cosine above `LIKE`) cannot be
-parted by driving, and that is said.
+separated by driving; a note lists them.
 """
 
 from __future__ import annotations
@@ -246,13 +246,13 @@ def advise(
         new = [row for row in useful if not driven(base, row["plan"])]
         if not useful:
             notes.append(
-                f"no manoeuvre on the list tells {name} from {other}: they stay alike in shape "
+                f"no manoeuvre on the list separates {name} from {other}: they stay alike in shape "
                 f"(cosine above {LIKE:g}) on each of them."
             )
         elif not new:
             notes.append(
-                f"these logs hold every manoeuvre on the list that would tell {name} from {other}: "
-                "what is new would have to be another load, pressure, water depth or tread."
+                f"these logs hold every manoeuvre on the list that separates {name} from {other}. "
+                "Drive with another load, pressure, water depth or tread."
             )
         for row in new[:most]:
             plan, sigma = row["plan"], row["separation_sigma"]

@@ -1,7 +1,7 @@
 """One more term: polished atoms as effects of the model, refitted, and the simplest of the best.
 
 atoms -> what each removes held out, linearly -> the leading ones refitted in the model
-    -> least held-out loss; those that leave as little are as good, the simplest stands for them
+    -> least held-out loss; those that leave as little are as good, the simplest represents them
     -> exponents and phases rounded if that costs nothing
 """
 
@@ -315,7 +315,7 @@ def entry_of(
 ) -> ModelEffect:
     """The atom as an effect of a model.
 
-    `amplitudes` (1,) of its column, or (2,) of cosine and sine; a phase stands at a quarter turn if
+    `amplitudes` (1,) of its column, or (2,) of cosine and sine; a phase is at a quarter turn if
     one is given. ModelError if a number is outside of its bounds.
     """
     form, parameters, text = atom.form, [], atom.form.text

@@ -20,7 +20,7 @@ from tirelog.vocabulary.arrays import FloatArray
 
 @dataclass(frozen=True)
 class FormFrame:
-    """A coordinate u in which a form stands still.
+    """A coordinate u in which a form keeps its place.
 
     `text` and `unit` of u; `offset` the text of u - at; `side`: "round" (the wheel's angle), "both"
     (to both sides of the patch), "one" (from an edge on), "gated" (likewise, u > 0 being asked).
@@ -70,8 +70,8 @@ FRAMES: tuple[FormFrame, ...] = (
 class Profile:
     """A form along a coordinate.
 
-    `text` of u, of d = u - at, and of its numbers: name -> role (width, place, rate). `@(x)` stands
-    for a wave of free phase. `sides`, `stages` that it is for; every `each`-th width is scanned;
+    `text` of u, of d = u - at, and of its numbers: name -> role (width, place, rate). `@(x)` is
+    a wave of free phase. `sides`, `stages` that it is for; every `each`-th width is scanned;
     `complexity` counts what a reader has to take in.
     """
 
@@ -162,7 +162,7 @@ class Law:
     numbers: Mapping[str, float] = field(default_factory=dict)
 
     def written(self, free: Sequence[str] = ()) -> str:
-        """The law as it stands in a formula: what is not `free` as a plain number, 1 left out."""
+        """The law as a formula has it: what is not `free` as a plain number, 1 left out."""
         factors = []
         for factor in self.text.split(" * "):
             base, _, power = factor.partition(" ** ")

@@ -100,7 +100,7 @@ class FoundFormula:
 class Term:
     """One proposed effect.
 
-    `name` in the model, the `formula` that stands for it, and those `as_good`, simplest first;
+    `name` in the model, its `formula`, and those `as_good`, simplest first;
     `numbers`: value, se, unit by name; `p` over the `tried` forms of the whole grammar.
     """
 
@@ -136,7 +136,7 @@ class Term:
 class Proposal(AnswerRecord):
     """What is unknown, written down; or why there is nothing to propose.
 
-    status      "formula", "shape" (a measured shape stands for it) or "nothing"
+    status      "formula", "shape" (a measured shape in its place) or "nothing"
     reason      why there is nothing to propose; empty otherwise
     terms       the formulas, each beside those before it
     shapes      measured shapes, the best first: what one form in that frame can remove at most
@@ -271,7 +271,7 @@ def propose(
     """The unknown effect written down, or why there is nothing to propose.
 
     effects   the user's own candidates, as for `diagnose`
-    despite   also if an effect of the catalogue explains it: the proposal stands in its place
+    despite   also if an effect of the catalogue explains it: the proposal takes its place
     shape     a measured shape in any case, in place of formulas
     UsageError: the model predicts a number per revolution, in which no shape is seen, or several
     observables at once.
@@ -294,8 +294,8 @@ def propose(
         number = int(manoeuvres_of(pieces).size)
         left = (n for n in range(1, 100) if n - len(range(1, n, LOCK_EVERY)) >= FEWEST_MANOEUVRES)
         reason = (
-            f"{number} manoeuvres are too few: a third is locked away before anything is looked "
-            f"at, and a test needs {FEWEST_MANOEUVRES} of the others; drive {next(left)} at least."
+            f"{number} manoeuvres are too few: a third is locked away first, and a test needs "
+            f"{FEWEST_MANOEUVRES} of the others. Drive {next(left)} at least."
         )
         return Proposal("nothing", reason, model.observable, number)
     progress("fitting the model")
@@ -430,7 +430,7 @@ def _free_name(base: Base, stem: str, number: int = 1) -> str:
 def _without_needless(climb: _Climb) -> _Climb:
     """The climb without terms that those after them have made needless.
 
-    What was as good as a term was so beside those that go: it is not said then.
+    What was as good as a term was so beside those that go: it is left out then.
     """
     names = [choice.chosen.entry.id for choice in climb.choices]
     after, dropped = without_needless(climb.after, names, _matters)

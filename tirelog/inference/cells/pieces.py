@@ -70,7 +70,7 @@ def binned(power: int, empty: float) -> Mapping[str, Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class Means:
-    """Means of like revolutions, n rows x m angles, in the order of log, manoeuvre, time.
+    """Means of similar revolutions, n rows x m angles, in the order of log, manoeuvre, time.
 
     values, phi, phi_variance (n, m)  mean waveform, mean angle and variance of its samples; NaN if
                                       there are none
@@ -117,7 +117,7 @@ class Means:
 
 @dataclass(frozen=True, kw_only=True)
 class Pieces(Means):
-    """Means of like revolutions from one log or several, P of them.
+    """Means of similar revolutions from one log or several, P of them.
 
     count          (P, m)  samples
     residual_ss, freedom (P, m)  what is left of single revolutions;  scatter (P, 1) their standard
@@ -569,7 +569,7 @@ def left_out(used: int, of: int, logs_used: int, logs: int) -> tuple[str, ...]:
     if used == of and logs_used == logs:
         return ()
     return (
-        f"{used} of {of} means of like revolutions are used, spread over the speeds of "
+        f"{used} of {of} means of similar revolutions are used, spread over the speeds of "
         f"{logs_used} of {logs} logs; more have no room",
     )
 

@@ -585,7 +585,7 @@ def _begins(blocks: Sequence[Block], names: Sequence[str], model: Model) -> Iter
 def _from_within(blocks: Sequence[Block], model: Model, fits: list[Fit]) -> list[Fit]:
     """The best of this fit, which ended at a bound, and of fits from within.
 
-    Those begin with what stands at a bound brought back to its start values.
+    Those begin with the parameters at a bound brought back to their start values.
     """
     names, held = fits[0].names, fits[0].held
     values = {tuple(start.values[name] for name in held) for start in starts(model, names)}

@@ -556,17 +556,17 @@ def places_of(
             # 0.1 degrees, a tape on the belt some millimetres, which are one; half as much would
             # doubt honest tapes
             if np.isfinite(off) and abs(off) > 3.0:
-                stands = np.degrees((given[other] - zero) % (2.0 * np.pi))
+                place = np.degrees((given[other] - zero) % (2.0 * np.pi))
                 said.append(
-                    f"{other} stands {told}, by the setup's angle_deg {stands:.1f}; the setup's "
-                    "is taken: mend it if the channels are on one clock"
+                    f"{other} is {told}, by the setup's angle_deg {place:.1f}; the setup's value "
+                    "is used: mend it if the channels have one clock"
                 )
         elif np.isfinite(angle):
             angles.append(zero + angle)
-            said.append(f"{other} stands {told}; give angle_deg in the setup if you know better")
+            said.append(f"{other} is {told}; give angle_deg in the setup if you know better")
         else:
             raise UsageError(
-                f"no passage tells where {other} stands on the wheel",
+                f"no passage shows the angle of {other} on the wheel",
                 allowed="its passages between those of the first grating tell it, or the setup",
                 do=f"give angle_deg in [channels.{other}]",
             )

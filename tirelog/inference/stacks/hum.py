@@ -165,8 +165,8 @@ class _Pairs:
     def _near(self) -> tuple[FloatArray, NDArray[np.complex128], NDArray[np.complex128]]:
         """Frequencies about a middle one [Hz], to half a hertz, and what moves its sums there.
 
-        (k,), by every so many steps (few, n), and by the steps between (few, n): of a log that
-        stands for hours, one table (k, n) would fill the memory.
+        (k,), by every so many steps (few, n), and by the steps between (few, n): of a log of
+        hours, one table (k, n) would fill the memory.
         """
         step = 0.25 / float(np.ptp(self.at))
         off = np.arange(-0.5, 0.5, step)
@@ -187,7 +187,7 @@ class _Pairs:
         return np.stack([middle + off, np.abs(amplitude) ** 2 / size], axis=1)
 
     def line(self, frequency: float, off: float) -> float | None:
-        """The frequency of a line near `frequency`; None if nothing stands out there."""
+        """The frequency of a line near `frequency`; None if there is no line."""
         first = round(frequency - _AROUND_HZ + 0.5)
         turning, one_hertz, parts = self.turning(first), self.turning(1.0), []
         for middle in range(first, round(frequency + _AROUND_HZ + 0.5)):

@@ -74,7 +74,7 @@ _WORDS = {
 }
 #: a model on the way, as a card has it
 Rung = dict[str, Any]
-NO_MODEL = "No model was held against these logs, so nothing is said of what one would miss."
+NO_MODEL = "No model was compared with these logs, so its errors are not known."
 
 
 _ZONES = {
@@ -101,7 +101,7 @@ def logs_of(result: Comparison) -> list[str]:
 class AnswerSection:
     """What the answer is made of.
 
-    compared   the model as it came; `found` its diagnosis, None if none was asked for
+    compared   the model as given; `found` its diagnosis, None if none was asked for
     best       the model at the top, None if it is the one that came; `added` its further effects
     climbed    a ladder as its command keeps it
     curves     what effects of the best model add
@@ -359,7 +359,7 @@ def _waves(
         figure(
             "answer-waves",
             f"Measured, and the {' and '.join(named)}: {label}",
-            "Measured mean of like revolutions (points) and predictions (lines); dashed upright "
+            "Measured mean of similar revolutions (points) and predictions (lines); dashed upright "
             "lines: the patch's edges.",
             over_angle(last, f"{last.observable} [{unit}]", waves),
             half=True,
@@ -403,9 +403,8 @@ def _curves(given: AnswerSection, colours: LogColours) -> list[Figure]:
             figure(
                 f"answer-effect-{len(figures)}",
                 f"What {curve.effect} adds{said}",
-                f"What {curve.effect} adds to the prediction{said} (line), two noise floors about "
-                f"it (pale band){known}, and what is measured less everything else that the model "
-                "predicts (points)."
+                f"What {curve.effect} adds to the prediction{said} (line), with a band of two "
+                f"noise floors{known}. Points: measured less all else that the model predicts."
                 + (f" {_physics(physics)[:1].upper()}{_physics(physics)[1:]}." if physics else ""),
                 over_angle(one, y, marks) if of_angle else Panel("speed [m/s]", y, marks),
             )
@@ -530,7 +529,7 @@ def _waveforms(result: Comparison, factor: float, unit: str, colours: LogColours
     return figure(
         "waveforms",
         "Waveforms",
-        "Measured means of like revolutions (points), the model (lines) and two noise floors "
+        "Measured means of similar revolutions (points), the model (lines) and two noise floors "
         f"about it (bands) at {'; '.join(result.waveforms.labels)}; dashed lines: the patch's "
         "edges.",
         waveforms(result, (factor, unit), styles(result.waveforms.logs, colours)),
@@ -591,7 +590,7 @@ def residual_map(
 def diagnosis(result: Diagnosis, command: str) -> Section:
     """The section of a diagnosis.
 
-    Verdict, ranking, sets that cannot be told apart, what is unexplained, the next manoeuvre and
+    Verdict, ranking, sets that are not separated, what is unexplained, the next manoeuvre and
     command.
     """
     errors = result.errors_sentence()
@@ -679,10 +678,10 @@ def obstacles(result: TransientComparison, command: str, colours: LogColours) ->
     factor, unit = shown_value(result.observable, result.unit)
     total = result.to_json()
     words = [
-        f"{len(result.hits)} hits on an obstacle, kept apart from the steady revolutions; the "
+        f"{len(result.hits)} hits on an obstacle, kept apart from the steady revolutions. The "
         f"model covers {100.0 * total['covered']:.0f} % of what they added: "
-        f"{total['added'] * factor:.3g} {unit} added, {total['missed'] * factor:.3g} missed, at a "
-        f"floor of {total['noise_floor'] * factor:.3g}.",
+        f"{total['added'] * factor:.3g} {unit}, of which {total['missed'] * factor:.3g} is missed; "
+        f"noise floor {total['noise_floor'] * factor:.3g}.",
         f"The prediction has {total['nuisance_parameters']} nuisance numbers (when, phase, level "
         "and alignment of each hit), which the errors are charged for.",
         *(f"{remark}." for remark in result.remarks),

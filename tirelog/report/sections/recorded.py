@@ -168,7 +168,7 @@ def ways(
 
     Of one group by colour; of several the colour is the group's and the symbol tells them apart.
     Points look as `look` says, those of all columns but the first as `aside`. Of several groups the
-    words are said if there are several columns, or with `all_named`.
+    words are shown if there are several columns, or with `all_named`.
     """
     drawn = []
     one, worded = len(found) == 1, all_named or len(columns) > 1
