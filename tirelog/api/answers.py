@@ -154,9 +154,9 @@ def fit(
     model : Model
         Where the fit starts; its bounds are kept.
     nuisances : sequence of str
-        What is taken out of each mean of similar revolutions: ``"offset"``, ``"amplitude"`` (by some
-        10 %), ``"shift"``. `compare` takes out the shift, which of numbers per revolution is all
-        that can be.
+        What is taken out of each mean of similar revolutions: ``"offset"``, ``"amplitude"`` (by
+        some 10 %), ``"shift"``. `compare` takes out the shift; of numbers per revolution nothing
+        else can be.
 
     Returns
     -------
@@ -374,7 +374,7 @@ def ladder(
     -------
     Ladder
         ``steps`` (effect, errors, decision), ``model`` at the top, ``rmse_untouched`` on
-        manoeuvres that nothing had touched; ``to_json()``, ``plot()``.
+        manoeuvres reserved for the end; ``to_json()``, ``plot()``.
 
     Raises
     ------

@@ -196,7 +196,7 @@ def ladder_bars(result: api.answers.Ladder) -> None:
         lines.append(f"   {step.sentence}")
     if result.rmse_untouched is not None:
         lines.append(
-            f"   on manoeuvres that nothing had touched: {result.rmse_untouched * factor:.3g} "
+            f"   on manoeuvres reserved for the end: {result.rmse_untouched * factor:.3g} "
             f"{unit}, floor {(result.floor_untouched or 0.0) * factor:.3g}"
         )
     sys.stderr.writelines(f"{printable(line)}\n" for line in lines)

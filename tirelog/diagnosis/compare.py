@@ -493,7 +493,7 @@ def _of_each(model: Model, stack: Stack, angles: Mapping[str, Any]) -> FloatArra
     return result
 
 
-# ---- A fitted model against manoeuvres that nothing had touched: the one number to believe.
+# ---- A fitted model against manoeuvres reserved for the end: the one number to believe.
 
 
 def locked_away(

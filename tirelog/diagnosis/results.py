@@ -536,7 +536,7 @@ class LadderStep:
 class Ladder(AnswerRecord):
     """Steps from the base model to the floor, and the model at the top.
 
-    With its error on manoeuvres that nothing had touched.
+    With its error on manoeuvres reserved for the end.
 
     The errors of the steps are those of `compare` on the `manoeuvres` that the search saw;
     `manoeuvres_locked` others were kept from it, and `rmse_untouched` is the last model's error on

@@ -142,7 +142,7 @@ class Proposal(AnswerRecord):
     shapes      measured shapes, the best first: what one form in that frame can remove at most
     written     names of the effects that `model` has more than the model that was asked about
     model       with them, fitted on the manoeuvres that were seen; None without a proposal
-    locked      errors without and with it on the manoeuvres that nothing had touched, the floor
+    locked      errors without and with it on the manoeuvres reserved for the end, the floor
                 there, and the share of the excess that is removed
     rmse_heldout_before, rmse_heldout_after, noise_floor  on the manoeuvres that were seen
     nearest     effects of the catalogue and the share of the excess that each removes
@@ -199,7 +199,7 @@ class Proposal(AnswerRecord):
         if locked is None:
             return f"Proposed: {what}."
         return (
-            f"Proposed: {what}. On {locked['manoeuvres']} manoeuvres that nothing had touched it "
+            f"Proposed: {what}. On {locked['manoeuvres']} manoeuvres reserved for the end it "
             f"removes {percent(locked['share_removed'])} of the excess: "
             f"{locked['rmse_before'] * factor:.3g} -> {locked['rmse_after'] * factor:.3g} {unit} "
             f"at a floor of {locked['noise_floor'] * factor:.3g}."

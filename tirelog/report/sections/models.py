@@ -635,7 +635,7 @@ def ladder_section(climbed: Mapping[str, Any], command: str) -> Section:
     )
     if climbed.get("rmse_untouched") is not None:
         words.append(
-            f"On manoeuvres that nothing had touched: {climbed['rmse_untouched'] * factor:.3g} "
+            f"On manoeuvres reserved for the end: {climbed['rmse_untouched'] * factor:.3g} "
             f"{unit}, floor there {climbed['floor_untouched'] * factor:.3g}."
         )
     said = (n if h == "none" else f"{n} {h} {unit}" for n, h in zip(names, held, strict=True))
