@@ -224,6 +224,11 @@ def ranges(seeds: Iterable[int]) -> list[str]:
 # ---- the report ---------------------------------------------------------------------------------
 
 
+def _claimed(row: Row, known: dict[str, Any]) -> float | None:
+    """The least share of right verdicts by the table; None without cases of this kind."""
+    return certainty_of(row.status, row.carcass, row.manoeuvres, known).probability
+
+
 def report(rows: Iterable[Row], known: dict[str, Any]) -> Iterator[str]:
     """The bound of each kind beside what was right, on cases that the table was not made of."""
     used = {s for text in known["seeds"] for s in seeds_of(text)}
@@ -231,7 +236,7 @@ def report(rows: Iterable[Row], known: dict[str, Any]) -> Iterator[str]:
     yield f"{len(fresh)} cases that the table of {known['date']} was not made of"
     for kind in CLASSES:
         own = [r for r in fresh if class_of(r.status) == kind]
-        bounds = [p for r in own if (p := certainty_of(r.marks, known).probability) is not None]
+        bounds = [p for r in own if (p := _claimed(r, known)) is not None]
         if own:
             claim = f"at least {100.0 * min(bounds):.0f} %" if bounds else "nothing"
             yield f"  {kind}: claimed {claim}, right {wilson(sum(map(is_right, own)), len(own))}"

@@ -21,7 +21,6 @@ from __future__ import annotations
 import argparse
 import csv
 import json
-import math
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -36,7 +35,6 @@ import tirelog
 from benchmarks.cases import IN_CATALOGUE
 from benchmarks.hidden import wilson
 from benchmarks.nuisance_worlds import AT_ONCE, WORLDS, CaseOf, parts_of, planted_tables, several
-from tirelog.diagnosis.certainty import Marks
 from tirelog.errors import TirelogError
 from tirelog.physics.model.from_setup import new_model
 from tirelog.simulation import simulate, write_log
@@ -81,15 +79,6 @@ class Row:
     sentence: str
     form: str = "exact"
     logs: int = 2
-    least_p: float = math.nan
-    gain_sigmas: float = math.nan
-    rival_sigmas: float = math.nan
-
-    @property
-    def marks(self) -> Marks:
-        """What the diagnosis knew of itself."""
-        known = {f.name: getattr(self, f.name) for f in fields(Marks) if f.name != "verdict"}
-        return Marks(self.status, **known)
 
 
 @dataclass(frozen=True)
@@ -199,7 +188,6 @@ def row_of(
     if not found.selected:
         after = before
     left, was = (max(x**2 - 1.0, 0.0) for x in (after, before))
-    marks = found.marks
     return replace(
         row,
         status=found.verdict,
@@ -215,9 +203,6 @@ def row_of(
         manoeuvres=found.manoeuvres,
         cpu_s=seconds,
         sentence=found.sentence,
-        least_p=marks.least_p,
-        gain_sigmas=marks.gain_sigmas,
-        rival_sigmas=marks.rival_sigmas,
     )
 
 

@@ -12,11 +12,11 @@ from scipy.stats import binom
 
 from benchmarks.calibration import is_right, rows_of, table
 from benchmarks.nuisances import Row
-from tirelog.diagnosis.certainty import Marks, certainty_of, least_share, unlike_cases
 from tirelog.diagnosis.certainty import calibration as shipped
+from tirelog.diagnosis.certainty import certainty_of, least_share, unlike_cases
 from tirelog.physics.model.model import Model
 
-MARKS = Marks("missing", "beam", 22, 2.0, 1.0, 10.0, 1.0)
+KIND = {"verdict": "missing", "carcass": "beam", "manoeuvres": 22}
 NAME = {
     "cases": 40, "tires": 20, "right": 32, "carcasses": ["beam"],
     "manoeuvres": [20, 24], "lacking": [],
@@ -69,7 +69,7 @@ def test_what_no_case_had_is_listed_and_a_drive_counts_once():
     ],
 )
 def test_what_no_case_was_like_has_no_number_and_says_why(change, said):
-    found = certainty_of(replace(MARKS, **change), TABLE)
+    found = certainty_of(**{**KIND, **change}, table=TABLE)
     assert found.probability is None
     assert found.sentence == f"How often such a verdict is right is not known: {said}."
 
@@ -97,7 +97,7 @@ def test_what_was_asked_otherwise_than_any_case_is_said(model, selected, grating
 
 def test_the_sentence_has_the_count_and_the_bound():
     known = {**TABLE, "name": {**NAME, "lacking": ["effect that no catalogue has"]}}
-    assert certainty_of(MARKS, known).sentence == (
+    assert certainty_of(**KIND, table=known).sentence == (
         "32 of 40 simulated cases of this kind were right: at least 64 % (lower limit of the 95 % "
         "Clopper-Pearson interval; 20 tires, 2026-11-22). None had an effect that no catalogue has."
     )
@@ -131,7 +131,7 @@ def test_the_table_of_the_package_is_whole():
     assert known["tires"] >= 100
     for kind in ("none", "name"):
         verdict = "missing" if kind == "name" else "nothing_missing"
-        found = certainty_of(replace(MARKS, verdict=verdict), known)
+        found = certainty_of(**{**KIND, "verdict": verdict}, table=known)
         assert 0.5 < found.probability < found.right / found.cases <= 1.0
 
 

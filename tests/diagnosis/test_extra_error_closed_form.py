@@ -37,7 +37,7 @@ def noise(seed=3):
 
 
 def sizes(base):
-    return {(own.of, own.name): own.size for own in extra_errors(base)}
+    return {(row["of"], row["name"]): row["size"] for row in extra_errors(base)}
 
 
 def test_noise_needs_none():

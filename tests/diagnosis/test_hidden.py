@@ -44,11 +44,6 @@ def test_a_hidden_effect_is_named_and_the_error_falls_to_the_floor(model):
     strength = result.effects[0].strengths["amplitude"]
     assert strength["value"] == pytest.approx(0.7, rel=0.05)
     answer = json.loads(json.dumps(result.to_json()))
-    marks = result.marks
-    assert marks.gain_sigmas > 2.0
-    assert marks.rival_sigmas > 0.0
-    assert marks.least_p < 0.01
-    assert marks.heldout_after * result.noise_floor == pytest.approx(result.rmse_heldout_after)
     # a bare beam's strain: some simulated cases were like it, unless its manoeuvres are too few
     drawn = diagnosing.with_draws(result, 200)
     first, second = drawn.inclusion["steps"]
@@ -58,7 +53,9 @@ def test_a_hidden_effect_is_named_and_the_error_falls_to_the_floor(model):
     assert second["none"] > 0.9
     assert any(note.startswith("Of 200 draws of the 16 manoeuvres") for note in drawn.notes)
     assert drawn.to_json()["inclusion"]["steps"][0]["named"] == "edge_impact"
-    assert answer["certainty"]["sentence"] == certainty_of(marks).sentence
+    known = certainty_of("missing", "beam", result.manoeuvres)
+    assert answer["certainty"]["sentence"] == known.sentence
+    assert answer["certainty"]["right"] == known.right
 
 
 @pytest.mark.slow

@@ -114,7 +114,7 @@ class Said:
     stability: dict | None = None
     each: dict | None = None
     ambiguous_groups = ()
-    marks = SimpleNamespace(least_p=0.001)
+    effects = (SimpleNamespace(p_adjusted=0.001),)
     unexplained: ClassVar = {"p": None}
     certainty = SimpleNamespace(probability=0.9)
 

@@ -1,6 +1,6 @@
 """How often a verdict of one kind is right: counts of simulated cases whose truth is known.
 
-    Diagnosis -> Marks: what a diagnosis knows of itself -> the row of `calibration.toml`
+    verdict, carcass, number of manoeuvres -> the row of `calibration.toml`
         -> right of so many cases, and the least share that such counts allow
 
 A verdict claims more or less, and what is right depends on the claim:
@@ -17,7 +17,6 @@ table. A diagnosis of another kind than all cases gets no number, and a reason.
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -34,7 +33,6 @@ from tirelog.diagnosis.candidates.assessment import (
     best_variants,
     candidate_effects,
     flip_signs,
-    gain_sigmas,
     scores_of,
     statistics,
 )
@@ -48,7 +46,6 @@ from tirelog.diagnosis.rules import (
     SECOND_LEAST,
 )
 from tirelog.inference.base import Base
-from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import BY_ID, Effect
 from tirelog.physics.model.model import BY_NAME, FORM, Model
 from tirelog.vocabulary.arrays import FloatArray
@@ -65,66 +62,6 @@ CLASSES: Mapping[str, tuple[str, ...]] = {
     "part": ("partial",),
     "unknown": ("unknown",),
 }
-
-
-@dataclass(frozen=True)
-class Marks:
-    """What a diagnosis knows of itself, by which like cases are found; NaN if it is not known.
-
-    heldout_before, heldout_after  held-out errors [floors];  chi2_before, chi2_after per freedom
-    least_p        least family-wise p of the first step
-    gain_sigmas    held-out gain of the names, the least of them [standard errors]
-    rival_sigmas   by how much the next rival is worse held out [standard errors]
-    """
-
-    verdict: str
-    carcass: str
-    manoeuvres: int
-    heldout_before: float
-    heldout_after: float
-    chi2_before: float
-    chi2_after: float
-    least_p: float = math.nan
-    gain_sigmas: float = math.nan
-    rival_sigmas: float = math.nan
-
-
-def marks_of(
-    found: SearchResult,
-    verdict: str,
-    floor: float,
-    held: tuple[float | None, float | None],
-    chi2: tuple[float, float],
-) -> Marks:
-    """What a diagnosis knows of itself.
-
-    held, floor  held-out errors before and after, and the noise floor, in one unit
-    chi2         reduced chi-square before and after
-    """
-    # a rival, or a gain, is as far away as matters [standard errors]; doubling changes nothing that
-    # simulated cases showed
-    far = 10.0
-    named = [(step, step.named) for step in found.steps if step.named is not None]
-    gains = [gain_sigmas(step.before.held_white, own.base.held_white) for step, own in named]
-    rivals = [
-        gain_sigmas(rival.base.held_white, own.base.held_white)
-        for step, own in named
-        for rival in step.contenders
-        if rival.id not in (own.id, *step.group)
-    ] + [far] * bool(named)
-    in_floors = [math.nan if e is None or not floor > 0.0 else e / floor for e in held]
-    return Marks(
-        verdict,
-        steady_carcass(found.before.model.carcass),
-        found.before.cells.manoeuvres,
-        in_floors[0],
-        in_floors[1],
-        chi2[0],
-        chi2[1],
-        least_p=min((a.p for a in found.steps[0].assessed), default=1.0),
-        gain_sigmas=float(np.clip(min(gains, default=0.0), 0.0, far)),
-        rival_sigmas=float(np.clip(min(rivals, default=0.0), 0.0, far)),
-    )
 
 
 #: confidence of the interval whose lower limit is the least share: at 99 % it would be 90 % of 49
@@ -188,18 +125,20 @@ def class_of(verdict: str) -> str | None:
     return next((name for name, verdicts in CLASSES.items() if verdict in verdicts), None)
 
 
-def certainty_of(marks: Marks, table: Mapping[str, Any] | None = None) -> Certainty:
-    """The counts for a diagnosis with these marks, by the package's table or another."""
-    table, kind = calibration() if table is None else table, class_of(marks.verdict) or ""
+def certainty_of(
+    verdict: str, carcass: str, manoeuvres: int, table: Mapping[str, Any] | None = None
+) -> Certainty:
+    """The counts for a verdict on so many manoeuvres, by the package's table or another."""
+    table, kind = calibration() if table is None else table, class_of(verdict) or ""
     known, words = table.get(kind, {}), " or ".join(CLASSES.get(kind, ()))
     (low, high), had = known.get("manoeuvres", (0, 0)), known.get("carcasses", ())
     reasons = {
         "it claims nothing": not kind,
         f"no simulated case was {words}": not known,
-        f"simulated cases that were {words} had a {' or '.join(had)}": marks.carcass not in had,
+        f"simulated cases that were {words} had a {' or '.join(had)}": carcass not in had,
         # so many times the manoeuvres that the cases had, or so few, are still of their kind
-        f"simulated cases had {low} to {high} manoeuvres, these logs {marks.manoeuvres}": not (
-            low / 1.5 <= marks.manoeuvres <= high * 1.5
+        f"simulated cases had {low} to {high} manoeuvres, these logs {manoeuvres}": not (
+            low / 1.5 <= manoeuvres <= high * 1.5
         ),
     }
     if why := next((why for why, holds in reasons.items() if holds), ""):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.answer import excess_of, rounding_sentences
-from tirelog.diagnosis.candidates.assessment import gain_and_error, out_of_range
+from tirelog.diagnosis.candidates.assessment import gain_sigmas, out_of_range
 from tirelog.diagnosis.candidates.nuisances import (
     form_explains,
     groups_of,
@@ -30,7 +30,6 @@ from tirelog.diagnosis.results import (
     ERRORS,
     Comparison,
     Map,
-    RankedModel,
     Waveforms,
     agreement_sentence,
     contributions,
@@ -154,31 +153,28 @@ def compare(measured: Measured, model: Model, others: Sequence[Model] = ()) -> C
     )
 
 
-def _ranking(bases: Sequence[Base]) -> tuple[RankedModel, ...]:
+def _ranking(bases: Sequence[Base]) -> tuple[Mapping[str, Any], ...]:
     """The models of several bases of the same logs, best first; none of one alone.
 
-    By what their held-out errors are above the scatter within manoeuvres, which is that of the
-    data. The scatter between manoeuvres depends on a model, and is in no rank.
+    Rows: `model` (its file or carcass), `rmse_heldout`, `above_scatter` (that above the scatter
+    within manoeuvres, which depends on the data alone), `reduced_chi2`, `free` parameters, `sigmas`
+    (standard errors of the manoeuvres by which it is worse than the best).
     """
     if len(bases) < 2:
         return ()
     within = min(base.floor.within for base in bases)
-    order = sorted(bases, key=lambda base: base.square_held)
-    best, found = order[0], []
-    for base in order:
-        gain, error = gain_and_error(base.held_plain, best.held_plain)
-        path = base.given.path
-        found.append(
-            RankedModel(
-                str(path) if path else base.model.carcass,
-                base.rmse_held,
-                float(np.sqrt(max(base.square_held - within, 0.0))),
-                base.reduced_chi2,
-                len(base.fit.names),
-                gain / error if error > 0.0 and np.isfinite(error) else 0.0,
-            )
-        )
-    return tuple(found)
+    best, *_ = order = sorted(bases, key=lambda base: base.square_held)
+    return tuple(
+        {
+            "model": str(base.given.path or base.model.carcass),
+            "rmse_heldout": base.rmse_held,
+            "above_scatter": float(np.sqrt(max(base.square_held - within, 0.0))),
+            "reduced_chi2": base.reduced_chi2,
+            "free": len(base.fit.names),
+            "sigmas": gain_sigmas(base.held_plain, best.held_plain),
+        }
+        for base in order
+    )
 
 
 def comparison_of(base: Base, stacks: Revolutions = ()) -> Comparison:

@@ -73,12 +73,10 @@ from tirelog.diagnosis.certainty import (
     SURENESS,
     Certainty,
     GroupVerdict,
-    Marks,
     certainty_of,
     each_alone,
     inclusion,
     inclusion_sentences,
-    marks_of,
     stability,
     unlike_cases,
 )
@@ -119,6 +117,7 @@ from tirelog.inference.base import JointBase
 from tirelog.inference.cells.joint import one_drive
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.stacks.cut import outlines
+from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.observables import shown
@@ -185,25 +184,16 @@ class Diagnosis(AnswerRecord):
     @cached_property
     def certainty(self) -> Certainty:
         """How many simulated cases with such a verdict were right."""
-        why = unlike_cases(self.found.before.model, self.selected, self.gratings is not None)
-        return Certainty(None, reason=why) if why else certainty_of(self.marks)
+        model = self.found.before.model
+        why = unlike_cases(model, self.selected, self.gratings is not None)
+        if why:
+            return Certainty(None, reason=why)
+        return certainty_of(self.verdict, steady_carcass(model.carcass), self.manoeuvres)
 
     @cached_property
     def drive_next(self) -> tuple[Mapping[str, Any], ...]:
         """Manoeuvres by how fast they would make the verdict surer, best first."""
         return tuple(drive_next(self.found, self.verdict, self.certainty.probability))
-
-    @cached_property
-    def marks(self) -> Marks:
-        """What this diagnosis knows of itself, by which like cases are found."""
-        after = self.rmse_heldout_after if self.selected else self.rmse_heldout_before
-        return marks_of(
-            self.found,
-            self.verdict,
-            self.noise_floor,
-            (self.rmse_heldout_before, after),
-            (self.reduced_chi2_before, self.reduced_chi2_after),
-        )
 
     def to_json(self) -> dict[str, Any]:
         later, found = ("gratings", "inclusion", "stability", "each"), self.found
@@ -620,7 +610,7 @@ def _verdicts(
 
 def verdict_of_group(group: str, logs: Sequence[str], found: Diagnosis) -> GroupVerdict:
     """A diagnosis in few words."""
-    p, left = found.marks.least_p, found.unexplained["p"]
+    p, left = min((c.p_adjusted for c in found.effects), default=1.0), found.unexplained["p"]
     if found.verdict == "unknown" and left is not None:
         p = min(p, left)
     return GroupVerdict(

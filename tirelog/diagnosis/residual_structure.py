@@ -16,7 +16,7 @@ removal of the best family.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -37,7 +37,7 @@ from tirelog.diagnosis.candidates.assessment import (
     mean_drop,
     surely_gains,
 )
-from tirelog.diagnosis.results import Check, ExtraError, contributions
+from tirelog.diagnosis.results import Check, contributions
 from tirelog.diagnosis.rules import ALARM_P, ERROR_SIGMAS, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to, with_fewer_cells
@@ -598,52 +598,56 @@ def check_sentences(checks: tuple[Check, ...]) -> list[str]:
     return [f"The residuals are not noise: {'; '.join(said)}."] if said else []
 
 
-def extra_errors(base: Base) -> tuple[ExtraError, ...]:
+def extra_errors(base: Base) -> tuple[Mapping[str, Any], ...]:
     """The least extra error by zone, speed, regime, log and parameter, each by itself.
 
-    Model and data agree where chi-square is what noise gives, to two standard deviations. In a zone
-    or condition an independent error widens each bin; a parameter moves each cell as a whole.
+    Rows: `of` ("zone", "speed", "regime", "log" or "parameter"), its `name`, `size`, `unit`,
+    `observable`. Model and data agree where chi-square is what noise gives, to two standard
+    deviations. In a zone or condition the size is the standard deviation of an independent error of
+    cell means; of a parameter that of a relative change from cell to cell. 0 if they agree without;
+    None if no size makes them agree.
     """
     if isinstance(base, JointBase):
-        return tuple(
-            replace(one, name=f"{one.name} of {part.cells.label}")
-            for part in bases_by_observable(base)
-            for one in extra_errors(part)
-        )
+        each = [(part, row) for part in bases_by_observable(base) for row in extra_errors(part)]
+        return tuple({**row, "name": f"{row['name']} of {part.cells.label}"} for part, row in each)
     cells, white = base.cells, base.noise
-    square = white(base.cells.values - base.fit.prediction - base.fit.beside) ** 2
-    inverse, used = white.inverse_sd**2, white.inverse_sd > 0.0
+    residual = white(cells.values - base.fit.prediction - base.fit.beside)
+    square, inverse, used = residual**2, white.inverse_sd**2, white.inverse_sd > 0.0
     share = base.fit.freedom / max(float(used.sum()), 1.0)
-
-    def least(where: NDArray[np.bool_]) -> float | None:
-        here = used & where
-        own, precision = square[here], inverse[here]
-        return _least_root(lambda w: float((own / (1.0 + w * precision)).sum()), share * own.size)
-
-    known = OBSERVABLES[cells.observable].unit, cells.observable
+    unit, found = OBSERVABLES[cells.observable].unit, list[dict[str, Any]]()
     band = np.floor(cells.conditions.speed_m_s / 2.0) * 2.0 + 1.0
-    found = [ExtraError("zone", name, least(zone[None, :]), *known) for name, zone in zones(base)]
-    for of, names, words in (
-        ("speed", band, "{:g} m/s"),
-        ("regime", cells.regime, "{}"),
-        ("log", np.array(cells.logs)[cells.log], "{}"),
-    ):
-        for name in np.unique(names).tolist():
-            own = (names == name)[:, None]
-            found.append(ExtraError(of, words.format(name), least(own), *known))
-    by_cell, values = square.sum(axis=1), base.model.values
-    residual = white(base.cells.values - base.fit.prediction - base.fit.beside)
+    conditions = (
+        ("speed", band),
+        ("regime", cells.regime),
+        ("log", np.array(cells.logs)[cells.log]),
+    )
+    wheres = [("zone", name, zone[None, :]) for name, zone in zones(base)] + [
+        (of, f"{name:g} m/s" if of == "speed" else str(name), (names == name)[:, None])
+        for of, names in conditions
+        for name in np.unique(names).tolist()
+    ]
+    for of, name, where in wheres:
+        own, precision = square[used & where], inverse[used & where]
+        size = _least_root(partial(_widened, own, precision), share * own.size)
+        found.append({"of": of, "name": name, "size": size, "unit": unit})
+    values, total = base.model.values, float(square.sum())
     for name, column in zip(base.fit.names, np.moveaxis(base.fit.moving, -1, 0), strict=True):
         moved = white(column * values[name])
-        size, along = (moved**2).sum(axis=1), (moved * residual).sum(axis=1) ** 2
+        length, along = (moved**2).sum(axis=1), (moved * residual).sum(axis=1) ** 2
+        if length.any():
+            size = _least_root(partial(_moved, total, length, along), base.fit.freedom)
+            found.append({"of": "parameter", "name": name, "size": size, "unit": "1"})
+    return tuple({**row, "observable": cells.observable} for row in found)
 
-        def left(w: float, size: FloatArray = size, along: FloatArray = along) -> float:
-            return float((by_cell - w * along / (1.0 + w * size)).sum())
 
-        if size.any():
-            root = _least_root(left, base.fit.freedom)
-            found.append(ExtraError("parameter", name, root, "1", cells.observable))
-    return tuple(found)
+def _widened(square: FloatArray, precision: FloatArray, variance: float) -> float:
+    """Chi-square of bins with an independent error of this variance beside the noise."""
+    return float((square / (1.0 + variance * precision)).sum())
+
+
+def _moved(total: float, length: FloatArray, along: FloatArray, variance: float) -> float:
+    """Chi-square of cells that each move along one column by this variance."""
+    return total - float((variance * along / (1.0 + variance * length)).sum())
 
 
 def zones(base: Base) -> list[tuple[str, NDArray[np.bool_]]]:

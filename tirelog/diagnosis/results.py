@@ -110,54 +110,17 @@ class Check:
         return f"{self.low:.3g} to {self.high:.3g}"
 
 
-@dataclass(frozen=True)
-class ExtraError:
-    """The least error beside the noise at which model and data agree in one respect.
-
-    of, name  "zone" and entry, patch, exit or away; "speed", "regime" or "log" and which; or
-              "parameter" and its name
-    observable  what it is an error of
-    size      standard deviation of an error of cell means in that zone or condition, in `unit`; or
-              of a relative change of the parameter from cell to cell. 0 if they agree without;
-              None if no such change makes them agree
-    """
-
-    of: str
-    name: str
-    size: float | None
-    unit: str
-    observable: str
-
-
-@dataclass(frozen=True)
-class RankedModel:
-    """A model among others on the same logs, and its errors there.
-
-    model         its file, or its carcass
-    rmse_heldout  on manoeuvres left out;  above_scatter  above the scatter within manoeuvres, which
-                  is the same for all models (in floors of each, of several observables)
-    free          number of free parameters
-    sigmas        by how many standard errors of the manoeuvres it is worse than the best
-    """
-
-    model: str
-    rmse_heldout: float | None
-    above_scatter: float
-    reduced_chi2: float
-    free: int
-    sigmas: float
-
-
-def _extra_row(own: ExtraError) -> list[Any]:
+def _extra_row(own: Mapping[str, Any]) -> list[Any]:
     """A row of the table of extra errors, in the unit in which a person reads it."""
-    word = {"zone": "", "parameter": "change of ", "log": "log "}.get(own.of, "worst: ")
-    name = word + (PurePath(own.name).name if own.of == "log" else own.name)
-    if own.size is None:
+    of, name, size = (own[key] for key in ("of", "name", "size"))
+    if of in ("zone", "parameter"):
+        name = "change of " * (of == "parameter") + name
+    else:
+        name = f"worst {of}: {PurePath(name).name}"
+    if size is None:
         return [name, "no size does", ""]
-    if own.of == "parameter":
-        return [name, 100.0 * own.size, "%"]
-    factor, unit = shown(own.observable, own.unit)
-    return [name, own.size * factor, unit]
+    factor, unit = (100.0, "%") if of == "parameter" else shown(own["observable"], own["unit"])
+    return [name, size * factor, unit]
 
 
 @dataclass(frozen=True, repr=False)
@@ -237,9 +200,9 @@ class Comparison(AnswerRecord):
     with_nuisances: Mapping[str, Any] | None = None
     obstacles: TransientComparison | None = None
     aside: tuple[str, ...] = ()
-    extra_errors: tuple[ExtraError, ...] = ()
+    extra_errors: tuple[Mapping[str, Any], ...] = ()
     checks: tuple[Check, ...] = ()
-    ranking: tuple[RankedModel, ...] = ()
+    ranking: tuple[Mapping[str, Any], ...] = ()
 
     @property
     def label(self) -> str:
@@ -276,11 +239,11 @@ class Comparison(AnswerRecord):
         """How wrong the model is: its rank among others, extra errors, residuals beside noise."""
         factor, unit = shown(self.observable, self.unit)
         ranks = [
-            [r.model, in_unit(r.rmse_heldout, factor), r.above_scatter * factor, r.sigmas]
-            + [r.reduced_chi2, r.free]
+            [r["model"], in_unit(r["rmse_heldout"], factor), r["above_scatter"] * factor]
+            + [r["sigmas"], r["reduced_chi2"], r["free"]]
             for r in self.ranking
         ]
-        extra = [_extra_row(own) for own in self._worst_errors() if own.size != 0.0]
+        extra = [_extra_row(own) for own in self._worst_errors() if own["size"] != 0.0]
         residuals = [[c.name, c.measured, c.noise_gives] for c in self.checks]
         names = ["model", "held out", _ABOVE, "sigma worse", "chi-square", "free parameters"]
         tables = (
@@ -317,15 +280,14 @@ class Comparison(AnswerRecord):
         said_of = [said] if said else []
         return [*first, self.parameters_table(), *each, *said_of, *wrong, *hits]
 
-    def _worst_errors(self) -> list[ExtraError]:
+    def _worst_errors(self) -> list[Mapping[str, Any]]:
         """The extra errors of zones and parameters, and the largest of each kind of condition."""
-        worst: dict[tuple[str, ...], ExtraError] = {}
-        for own in self.extra_errors:
-            each = own.of in ("zone", "parameter")
-            key = (own.of, own.observable, own.name if each else "")
-            if key not in worst or (own.size or 0.0) > (worst[key].size or 0.0):
-                worst[key] = own
-        return list(worst.values())
+        worst: dict[tuple[str, ...], Mapping[str, Any]] = {}
+        for own in sorted(self.extra_errors, key=lambda row: row["size"] or 0.0):
+            each = own["of"] in ("zone", "parameter")
+            worst[own["of"], own["observable"], own["name"] if each else ""] = own
+        order = {id(own): number for number, own in enumerate(self.extra_errors)}
+        return sorted(worst.values(), key=lambda own: order[id(own)])
 
     @property
     def _measured(self) -> str:
