@@ -158,3 +158,22 @@ def test_what_scatter_alone_leaves_is_about_one_standard_error():
     more = 3e-4 * np.exp(-((made.phi_mean - 0.3) ** 2) / 0.005)
     found = compare_logs([replace(made, values=made.values + more)], MODEL)
     assert np.nanmax(np.abs(found.by_speed.whitened)) > 10.0
+
+
+def test_a_comparison_s_page_has_the_residual_of_its_waveforms():
+    panel = answers.differences(with_waveforms())
+    bands, lines = panel.marks[:2], panel.marks[2:4]
+    for line in lines:
+        np.testing.assert_allclose(line.y, 5.0 * (PHI > 0.2), atol=1e-9)
+    for band in bands:
+        np.testing.assert_allclose([band.y[0], band.other[0]], [-2.0, 2.0])
+
+
+def test_the_least_probability_of_a_ladder_is_an_upper_limit():
+    step = {"effect": "base", "decision": "start", "outcome": "start", "p_adjusted": None}
+    step |= {"rmse_heldout": 9e-6, "rmse_fit": 8e-6, "noise_floor": 1e-6}
+    found = step | {"effect": "wear", "decision": "added", "outcome": "added"}
+    steps = [step, found | {"p_adjusted": 2.0**-9}, found | {"p_adjusted": 0.01}]
+    climbed = {"observable": "strain", "steps": steps, "manoeuvres": 10, "rmse_untouched": None}
+    texts = [mark.name for mark in answers.climbed_panel(climbed, (1e6, "microstrain")).marks[3:]]
+    assert texts == ["start", "added\np <= 0.002", "added\np = 0.01"]

@@ -496,7 +496,8 @@ def _refuse_channels(channels: Mapping[str, ChannelSetup], place: FilePlace) -> 
             (
                 twin is not None and (twin not in channels or twin == name),
                 "temperature_channel",
-                f"temperature_channel {twin!r} is not another channel{nearest(twin or '', channels)}",
+                f"temperature_channel {twin!r} is not another channel"
+                f"{nearest(twin or '', channels)}",
                 "",
                 f"name one of {', '.join(channels)}",
             ),

@@ -1,22 +1,25 @@
 """The pictures of answers: `compare`, `diagnose`, `ladder`, `propose`, fits, forms, effects, modes.
 
-page   waveforms with the floor's band, and the residual over angle x speed and angle x time,
-       whitened too
+page   waveforms, their residuals with the floor's band, and the residual over angle x speed and
+       angle x time, whitened too
 polar  measured and predicted around the wheel, and the model's contact pressure in the patch
-edges  entry and exit edge close up with the floor's band, and what is left there
+edges  entry and exit edge close up with the floor's band, and the residual there
+
+It is longer than others: each answer has a picture, and they share their panels.
 """
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tirelog.data.recording import Conditions
-from tirelog.diagnosis.answer import in_unit
+from tirelog.diagnosis.answer import in_unit, probability
 from tirelog.errors import UsageError, refuse_unknown
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
@@ -87,8 +90,7 @@ def correlations(fitted: FitOfLogs) -> Panel:
                     f"{value:.2f}", j, i, ha="center", va="center", fontsize=7,
                     color="white" if abs(value) > 0.6 else "black",
                 )
-                for i, row in enumerate(r.tolist())
-                for j, value in enumerate(row)
+                for (i, j), value in np.ndenumerate(r)
                 if np.isfinite(value)
             ),
         ],
@@ -193,8 +195,9 @@ def climbed_panel(
         there = [untouched * factor]
         marks.append(dots(place[-1:], there, name, colours[3], symbol="D", mec="black"))
     for x, (step, y) in enumerate(zip(taken, height, strict=True)):
-        p = "" if step["p_adjusted"] is None else f"\np = {step['p_adjusted']:.2g}"
-        text = f"{step['decision']}{p}"
+        p = step["p_adjusted"]
+        shown = "" if p is None else f"\np = {probability(p, climbed['manoeuvres'])}"
+        text = step["decision"] + shown.replace("= <=", "<=")
         marks.append(words(text, x, y, va="bottom", ha="center", beside=(0, 7)))
     return Panel(
         "",
@@ -465,7 +468,7 @@ def _residuals(result: Comparison) -> Page:
         left.append(_map(map_, map_.residual * factor, floor, f"residual [{unit}]", name, edge))
         white.append(_map(map_, map_.whitened, _SIGMAS, "residual [standard errors]", name, edge))
     return Page(
-        [[waveforms(result)], left, white],
+        [[replace(waveforms(result), legend=None), differences(result)], left, white],
         (12.0, 9.5),
         f"held-out error {in_unit(result.rmse_heldout, factor)} {unit}, noise floor {floor:.3g}, "
         f"excess {in_unit(result.excess_heldout, factor)}; reduced chi-square "
@@ -571,10 +574,49 @@ def waveforms(
     `as_shown`: factor and unit of the observable; `looks`: colour, dash and symbol of each mean.
     """
     factor, unit = as_shown or drawn(result.observable, result.unit)
-    colours = by_value(result.waveforms.conditions.speed_m_s) if looks is None else ()
-    marks = wave_marks(result, factor, looks or [(colour, "solid", ".") for colour in colours])
-    said = "dots: measured means of similar revolutions; lines: predicted; band: two noise floors"
-    return over_angle(result, f"{result.observable} [{unit}]", marks, said)
+    return over_angle(
+        result,
+        f"{result.observable} [{unit}]",
+        wave_marks(result, factor, looks or _by_speed(result)),
+        "dots: measured means of similar revolutions; lines: predicted",
+    )
+
+
+def differences(
+    result: Comparison,
+    as_shown: tuple[float, str] | None = None,
+    looks: Sequence[tuple[Any, str, str]] | None = None,
+) -> Panel:
+    """The same means, measured less predicted, with two noise floors (`waveforms`)."""
+    factor, unit = as_shown or drawn(result.observable, result.unit)
+    waves, looks = result.waveforms, looks or _by_speed(result)
+    phi, floor = np.rad2deg(waves.phi_rad), 2.0 * factor * waves.floor
+    marks = [
+        *(
+            band(
+                phi[i], -floor[i], floor[i], f"_two floors, {waves.labels[i]}", colour, opacity=0.2
+            )
+            for i, (colour, *_) in enumerate(looks)
+        ),
+        *(
+            line(
+                phi[i],
+                factor * (waves.measured[i] - waves.predicted[i]),
+                waves.labels[i],
+                colour,
+                dash=dash,
+            )
+            for i, (colour, dash, _) in enumerate(looks)
+        ),
+    ]
+    return over_angle(
+        result, f"residual [{unit}]", marks, "measured less predicted; bands: two noise floors"
+    )
+
+
+def _by_speed(result: Comparison) -> list[tuple[Any, str, str]]:
+    """Colour, dash and symbol of each mean: coloured by its speed."""
+    return [(c, "solid", ".") for c in by_value(result.waveforms.conditions.speed_m_s)]
 
 
 def over_angle(result: Comparison, y: str, marks: Sequence[Mark], title: str = "") -> Panel:
@@ -610,7 +652,10 @@ def _map(map_: Map, values: Any, small: float, label: str, name: str, edge: floa
     """`values` of a map in colour; of one with a single row or column as points."""
     known = np.abs(values[np.isfinite(values)])
     largest = float(np.percentile(known, _QUANTILE)) if known.size else 1.0
-    colours = coloured(map_, values, label, small, max(largest, small))
+    colours = coloured(
+        map_, values, f"{label}\nlinear to {small:.2g}, logarithmic beyond", small,
+        max(largest, small),
+    )  # fmt: skip
     if colours is not None:
         between = [level(begin) for begin in map_.begins]
         after = ", logs one after the other" if map_.begins else ""
@@ -695,13 +740,13 @@ def _maps(both: Sequence[Comparison]) -> list[Panel]:
         some = np.isfinite(values).any(axis=0)
         phi, size = np.rad2deg(one.by_speed.phi_rad), np.sqrt(np.nanmean(values[:, some] ** 2, 0))
         sizes.append(line(phi[some], size, word, colour, width=1.4))
-    of_floor = level(floor, "noise floor of a revolution", _FLOOR, dash="dash")
+    sizes.append(level(floor, "noise floor of a revolution", _FLOOR, dash="dash"))
     return [
         *panels,
         Panel(
             "angle [deg]",
             f"rms of the residual [{unit}]",
-            [*sizes, of_floor, *edges(both[0].half_angle_rad)],
+            [*sizes, *edges(both[0].half_angle_rad)],
             "means of similar revolutions",
             scales=("linear", "log"),
             # below the axes: what is large may lie anywhere in them
@@ -728,10 +773,9 @@ def _values(both: Sequence[Comparison]) -> Panel:
         )
         for word, one, colour in zip(("before", "after"), both, (_BEFORE, _AFTER), strict=True)
     ]
-    floors = [
-        level(side * both[0].noise_floor * factor, "", _FLOOR, dash="dash") for side in (-1.0, 1.0)
-    ]
-    return Panel("speed [m/s]", f"residual [{unit}]", [*marks, *floors])
+    floor = both[0].noise_floor * factor
+    marks += [level(y, "", _FLOOR, dash="dash") for y in (-floor, floor)]
+    return Panel("speed [m/s]", f"residual [{unit}]", marks)
 
 
 def _error(one: Comparison, factor: float) -> str:
@@ -767,7 +811,7 @@ def ranked_panel(
         also = f", or {', '.join(c.group)}" if c.group else ""
         marks.append(words(f"{p}{also}", 100.0 * c.excess_removed, y, va="center", beside=(4, 0)))
     return Panel(
-        "of the excess removed [%]",
+        "share of the excess removed [%]",
         "",
         marks,
         "candidates; full colour: selected",

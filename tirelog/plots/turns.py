@@ -490,7 +490,7 @@ def edges(sketches: Sequence[TurnsSketch]) -> Page:
         [[_edge(sketch, -1.0, "entry"), _edge(sketch, 1.0, "exit")] for sketch in shown],
         (SLIDE[0], SLIDE[1] * (1.0 if len(shown) < 3 else 1.45)),
         "dark band: two standard errors of the mean; light band: scatter of a revolution; "
-        "orange the edge, and how far it scatters",
+        "orange: the edge and its scatter",
         share="y",
     )
 

@@ -37,6 +37,7 @@ from tirelog.inference.measured import TransientLog
 from tirelog.physics.effects import Effect
 from tirelog.plots.answers import (
     climbed_panel,
+    differences,
     hit_panels,
     over_angle,
     ranked_panel,
@@ -44,7 +45,7 @@ from tirelog.plots.answers import (
     shape,
     waveforms,
 )
-from tirelog.plots.record import Mark, Panel, band, dots, heat, line
+from tirelog.plots.record import Panel, band, dots, heat, line
 from tirelog.report.page import (
     DASHES,
     GREY,
@@ -539,19 +540,12 @@ def _waveforms(result: Comparison, factor: float, unit: str, colours: LogColours
 
 def _differences(result: Comparison, factor: float, unit: str, colours: LogColours) -> Figure:
     """The same waveforms, measured less predicted, so that the floor's band can be seen."""
-    waves, looks = result.waveforms, styles(result.waveforms.logs, colours)
-    bands, lines = list[Mark](), list[Mark]()
-    for i, (said, (colour, dash, _)) in enumerate(zip(waves.labels, looks, strict=True)):
-        phi, floor = np.rad2deg(waves.phi_rad[i]), 2.0 * factor * waves.floor[i]
-        bands.insert(0, band(phi, -floor, floor, f"_two floors, {said}", colour))
-        left = (waves.measured[i] - waves.predicted[i]) * factor
-        lines.append(line(phi, left, said, colour, dash=dash))
     return figure(
         "differences",
         "What the model leaves of these waveforms",
         f"Measured less predicted {result.observable} of the same waveforms, {unit}, with two "
         "noise floors as bands about zero.",
-        over_angle(result, f"residual [{unit}]", bands + lines),
+        differences(result, (factor, unit), styles(result.waveforms.logs, colours)),
         height=460,
     )
 
