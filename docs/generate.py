@@ -71,7 +71,7 @@ def quality_page() -> str:
 # Quality words
 
 The column `quality` of a table is `{OK}`, or words in alphabetical order joined by `;`: what is
-wrong inside the patch window of that row. The row stays in the table with all that could be told.
+wrong inside the patch window of that row. The row stays in the table with all numbers that are known.
 Unless the last column says otherwise, it is left out of pictures, moving averages, regressions,
 calibrations, and of the numbers per revolution that are compared with a model. A word that is not
 in this list, in a table of another version or tool, is kept and counted, and its row left out too.
@@ -207,7 +207,7 @@ def tables_page() -> str:
                 "# Tables of a log\n",
                 "Each is a command and a function of `import tirelog`; those of a drive are made "
                 "by `tirelog tables` and\nare keys of a campaign's `[tables]`, with the names of "
-                "options in brackets. A column in brackets stands\nthere only if the setup or a "
+                "options in brackets. A column in brackets is\nthere only if the setup or a "
                 "calibration gives what it needs. A new one: [howto/table.md](howto/table.md).",
                 *(table_section(entry) for entry in LOG_TABLES.values()),
             ]
@@ -576,18 +576,18 @@ def propose_page() -> str:
 # What `propose` tries
 `tirelog propose LOG... --model M -o BETTER.toml` writes an unknown effect down if `diagnose` says
 *unknown*, or if a large rest repeats beside what it names. A third of the manoeuvres is locked
-away before anything is looked at and serves once, for the error that is said. Free shapes come
+away before the search and serves once, for the error that is printed. Free shapes come
 first: each frame below times each law; the best is the ceiling, and can stand in a model file as it
 is. Then every profile in every frame at every stage under every law, with p over all of them; at
 most three terms. A new form: [howto/form.md](howto/form.md).
 
 ## Profiles
-Along a coordinate u of a frame, with d = u - at; `@` stands for a wave of free phase.
+Along a coordinate u of a frame, with d = u - at; `@` is a wave of free phase.
 
 {table(("profile", "formula", "frames to one or both sides", "stages"), profiles)}
 
 ## Frames
-{table(("frame", "it stands still", "u", "unit"), frames)}
+{table(("frame", "where it is fixed", "u", "unit"), frames)}
 
 ## Stages
 {table(("where it acts", "`acts_on`", "unit of the strength"), stages)}
@@ -602,7 +602,7 @@ Along a coordinate u of a frame, with d = u - at; `@` stands for a wave of free 
 conditions (`speed / 20`; `1` for none), straight lines between the nodes and nothing outside. On
 `contact_pressure` values are shares of the mean pressure.
 
-{table(("frame", "it stands still", "coordinate", "unit", "`acts_on`"), shapes)}
+{table(("frame", "where it is fixed", "coordinate", "unit", "`acts_on`"), shapes)}
 """
 
 
@@ -699,7 +699,7 @@ def signature_of(function: Callable[..., object]) -> str:
 
 
 def entries(text: str) -> str:
-    """A section of a docstring as a list: what stands at the margin, and what is indented below."""
+    """A section of a docstring as a list: names at the margin, texts indented below."""
     items: list[str] = []
     for line in text.strip().splitlines():
         if line and not line.startswith(" "):
