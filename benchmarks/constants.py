@@ -32,6 +32,7 @@ import pandas as pd
 
 import tirelog
 from benchmarks import faults
+from tirelog.simulation.simulate import simulate
 
 PARTS = ("dsp", "strain", "wheel", "runs", "readers", "data")
 FACTORS = (0.5, 2.0)
@@ -145,7 +146,7 @@ def worlds(folder: Path) -> list[World]:
     for number, (kind, name) in enumerate(WORLDS):
         if kind not in made:
             make = faults._strain_world if kind == "strain" else faults._wheel_world
-            made[kind] = faults.simulate(make(WORLD, reporting=False))
+            made[kind] = simulate(make(WORLD, reporting=False))
         simulated = made[kind]
         log, random = faults.log_of(simulated), np.random.default_rng([SEED, number])
         for part in name.split(" + "):

@@ -71,10 +71,11 @@ def quality_page() -> str:
 # Quality words
 
 The column `quality` of a table is `{OK}`, or words in alphabetical order joined by `;`: what is
-wrong inside the patch window of that row. The row stays in the table with all numbers that are known.
-Unless the last column says otherwise, it is left out of pictures, moving averages, regressions,
-calibrations, and of the numbers per revolution that are compared with a model. A word that is not
-in this list, in a table of another version or tool, is kept and counted, and its row left out too.
+wrong inside the patch window of that row. The row stays in the table with all numbers that are
+known. Unless the last column says otherwise, it is left out of pictures, moving averages,
+regressions, calibrations, and of the numbers per revolution that are compared with a model. A word
+that is not in this list, in a table of another version or tool, is kept and counted, and its row
+left out too.
 
 {table(("word", "what it says of the row", "tables", "the row is used nevertheless"), rows)}
 """
