@@ -8,7 +8,13 @@ import pytest
 from tests.sources import nodes
 from tirelog.errors import SetupError
 from tirelog.physics.effects.base import CATALOGUE_G_M_S2
-from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2, UNITS, canonical, to_si
+from tirelog.vocabulary.units import (
+    STANDARD_GRAVITY_M_S2,
+    UNITS,
+    canonical,
+    likely_number,
+    to_si,
+)
 
 pytestmark = pytest.mark.xdist_group("sources")  # one worker parses the package, once
 
@@ -73,3 +79,19 @@ def test_one_gravity() -> None:
         ("vocabulary/units.py", STANDARD_GRAVITY_M_S2),
         ("physics/effects/base.py", CATALOGUE_G_M_S2),
     }
+
+
+@pytest.mark.parametrize(
+    ("text", "means"),
+    [
+        ("20kmh", "20 km/h is 5.556 m/s"),
+        ("2,2 bar", "2.2 bar is 2.2e+05 Pa"),
+        ("20 degC", "20 degC is 293.1 K"),
+        ("350kgf", "350 kgf is 3432 N"),
+        ("-5mm", "-5 mm is -0.005 m"),
+        ("0,305", "the decimal sign is a point: 0.305"),
+        ("4.5", ""), ("on", ""), ("1:2", ""), ("5 furlongs", ""), ("1.2.3 m", ""), ("", ""),
+    ],
+)  # fmt: skip
+def test_a_number_as_people_write_it_is_understood(text: str, means: str) -> None:
+    assert likely_number(text) == means

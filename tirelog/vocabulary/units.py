@@ -7,6 +7,9 @@ test holds it against the definitions.
 
 from __future__ import annotations
 
+import re
+from contextlib import suppress
+
 from tirelog.errors import SetupError, nearest
 
 #: Standard gravity, the g of units, models and estimators.
@@ -108,6 +111,28 @@ def free_to_si(unit: str) -> tuple[float, float, str]:
             do="write the unit of the source",
         )
     return 1.0, 0.0, text
+
+
+def likely_number(text: str) -> str:
+    """What a number with a unit or a decimal comma means in SI; empty for any other text.
+
+    >>> likely_number("20kmh")
+    '20 km/h is 5.556 m/s'
+    >>> likely_number("0,305")
+    'the decimal sign is a point: 0.305'
+    """
+    found = re.fullmatch(r"([-+]?[\d.,]+) *([^\d\s].*)?", text.strip())
+    if found is None:
+        return ""
+    unit = canonical(found[2] or "1")
+    with suppress(ValueError):
+        value = float(found[1].replace(",", "."))
+        if found[2] is None and "," in found[1]:
+            return f"the decimal sign is a point: {value:g}"
+        if found[2] is not None and unit is not None:
+            factor, offset, si = free_to_si(unit)
+            return f"{value:g} {unit} is {factor * value + offset:.4g} {si}"
+    return ""
 
 
 def to_si(unit: str, *quantities: str) -> tuple[float, float]:
