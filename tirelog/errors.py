@@ -207,15 +207,28 @@ def nearest(name: str, allowed: Iterable[str], *, most: int = 3) -> str:
     return f" (nearest: {', '.join(close)})" if close else ""
 
 
+def choices(name: object, allowed: Collection[str], *, short: int = 8) -> tuple[str, str]:
+    """(the words near a misspelt `name` as `nearest` gives them, a clause with those allowed).
+
+    The clause is empty if words are near and the list is not `short`: it would fill the screen.
+    """
+    near = nearest(str(name)[:80], allowed)
+    if near and len(allowed) > short:
+        return near, ""
+    return near, f"allowed are {', '.join(allowed) or 'none'}"
+
+
 def refuse_unknown(
     word: object,
     allowed: Collection[str],
     what: str,
     *,
-    do: str = "mend it",
+    do: str = "correct it",
     error: type[TirelogError] = UsageError,
     file: object = None,
 ) -> None:
     """The `error` for a word that is none of those allowed: `what`, with the nearest ones."""
     if word not in allowed:
-        raise error(f"{what}{nearest(str(word)[:80], allowed)}", allowed=allowed, do=do, file=file)
+        near, clause = choices(word, allowed)
+        listed = do.startswith("list: ")  # by a command
+        raise error(f"{what}{near}", allowed="" if listed else clause, do=do, file=file)

@@ -79,7 +79,7 @@ WRONG = {
     "driven = 1": "s:1: driven = 1; allowed is true or false; mend it",
     "sign = 3": "s:1: sign = 3; allowed are '.', ','; choose one",
     "sed = 1": "s:1: unknown key 'sed' in a file (nearest: seed); allowed are seed, radius, stops, "
-    "name, driven, sign, logs, channels; mend or remove it",
+    "name, driven, sign, logs, channels; correct or remove it",
     "logs = 1": "s:1: logs is not a list of tables; allowed are entries that begin with [[logs]]; "
     "mend it",
     "\n[[logs]]": "s:2: [[logs]] number 1 has no glob; allowed is text of one line in quotes; "

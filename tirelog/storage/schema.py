@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
-from tirelog.errors import TirelogError, nearest
+from tirelog.errors import TirelogError, choices
 from tirelog.storage.whole import toml_tables
 
 #: where a key stands: names of tables and keys, and the number of a table in a list
@@ -189,8 +189,8 @@ class OneOf:
                 raise place.wrong(value, f"{self.allowed}, in a list")
             return tuple(OneOf(self.choices).read(one, place) for one in value)
         if not isinstance(value, str) or value not in self.choices:
-            near = nearest(str(value)[:80], self.choices)
-            raise place.wrong(value, self.allowed, near, "choose one")
+            near, listed = choices(value, self.choices)
+            raise place.wrong(value, listed and self.allowed, near, "choose one")
         return value
 
 
@@ -211,9 +211,9 @@ class Table:
             raise place.error(f"{place.table} is not a table", self.allowed)
         for name in value:
             if name not in self.keys:
-                said = f"unknown key {_shown(name)} in {place.table}{nearest(name[:80], self.keys)}"
-                known = f"allowed are {', '.join(self.keys)}"
-                raise (place / name).error(said, known, "mend or remove it")
+                near, known = choices(name, self.keys)
+                what = f"unknown key {_shown(name)} in {place.table}{near}"
+                raise (place / name).error(what, known, "correct or remove it")
         for name in self.needed:
             if name not in value:
                 raise place.error(f"{place.table} has no {name}", self.keys[name].allowed, "add it")

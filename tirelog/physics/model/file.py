@@ -18,7 +18,7 @@ from typing import Any
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
-from tirelog.errors import ModelError, nearest
+from tirelog.errors import ModelError, choices
 from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS
 from tirelog.physics.effects import BY_ID, Effect
 from tirelog.physics.model import user_effects
@@ -241,15 +241,8 @@ def parse_model(
         raise place.error(f"is not TOML ({problem})", "see `tirelog model new`", "correct it").at(
             document.file, line
         ) from None
-    head = _HEAD.read(data.get("model", {}), place / "model")
-    numbers = data.get("parameters", {})
-    model = _bare(head, numbers, place)
-    model = replace(
-        model,
-        base=_base(numbers, model.base, place / "parameters"),
-        nuisances=_nuisances(data, place),
-        document=text,
-    )
+    head, model = _carcass(data, place)
+    model = replace(model, nuisances=_nuisances(data, place), document=text)
     if catalogue is None:
         asked, folder = own is not None, path.parent if path is not None else Path()
         own = own or (folder / head[EFFECTS_FILE] if EFFECTS_FILE in head else None)
@@ -266,6 +259,14 @@ def parse_model(
         except ModelError as problem:
             raise (at / "name").moved(problem) from None
     return model
+
+
+def _carcass(data: Mapping[str, Any], place: FilePlace) -> tuple[Mapping[str, Any], Model]:
+    """([model], the model of it with its own parameters and no effects)."""
+    head = _HEAD.read(data.get("model", {}), place / "model")
+    numbers = data.get("parameters", {})
+    model = _bare(head, numbers, place)
+    return head, replace(model, base=_base(numbers, model.base, place / "parameters"))
 
 
 def _catalogue(own: Path | None, place: FilePlace, *, asked: bool) -> Mapping[str, Effect]:
@@ -339,10 +340,11 @@ def _effect(table: Any, catalogue: Mapping[str, Effect], place: FilePlace) -> Mo
     if "expression" in table or "shape" in table:
         return _own_effect(table, place)
     if name not in catalogue:
+        near, listed = choices(name, catalogue)
         raise (place / "name").error(
-            f"unknown effect {name!r}{nearest(name, catalogue)}",
-            f"allowed are {', '.join(catalogue)}, or one with an expression",
-            "for one of your own in Python give --effects FILE",
+            f"unknown effect {name!r}{near}",
+            listed and f"{listed}, or one with an expression",
+            "list: `tirelog effects`; for one of your own in Python give --effects FILE",
         )
     effect = catalogue[name]
     options: dict[str, KeyKind] = {key: words(*choices) for key, choices in effect.options.items()}
@@ -442,11 +444,15 @@ def as_toml(model: Model, folder: Path | None = None) -> str:
     if model.effects_file is not None:
         _put_effects_file(head, model, folder or (model.path or Path("model")).parent)
     numbers = document.setdefault("parameters", tomlkit.table())
+    read: dict[str, Parameter] = {}
+    if model.document:
+        old = Document(model.document, ModelError, "a model", model.path or "model")
+        read = {p.name: p for p in _carcass(old.read(_FILE), FilePlace(old))[1].base}
     if model.contact != "prescribed" and "contact" not in numbers and "contact" not in head:
         numbers["contact"] = model.contact
     for parameter in model.base:
-        if parameter.name in numbers or not model.document or parameter.free:
-            _put(numbers, parameter)
+        if parameter.name in numbers or parameter != read.get(parameter.name) or parameter.free:
+            _put(numbers, parameter, read.get(parameter.name))
     _put_effects(document, model)
     _put_nuisances(document, model)
     return tomlkit.dumps(document)
@@ -493,8 +499,8 @@ def _put_effects(document: Any, model: Model) -> None:
         numbers = table
         if effect.source and effect.parameters:
             numbers = table.setdefault("parameters", tomlkit.inline_table())
-        for parameter in effect.parameters:
-            _put(numbers, parameter, remark=not effect.source)
+        for parameter, usual in zip(effect.parameters, effect.effect.parameters, strict=True):
+            _put(numbers, parameter, usual, remark=not effect.source)
         if name not in held:
             tables.append(table)
     if not tables:
@@ -525,8 +531,10 @@ def _put_nuisances(document: Any, model: Model) -> None:
             document[FORM].pop(parameter.name, None)
 
 
-def _put(table: Any, parameter: Parameter, *, remark: bool = True) -> None:
-    """Writes one parameter, leaving an unchanged one (and every comment) in place."""
+def _put(
+    table: Any, parameter: Parameter, usual: Parameter | None = None, *, remark: bool = True
+) -> None:
+    """Writes one parameter; an unchanged one, every comment and bounds as `usual` stay."""
     name, old = parameter.name, table.get(parameter.name)
     unit = "" if parameter.unit in ("", "1") else f" [{parameter.unit}]"
     words = f"{parameter.description}{unit}" if remark else ""
@@ -549,5 +557,5 @@ def _put(table: Any, parameter: Parameter, *, remark: bool = True) -> None:
     for key in old.keys() - wanted.keys():
         del old[key]
     for key, value in wanted.items():
-        if key in old or key not in ("min", "max"):
+        if key in old or key not in ("min", "max") or value != getattr(usual, key, value):
             _set(old, key, value)

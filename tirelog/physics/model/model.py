@@ -16,7 +16,7 @@ import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.data.setup import FORM_PRESSURE, FORM_STIFFNESS
-from tirelog.errors import ModelError, nearest, or_refusal, refuse_unknown
+from tirelog.errors import ModelError, choices, nearest, or_refusal, refuse_unknown
 from tirelog.physics.carcass.numbers import (
     CARCASSES,
     CONTACTS,
@@ -317,7 +317,7 @@ class Model:
                 effect,
                 BY_ID,
                 f"unknown effect {effect!r}",
-                do="see `tirelog effects`",
+                do="list: `tirelog effects`",
                 error=ModelError,
             )
             effect = BY_ID[effect]
@@ -467,11 +467,11 @@ class Model:
         """ModelError for a name that is none of the parameters."""
         for name in names:
             if name not in self.parameters:
+                near, listed = choices(name, [*self.parameters, *self._words])
                 raise ModelError(
-                    f"the model has no parameter {name!r}"
-                    f"{nearest(name, [*self.parameters, *self._words])}",
-                    allowed=f"it has {', '.join([*self.parameters, *self._words])}",
-                    do="use one of them",
+                    f"the model has no parameter {name!r}{near}",
+                    allowed=listed,
+                    do="list: `tirelog model show MODEL`",
                 )
 
     # ---- predicting ------------------------------------------------------------------------------

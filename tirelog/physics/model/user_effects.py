@@ -332,7 +332,7 @@ def effect_called(name: str, path: Path | None = None, *, asked: bool = True) ->
     """The effect of this name in the whole catalogue.  ModelError: there is none."""
     catalogue = catalogue_with(path, asked=asked)
     refuse_unknown(
-        name, catalogue, f"unknown effect {name!r}", do="see `tirelog effects`", error=ModelError
+        name, catalogue, f"unknown effect {name!r}", do="list: `tirelog effects`", error=ModelError
     )
     return catalogue[name]
 
