@@ -43,7 +43,7 @@ class TableColumn:
 def register(columns: Sequence[TableColumn]) -> dict[str, TableColumn]:
     """The columns by name.
 
-    ValueError: a name stands there twice, and one of its two meanings would be lost.
+    ValueError: two columns have one name.
     """
     found: dict[str, TableColumn] = {}
     for column in columns:

@@ -1,11 +1,11 @@
 """Every condition that a tire is driven under, once: speed, load, water depth, ...
 
-`ConditionValues` is the register: a field is a condition, its name carries the unit, and what
-stands beside it says what the condition is called, which channels measure it, which key of a
-setup's [conditions] gives it and how it is proposed to a driver. From it are made the conditions of
-revolutions and of predictions, the setup's keys, the names in expressions, and the sentences of a
-diagnosis. A new condition is one field here (docs/howto/condition.md); docs/setup.md and
-docs/conditions.md are made from this register.
+`ConditionValues` is the register: a field is a condition, and its name has the unit. The entry of a
+field has the condition's names, the channels that measure it, and the numbers that a setup may
+give. It also has the stretch to propose to a driver. The conditions of revolutions and predictions,
+the setup's keys, the names in expressions and the sentences of a diagnosis come from it. A new
+condition is one field here (docs/howto/condition.md); docs/setup.md and docs/conditions.md are made
+from this register.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Condition:
     unit            unit of its values, SI or as the field says
     meaning         a sentence
     kinds           kinds of channel whose mean over a revolution gives it, the last one first
-    from_start      those of them that read it absolute: the first revolution's value is taken off
+    from_start      those of them that are absolute: the first revolution's value is subtracted
     setup           the numbers that a setup may give for the whole log; None: none
     signed          True if a remainder grows from zero both ways, as from drive to brake
     in_expressions  True if a user's expression may read it as a condition
@@ -66,7 +66,7 @@ class Condition:
 def _entry(
     symbol: str, unit: str, meaning: str, *, word: str = "", name: str = "", **more: Any
 ) -> dict[str, Condition]:
-    """What stands beside a field of `ConditionValues`: its entry of the register."""
+    """The entry of a field of `ConditionValues` in the register."""
     entry = Condition("", symbol, word or symbol, name or word or symbol, unit, meaning, **more)
     return {"condition": entry}
 

@@ -57,7 +57,7 @@ _ALL = (
         "K",
         "nm",
         "temperature",
-        "wavelength of an unbonded twin grating: the change of temperature",
+        "wavelength of an unbonded twin grating, the temperature reference",
         wavelength=True,
     ),
     Kind("strain", ("strain",), "", "strain", "strain", "strain as the instrument gives it"),

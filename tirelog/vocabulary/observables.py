@@ -151,7 +151,7 @@ def at_odds(names: Iterable[str]) -> str:
             *(("a level of its own",) if "regressors" in own.reads else ()),
         ):
             if what in seen and seen[what] == name:
-                return f"{name} stands there twice"
+                return f"{name} is named twice"
             if what in seen:
                 share = "have" if what == "a level of its own" else "are made of"
                 same = "one level" if share == "have" else f"the same {what}"

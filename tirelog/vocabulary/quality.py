@@ -1,4 +1,4 @@
-"""Every quality word, once: what it says, in which tables it may stand, what its row is good for.
+"""Every quality word, once: its sentence, its tables, and the uses that its row is good for.
 
     estimator --flags (n,) uint32: `marked(rows, Quality.GAP) | ...`--> `good(flags)` for the next
     estimator, `quality_column(flags)` for a table: 'ok', or words joined by ';'
@@ -33,15 +33,15 @@ _ALL = (*_PASSAGES, "phase-shift")
 
 
 class Use(Enum):
-    """What a row is wanted for; the value says on the reference page that it is used there."""
+    """The use of a row; the value is the sentence of the reference page."""
 
     ANY = "everywhere"
     COMPARISON = "in comparisons with a model, which say how many rows have it"
-    FRONTS = "for what the fronts tell without it: width, calibration, forces"
+    FRONTS = "for width, calibration and forces, which the fronts give without it"
 
 
 class Quality(IntFlag):
-    """A word that says what is wrong with a row: NAME = sentence, tables, what the row is good for.
+    """A word for a fault of a row: NAME = sentence, tables, uses that the row is good for.
 
     The word in a table is the name in small letters. A row is good for a use if all of its words
     leave it so (Use.ANY: for every use). Only words are stored, no flags: the order here is free.
@@ -59,52 +59,55 @@ class Quality(IntFlag):
 
     @property
     def word(self) -> str:
-        """The word as it stands in tables."""
+        """The word in tables."""
         return str(self.name).lower()
 
     # ---- what the samples were
     LOST_PEAK = "samples of the window are lost, or no patch was found in it", _ALL
     GAP = "the recording has a gap there", _ALL
-    CLIPPED = "the signal stands at the end of its range", _ALL
-    SPIKE = "samples far off all others, or an error code, were left out", _PASSAGES
+    CLIPPED = "the signal is at the end of its range", _ALL
+    SPIKE = "samples far from all others, or error codes, were left out", _PASSAGES
     FEW_SAMPLES = "too few samples in the window for a waveform", _PASSAGES
     EDGE_OF_LOG = "the log begins or ends there", _ALL
-    SPURIOUS_PEAK = "a reported peak was not taken for this grating's", _PASSAGES
+    SPURIOUS_PEAK = "a reported peak was judged to be another grating's", _PASSAGES
     ERROR_CODE = "the instrument reported an error", _PASSAGES
-    REPEATED_STAMP = "a time stamp stands there twice", _PASSAGES
-    CLOCK_SET_BACK = "the clock was set back there; its time runs on", _PASSAGES
-    FOREIGN_DOUBT = "the run has a doubt there that this version does not know", _PASSAGES
+    REPEATED_STAMP = "a time stamp is repeated there", _PASSAGES
+    CLOCK_SET_BACK = "the clock was set back there; the log's time goes on", _PASSAGES
+    FOREIGN_DOUBT = "the run has a quality word there that this version does not know", _PASSAGES
     # ---- how the wheel turned
-    STANDSTILL = "the wheel stands, or stood between this passage and a neighbour", _ALL
-    REVERSING = "the wheel rolls backwards, or turned round beside this passage", _ALL
+    STANDSTILL = "the wheel is at rest, or was between this passage and a neighbour", _ALL
+    REVERSING = "the wheel rolls backwards, or changed direction beside this passage", _ALL
     DIRECTION_UNKNOWN = "nothing shows the direction of rolling after a standstill", _WHEEL
-    NOT_A_PASSAGE = "no tire passes the patch like this: no speed is told", _PASSAGES
-    IMPLAUSIBLE = "time, speed or unit of the log are no tire's: no speed is told", _PASSAGES
+    NOT_A_PASSAGE = "not the signal of a tire in its patch: no speed", _PASSAGES
+    IMPLAUSIBLE = "time, speed or unit of the log are impossible for a tire: no speed", _PASSAGES
     EXTRAPOLATED = "the speed is not centred, or lies outside a calibration", _ALL, Use.FRONTS
-    DELAY_UNKNOWN = "how late the vehicle's speed is may make up half a per cent of slip", ("slip",)
-    # ---- what could be told
-    ERROR_UNKNOWN = "an error larger than what it belongs to, left blank", ("speed", "dissipation")
-    UNLIKE_NEIGHBOURS = "far off the turns before and after, the same way", (*_ALL, "slip")
+    DELAY_UNKNOWN = "the unknown delay of the vehicle's speed: half a per cent of slip", ("slip",)
+    # ---- what could be estimated
+    ERROR_UNKNOWN = "a value smaller than its error, left blank", ("speed", "dissipation")
+    UNLIKE_NEIGHBOURS = (
+        "far from the turns before and after, on the same side of both",
+        (*_ALL, "slip"),
+    )
     CUTOFF = "the sampling is too coarse for the low-pass", ("footprint", "dissipation")
     PATCH_SHORT = "too few samples between the edges for a length", _FOOTPRINT
-    NO_LENGTH = "no contact length could be told", _FOOTPRINT
+    NO_LENGTH = "no contact length could be found", _FOOTPRINT
     EDGE_UNCLEAR = "the second derivative has no clear extremum at an edge", _FOOTPRINT
     FORM_UNCLEAR = (
-        "of no tire's form: the length may be wrong by half, a form holds other physics",
+        "edge shape not recognised: the length may be off by 50 %; a form may hold other physics",
         (*_FOOTPRINT, "form"),
         Use.COMPARISON,
     )
     TRACTION_UNRESOLVED = (
-        "speeds up or slows down, and what the traction does to the length is not resolved",
+        "the car speeds up or slows down, and the effect of traction on the length is unresolved",
         _FOOTPRINT,
         Use.COMPARISON,
     )
     NO_ZERO = "no stretch for the zero of the phase shift", _PHASE_SHIFT, Use.FRONTS
-    DELAY_REMOVED = "a good row: the calibration's delay was taken off", _PHASE_SHIFT, Use.ANY
+    DELAY_REMOVED = "a good row: the delay of the calibration was subtracted", _PHASE_SHIFT, Use.ANY
     LEAK = "strain was lost at this stop", ("inflation",)
-    # ---- what a comparison says
-    LEFT_OUT = "not compared: many other logs left it no room", ("compare --by revolution",)
-    BEYOND_MODEL = "the model computes no such speed or load", ("compare --by revolution",)
+    # ---- comparisons
+    LEFT_OUT = "not compared: too many logs for the memory", ("compare --by revolution",)
+    BEYOND_MODEL = "the model does not cover this speed or load", ("compare --by revolution",)
     UNLIKE = "the model covers less than a fifth of the hit", ("compare --by hit",)
 
 
@@ -135,7 +138,7 @@ def good(flags: QualityFlags, use: Use = Use.ANY) -> NDArray[np.bool_]:
 def good_rows(column: pd.Series) -> NDArray[np.bool_]:
     """Which rows of a table's quality column are good, shape (n,).
 
-    A word that is not of the register spoils its row.
+    An unknown word spoils its row.
     """
     return np.asarray(column.isin(_good_texts()), dtype=bool)
 
