@@ -186,7 +186,9 @@ model fit drive.csv.gz --model observable.toml -o new.toml
 model fit drive.csv.gz --model nothing.toml -o new.toml
 model fit drive.csv.gz --model unit.toml -o new.toml
 model fit drive.csv.gz --model broken.toml -o new.toml
-model fit drive.csv.gz --model model.toml --nuisances shfit -o new.toml
+model set model.toml lever_arm=0,3
+model set model.toml lever_arm_m=3mm
+speed drive.csv.gz --from 100
 compare drive.csv.gz
 compare drive.csv.gz --model drive.toml
 compare drive.csv.gz --model model.toml --by tyre

@@ -244,9 +244,9 @@ def p1_figs_7_to_11() -> Shown:
     lab = Lab(shown)
     lab("tirelog simulate scenarios/falling_factor.toml -o falling.csv.gz --quiet")
     lab("tirelog dissipation falling.csv.gz -o factor.csv --plot p1_figs_7_to_11.png --quiet")
-    sorted_ = lab.table("tirelog dissipation falling.csv.gz --by-speed -o by_speed.csv --quiet")
+    steady = lab.table("tirelog dissipation falling.csv.gz -o steady.csv --quiet")
     lab("tirelog simulate scenarios/rising_factor.toml -o rising.csv.gz --quiet")
-    risen = lab.table("tirelog dissipation rising.csv.gz --by-speed -o risen.csv --quiet")
+    risen = lab.table("tirelog dissipation rising.csv.gz -o risen.csv --quiet")
     lab("tirelog dissipation falling.csv.gz --fit -o fits.json --quiet")
     fits = json.loads(Path("fits.json").read_text())
     slopes = {row["quantity"]: row for row in fits}
@@ -267,7 +267,10 @@ def p1_figs_7_to_11() -> Shown:
         return tirelog.predict(model, {"speed_m_s": speeds}, observable="dissipation_factor")[:, 0]
 
     # cleanly measured revolutions alone
-    clean, other = (t[(t.quality == "ok") & (t.speed_m_s > 4.0)] for t in (sorted_, risen))
+    clean, other = (
+        t[t.steady & (t.quality == "ok") & (t.speed_m_s > 4.0)].sort_values("speed_m_s")
+        for t in (steady, risen)
+    )
     (slow, fast), (low, high) = (
         [
             float(table.dissipation_factor_1_m[(table.speed_m_s - v).abs() < 0.5].median())

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, Field, fields
-from inspect import Parameter, Signature, getdoc, isclass, isroutine, signature
+from inspect import Parameter, Signature, getdoc, isclass, isroutine, signature, unwrap
 from pathlib import Path
 from typing import Any
 
@@ -208,8 +208,13 @@ def tables_page() -> str:
                 "# Tables of a log\n",
                 "Each is a command and a function of `import tirelog`; those of a drive are made "
                 "by `tirelog tables` and\nare keys of a campaign's `[tables]`, with the names of "
-                "options in brackets. A column in brackets is\nthere only if the setup or a "
-                "calibration gives what it needs. A new one: [howto/table.md](howto/table.md).",
+                "options in brackets. `--table NAME` makes the\nothers too. A column in brackets "
+                "is there only if the setup or a calibration gives what it needs.\nA new one: "
+                "[howto/table.md](howto/table.md).\n\n"
+                "`--from` and `--to` (`start`, `stop`) leave out the rows outside of a stretch, in "
+                "seconds since the first sample\nor in stamps as in the log: in all tables but "
+                "`inflation`. The rows are those of the whole log's table, with\nthe same ordinals "
+                "of revolutions. At the ends of the stretch too they use their neighbours.",
                 *(table_section(entry) for entry in LOG_TABLES.values()),
             ]
         )
@@ -651,7 +656,7 @@ def api_page() -> str:
     headed: dict[str, list[str]] = {title: [] for title in [*HEADINGS.values(), "Objects"]}
     for name in sorted(dict.fromkeys(names)):
         value = getattr(tirelog, name)
-        title = HEADINGS.get(value.__module__, "Objects")
+        title = HEADINGS.get(unwrap(value).__module__, "Objects")
         headed[title].append(class_entry(value) if isclass(value) else function_entry(value))
     return (
         "\n\n".join(

@@ -34,7 +34,14 @@ if TYPE_CHECKING:
         write_report,
     )
     from tirelog.api.campaigns import campaign_status, run_campaign
-    from tirelog.api.logs import check_setup, draft_setup, ingest, open_log, simulate
+    from tirelog.api.logs import (
+        check_setup,
+        draft_setup,
+        ingest,
+        load_setup,
+        open_log,
+        simulate,
+    )
     from tirelog.api.models import contributions, load_model, new_model, predict, save_model
     from tirelog.api.parts import save_calibration
     from tirelog.api.tables import (
@@ -60,7 +67,9 @@ _HOMES = {
             "write_report",
         ),
         "tirelog.api.campaigns": ("campaign_status", "run_campaign"),
-        "tirelog.api.logs": ("check_setup", "draft_setup", "ingest", "open_log", "simulate"),
+        "tirelog.api.logs": (
+            *("check_setup", "draft_setup", "ingest", "load_setup", "open_log", "simulate"),
+        ),
         "tirelog.api.models": (
             *("contributions", "load_model", "new_model", "predict", "save_model"),
         ),
@@ -79,9 +88,9 @@ _HOMES = {
 __all__ = [
     "Conditions", "Model", "Recording", "TirelogError", "calibrate", "campaign_status", "check",
     "check_setup", "compare", "contributions", "diagnose", "dissipation", "draft_setup", "fit",
-    "footprint", "inflation", "ingest", "ladder", "load_model", "measure", "new_model", "open_log",
-    "phase_shift", "plot_table", "predict", "propose", "run_campaign", "save_calibration",
-    "save_model", "simulate", "speed", "tire_form", "write_report",
+    "footprint", "inflation", "ingest", "ladder", "load_model", "load_setup", "measure",
+    "new_model", "open_log", "phase_shift", "plot_table", "predict", "propose", "run_campaign",
+    "save_calibration", "save_model", "simulate", "speed", "tire_form", "write_report",
 ]  # fmt: skip
 
 
@@ -93,6 +102,8 @@ def __getattr__(name: str) -> Any:
         value = import_module("tirelog.api.tables").table_function(tables[name])
     else:
         raise AttributeError(f"module 'tirelog' has no attribute {name!r}")
+    if not isinstance(value, type):
+        value = import_module("tirelog.api").in_python(value)
     globals()[name] = value  # the next time it is found without this
     return value
 
@@ -105,4 +116,4 @@ def _log_tables() -> dict[str, Any]:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, *_log_tables()})
+    return sorted({"__doc__", "__version__", *__all__, *_log_tables()})

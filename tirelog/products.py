@@ -28,7 +28,7 @@ from tirelog.data.recording import Channel, Recording
 from tirelog.errors import UsageError, refuse_unknown
 from tirelog.process_pool import POSSIBLE, in_processes
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
-from tirelog.vocabulary.tables import LOG_TABLES, LogTable
+from tirelog.vocabulary.tables import LOG_TABLES, STRETCH, LogTable
 
 if TYPE_CHECKING:
     from tirelog.dsp.filters import Cutoff
@@ -300,10 +300,11 @@ def _maker(
 
 
 def cutoff_in(options: Options) -> Cutoff:
-    """The low-pass of the footprint's plain lengths.  UsageError: none is called that."""
+    """The low-pass of the footprint's plain lengths, a number in Hz.  UsageError: no low-pass."""
     from tirelog.dsp.filters import Cutoff
 
-    return Cutoff.parse(str(options.get("cutoff", "auto")))
+    given = options.get("cutoff", "auto")
+    return Cutoff.parse(given if isinstance(given, str) else f"{float(given)}Hz")
 
 
 def _speed_of_channel(work: Work, options: Options) -> Part:
@@ -372,37 +373,27 @@ def _footprint_of_accelerometers(recording: Recording, options: Options) -> Iter
 
 
 def _dissipation(work: Work, options: Options) -> Part:
-    from tirelog.strain.dissipation import by_speed, dissipation_of_channel, regressions
+    from tirelog.strain.dissipation import dissipation_of_channel, regressions
 
     found = dissipation_of_channel(
-        work.recording, work.channel, work.passages, *_steadiness(options)
+        work.recording, work.channel, work.passages, _steady_step_m_s(options)
     )
     if options.get("fit", False):
         lines, remarks = regressions(work.recording.log, found)
         return Part("dissipation-fit", lines or {}, (*found.remarks, *remarks), found)
-    columns = by_speed(found) if options.get("by_speed", False) else found.columns
-    return Part("dissipation", columns, found.remarks, found)
+    return Part("dissipation", found.columns, found.remarks, found)
 
 
-def _steadiness(options: Options) -> tuple[float, int]:
-    """Largest step of a constant speed [m/s], revolutions of a moving average."""
-    from tirelog.strain.dissipation import AVERAGED, STEADY_STEP_M_S
+def _steady_step_m_s(options: Options) -> float:
+    """Largest step of a constant speed between revolutions [m/s]."""
+    from tirelog.strain.dissipation import STEADY_STEP_M_S
 
     step = float(options.get("steady_step", STEADY_STEP_M_S))
-    average = int(options.get("average", AVERAGED))
-    if not step > 0 or average < 1:
+    if not step > 0:
         raise UsageError(
-            "steady_step (--steady-step) is above 0 m/s and average (--average) at least 1 "
-            "revolution",
-            do="mend the number",
+            f"--steady-step {step:g}", allowed="allowed is a step above 0 m/s", do="correct it"
         )
-    if options.get("fit", False) and options.get("by_speed", False):
-        raise UsageError(
-            "fit (--fit) and by_speed (--by-speed) are two tables",
-            allowed="allowed is one of them",
-            do="ask twice",
-        )
-    return step, average
+    return step
 
 
 def _phase_shift(recording: Recording, options: Options) -> Iterator[Part]:
@@ -411,7 +402,7 @@ def _phase_shift(recording: Recording, options: Options) -> Iterator[Part]:
     calibration = _calibration(options)
     zero, forces = str(options.get("zero", "auto")), bool(options.get("forces", False))
     found = measure_with(calibration, recording, zero, forces)
-    return phase_shift_parts(found, calibration, bool(options.get("by_time", False)))
+    return phase_shift_parts(found, calibration)
 
 
 @dataclass(frozen=True)
@@ -423,26 +414,14 @@ class PhaseShiftFound:
 
 
 def phase_shift_parts(
-    found: Iterable[EdgeTimes], calibration: Calibration | None, ordered: bool = False
+    found: Iterable[EdgeTimes], calibration: Calibration | None
 ) -> Iterator[Part]:
-    """The rows of one log, accelerometer by accelerometer, or of all `ordered` in time."""
-    from tirelog.wheel.table import by_time, table
+    """The rows of one log, accelerometer by accelerometer."""
+    from tirelog.wheel.table import table
 
-    parts = (
-        Part("phase-shift", table(p, calibration), p.said, PhaseShiftFound((p,), calibration))
-        for p in found
-    )
-    if not ordered:
-        yield from parts
-    elif all_of_it := list(parts):
-        yield Part(
-            "phase-shift",
-            by_time([part.columns for part in all_of_it]),
-            [remark for part in all_of_it for remark in part.remarks],
-            PhaseShiftFound(
-                tuple(p for part in all_of_it for p in part.found.passages), calibration
-            ),
-        )
+    for p in found:
+        columns = table(p, calibration)
+        yield Part("phase-shift", columns, p.said, PhaseShiftFound((p,), calibration))
 
 
 def _calibration(options: Options) -> Calibration | None:
@@ -471,10 +450,14 @@ def _by_its_function(table: LogTable) -> Maker:
             yield Part(table.name, found.columns, found.remarks, found)
 
     def check(options: Options) -> None:
+        own = {
+            option.name: options[option.name] for option in table.options if option.name in options
+        }
         if table.checked_by:
-            resolve_name(table.checked_by)(**options)
+            resolve_name(table.checked_by)(**own)
 
-    return Maker(table, whole=whole, check=check)
+    ends = tuple(end.name for end in STRETCH) if table.stretch == "own" else ()
+    return Maker(table, ends, whole=whole, check=check)
 
 
 #: tables that share what they are made of: passages, forms, a calibration
@@ -492,7 +475,7 @@ _TOGETHER = (
         by_channel=_footprint_by_strain,
         check=_check_footprint,
     ),
-    Maker(LOG_TABLES["dissipation"], of_channel=_dissipation, check=_steadiness),
+    Maker(LOG_TABLES["dissipation"], of_channel=_dissipation, check=_steady_step_m_s),
     Maker(
         LOG_TABLES["phase-shift"],
         ("forces",),

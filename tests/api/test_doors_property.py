@@ -51,26 +51,15 @@ def test_tables_that_differ_are_told(folder: Path, command: Command) -> None:
     assert read_table("moved.parquet")["column"].tolist() == moved["column"].tolist()
 
 
-@pytest.mark.parametrize("ordered", [False, True])
-def test_a_calibration_is_learnt_and_applied(folder: Path, command: Command, ordered: bool) -> None:
-    options = ("--by-time",) if ordered else ()
-    learning = ("phase-shift", str(ENCODER), "--calibrate", "c.toml", "-o", "p.parquet", *options)
+def test_a_calibration_is_learnt_and_applied(folder: Path, command: Command) -> None:
+    learning = ("phase-shift", str(ENCODER), "--calibrate", "c.toml", "-o", "p.parquet")
     assert command(*learning).status == 0
     learnt = tirelog.calibrate(ENCODER)
     tirelog.save_calibration(learnt, "own.toml")
     assert (folder / "own.toml").read_text() == (folder / "c.toml").read_text()
-    table = tirelog.phase_shift(ENCODER, calibration=learnt, by_time=ordered)
+    table = tirelog.phase_shift(ENCODER, calibration=learnt)
     pd.testing.assert_frame_equal(table, read_table("p.parquet"), check_dtype=False)
     assert table.phase_shift_detrended_deg.notna().any()
-
-
-def test_views_of_dissipation_are_the_command_s(folder: Path, command: Command) -> None:
-    assert command("dissipation", "log.csv", "--by-speed", "-o", "s.parquet").status == 0
-    table = tirelog.dissipation("log.csv", by_speed=True)
-    pd.testing.assert_frame_equal(table, read_table("s.parquet"), check_dtype=False)
-    assert table.speed_m_s.is_monotonic_increasing
-    with pytest.raises(tirelog.TirelogError, match="two tables"):
-        tirelog.dissipation("log.csv", by_speed=True, fit=True)
 
 
 def test_pictures_of_tables(folder: Path) -> None:
@@ -92,7 +81,7 @@ def test_a_campaign_is_run_and_asked(folder: Path, command: Command) -> None:
     )
     assert tirelog.campaign_status("c.toml").count("open") == 1
     said: list[str] = []
-    done = tirelog.run_campaign("c.toml", said=said.append)
+    done = tirelog.run_campaign("c.toml", progress=said.append)
     assert (done.logs, done.worked, done.failed, done.lost) == (1, 1, (), ())
     assert any(done.summary in sentence for sentence in said)
     assert tirelog.campaign_status("c.toml").count("done") == 1
@@ -108,7 +97,7 @@ def test_a_report_is_written_or_refused(folder: Path) -> None:
         ({}, "nothing to report on"),
         ({"logs": "log.csv"}, "nothing to write"),
         ({"logs": "log.csv", "output": "r.pdf"}, "the page is HTML"),
-        ({"logs": "log.csv", "output": "q.html", "propose": True}, "--propose"),
+        ({"logs": "log.csv", "output": "q.html", "propose": True}, "propose is for a model"),
     ):
         with pytest.raises(tirelog.TirelogError, match=says):
             tirelog.write_report(**given)

@@ -3,8 +3,10 @@ of a prediction sum to the whole.
 """
 
 import json
+import pickle
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ import pytest
 
 import tirelog
 from tests.cli.conftest import Command
+from tirelog.physics.model.file import as_toml
 from tirelog.tables.frame import read_table
 from tirelog.vocabulary.columns import COLUMNS
 
@@ -79,6 +82,64 @@ def test_a_log_that_is_closed_refuses_to_be_read(folder: Path) -> None:
         channel.read(0, 3)
 
 
+def test_a_setup_is_a_path_an_object_or_a_dict(folder: Path) -> None:
+    (folder / "setup.toml").write_text((folder / "log.toml").read_text())
+    (folder / "log.toml").unlink()
+    read = tirelog.load_setup("setup.toml")
+    tables = tomllib.loads((folder / "setup.toml").read_text())
+    first, *others = (tirelog.speed("log.csv", setup=s) for s in ("setup.toml", read, tables))
+    assert len(first) > 10
+    assert all(first.equals(other) for other in others)
+    models = [tirelog.new_model("beam", s)[0] for s in ("setup.toml", read, tables)]
+    assert len({tuple(model.values.items()) for model in models}) == 1
+    assert tirelog.write_report("log.csv", "r.html", setup=tables)
+
+
+def test_a_model_is_a_path_an_object_or_a_dict(folder: Path) -> None:
+    tirelog.save_model(tirelog.Model.new("beam", "patch_length"), "m.toml")
+    forms = ("m.toml", folder / "m.toml", tirelog.load_model("m.toml"))
+    forms = (*forms, tomllib.loads((folder / "m.toml").read_text()))
+    measured = [tirelog.measure("log.csv", form) for form in forms]
+    asked = (tirelog.compare, tirelog.fit, tirelog.diagnose, tirelog.ladder)
+    for ask in asked:
+        answers = [ask(measured[0], form).to_json() for form in forms]
+        for answer in answers:
+            answer.pop("next_command", "")
+        assert all(answer == answers[0] for answer in answers), ask.__name__
+    assert len({repr(one) for one in measured}) == 1
+    beam = tomllib.loads(as_toml(BEAM))
+    wave = tirelog.predict(beam, speed_m_s=20.0)
+    np.testing.assert_array_equal(wave, tirelog.predict(BEAM, {"speed_m_s": 20.0}))
+    assert tirelog.contributions(beam, {"speed_m_s": 20.0})["base"].shape == wave.shape
+    said = tirelog.write_report("log.csv", "r.html", model=tirelog.load_model("m.toml"))
+    assert said[0].startswith("r.html")
+    assert "--model m.toml" in (folder / "r.html").read_text()
+
+
+def test_dir_has_the_public_names_alone() -> None:
+    names = set(dir(tirelog)) - {"__doc__", "__version__"}
+    assert names >= set(tirelog.__all__)
+    values = {name: getattr(tirelog, name) for name in names}
+    assert all(callable(value) for value in values.values())
+    assert pickle.loads(pickle.dumps(values)) == values  # as processes of a pool take them
+
+
+def test_a_picture_of_a_table_is_shown(folder: Path) -> None:
+    from matplotlib.figure import Figure
+
+    for name, kind in (("speed", ""), ("footprint", "polar"), ("dissipation", "")):
+        figure = tirelog.plot_table(name, "log.csv", kind=kind)
+        assert isinstance(figure, Figure)
+        assert figure._repr_png_().startswith(b"\x89PNG")
+    assert not list(folder.glob("*.png"))
+
+
+def test_a_number_is_a_cut_off_in_hertz(folder: Path) -> None:
+    table = tirelog.footprint("log.csv", cutoff=400)
+    assert table.equals(tirelog.footprint("log.csv", cutoff="400Hz"))
+    assert not table.equals(tirelog.footprint("log.csv", cutoff=200.0))
+
+
 def test_contributions_sum_to_the_whole() -> None:
     model = BEAM.with_effect("water_film", amplitude=0.08).with_effect("stiffening")
     stiff = next(n for n in model.parameters if n.startswith("stiffening."))
@@ -115,9 +176,18 @@ def test_contributions_sum_to_the_whole() -> None:
         (lambda: tirelog.fit([], BEAM), "nothing measured"),
         (lambda: tirelog.speed("none.csv"), "none.csv: cannot be read"),
         (lambda: tirelog.footprint("log.csv", cutoff="fast"), "400Hz"),
-        (lambda: tirelog.dissipation("log.csv", averaged=0), "at least 1 revolution"),
-        (lambda: tirelog.inflation("log.csv", from_Pa=1e5), "two pressures in Pa"),
+        (lambda: tirelog.dissipation("log.csv", steady_step_m_s=0), "^steady_step_m_s 0; allowed"),
+        (lambda: tirelog.inflation("log.csv", from_Pa=1e5), "^from_Pa and to_Pa go together"),
         (lambda: tirelog.load_model("none.toml"), "none.toml"),
+        (lambda: tirelog.predict(7, speed_m_s=9.0), "int is no model"),
+        (lambda: tirelog.speed("log.csv", setup=7), "int is no setup"),
+        (
+            lambda: tirelog.speed("log.csv", setup={"tire": {"name": object()}}),
+            "this dict is no setup",
+        ),
+        (lambda: tirelog.write_report("log.csv"), "add output PAGE.html"),
+        (lambda: tirelog.plot_table("speed", "log.csv", "p.gif"), "^path p.gif: suffix"),
+        (lambda: tirelog.speed("log.csv", start="noon"), "start noon; allowed are seconds"),
     ],
 )
 def test_what_cannot_be_is_a_tirelog_error(folder: Path, ask, says: str) -> None:

@@ -170,7 +170,7 @@ def test_a_drafted_setup_reads_the_log_and_gives_its_speed(suffix, place, tirelo
     LOGS[suffix][0](place / f"drive.{suffix}")
     made = tirelog("setup", "new", f"drive.{suffix}", "-o", "drive.toml")
     assert made.status == 0
-    assert "guesses to look at" in made.err
+    assert "guesses to check" in made.err
     draft = (place / "drive.toml").read_text()
     setup = load_setup(place / "drive.toml")
     strain = next(one for one in setup.channels.values() if one.kind == "fbg_strain")

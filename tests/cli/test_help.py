@@ -10,7 +10,7 @@ import typer
 
 from tests.cli.conftest import commands
 from tirelog.cli import options
-from tirelog.cli.app import EXAMPLES, GROUPS, command
+from tirelog.cli.app import EXAMPLES, GROUPS, RARE, command
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
@@ -54,8 +54,24 @@ def help_of(tirelog, *path):
 
 def test_every_command_stands_once_under_a_heading():
     listed = [name for names in GROUPS.values() for name in names]
-    assert sorted(listed) == sorted(command().commands)
+    rare = [path for path in RARE if " " not in path]
+    assert sorted((*listed, *rare)) == sorted(command().commands)
     assert sorted(EXAMPLES) == sorted(ALL)
+
+
+def test_rare_commands_are_callable_and_not_listed(tirelog):
+    lists = help_of(tirelog) + help_of(tirelog, "model")
+    for path in RARE:
+        assert f"\n  {path.split()[-1]} " not in lists
+        assert help_of(tirelog, *path.split()).startswith(f"Usage: tirelog {path} [OPTIONS]")
+    assert "slip, grip, strain-shift" in " ".join(help_of(tirelog, "tables").split())
+
+
+def test_usage_has_no_braces(tirelog):
+    for path in ALL:
+        usage = help_of(tirelog, *path.split()).split("\n\n")[0]
+        assert "{" not in usage, usage
+    assert help_of(tirelog, "footprint").startswith("Usage: tirelog footprint [OPTIONS] LOG...\n")
 
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES))
@@ -109,7 +125,6 @@ def completed(path, name, beginning):
 def test_values_are_completed():
     assert completed("speed", "format", "c") == ["csv"]
     assert "water_film" in completed("effects", "name", "water")
-    assert completed("model nuisance", "name", "d") == ["drift"]
     assert completed("model new", "preset", "P3") == ["P3"]
     assert completed("tables", "table", "sp") == ["speed"]
     assert completed("footprint", "kind", "po") == ["polar"]

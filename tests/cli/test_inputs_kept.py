@@ -31,7 +31,6 @@ OVERWRITES = {
     "the model by a diagnosis": "diagnose log.csv --model m.toml -o m.toml --format json",
     "the setup by a model": "model new --setup log.toml -o log.toml",
     "the setup by a page": "report log.csv -o log.toml",
-    "the table blessed": "check t.csv --against t.csv --bless",
 }
 
 

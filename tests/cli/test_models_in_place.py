@@ -3,6 +3,7 @@ reads is never written over.
 """
 
 import gzip
+import re
 import shutil
 from itertools import islice
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import Command
+from tirelog.physics.model.file import load_model
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
@@ -30,7 +32,7 @@ def test_an_edited_model_may_keep_its_name(model: Path, tirelog: Command) -> Non
     assert tirelog("model", "remove", "m.toml", "wear", "-o", "./m.toml").status == 0
     assert 'name = "wear"' not in model.read_text()
     model.with_name("linked.toml").symlink_to("m.toml")
-    assert tirelog("model", "nuisance", "m.toml", "wheel", "on", "-o", "linked.toml").status == 0
+    assert tirelog("model", "set", "linked.toml", "wheel=on").status == 0
     assert 'wheel = "on"' in model.read_text()
     before = model.read_text()
     outcome = tirelog("model", "fit", "log.csv", "--model", "m.toml", "-o", "m.toml")
@@ -44,7 +46,7 @@ def test_an_edited_model_may_keep_its_name(model: Path, tirelog: Command) -> Non
     [
         "add m.toml no_such_effect -o m.toml",
         "remove m.toml wear -o m.toml",
-        "nuisance m.toml wheel perhaps -o m.toml",
+        "set m.toml wheel=perhaps",
         "fit nowhere.csv --model m.toml -o m.toml",
         "fit log.csv nowhere.csv --model m.toml -o m.toml",
         "fit log.csv cut.csv.gz --model m.toml -o m.toml",
@@ -80,3 +82,55 @@ def test_of_several_gratings_the_one_taken_is_named(model, tirelog, folder):
     for channel in ("strain_1", "strain_2"):
         named = tirelog("compare", "log.csv", "--model", "m.toml", "--channel", channel)
         assert "left out" not in named.err
+
+
+CHANGES = (
+    ("line_mass_kg_m=5.5", ("line_mass_kg_m", "value"), 5.5),
+    ("line_mass_kg_m=free", ("line_mass_kg_m", "free"), True),
+    ("lever_arm_m=fixed", ("lever_arm_m", "free"), False),
+    ("lever_arm_m=0:0.01", ("lever_arm_m", "max"), 0.01),
+    ("line_mass_kg_m=1:9", ("line_mass_kg_m", "free"), True),
+    ("wear.amplitude=0.5", ("wear.amplitude", "value"), 0.5),
+    ("wear.amplitude=-1:1", ("wear.amplitude", "min"), -1.0),
+    ("patch_load_exponent=0.4", ("patch_load_exponent", "value"), 0.4),
+)
+
+
+@pytest.mark.parametrize(("change", "place", "value"), CHANGES, ids=[c[0] for c in CHANGES])
+@pytest.mark.parametrize("bare", [False, True])
+def test_a_change_is_read_back(model, tirelog, change, place, value, bare):
+    """Also from a file that lacks bounds and fixed parameters; nothing else changes."""
+    assert tirelog("model", "add", "m.toml", "wear", "-o", "m.toml").status == 0
+    if bare:
+        text = re.sub(r", min = [^}]*", "", model.read_text())
+        model.write_text(re.sub(r"patch_load_exponent.*\n", "", text))
+    before = load_model(model)
+    assert tirelog("model", "set", "m.toml", change).status == 0
+    after = load_model(model)
+    name, field = place
+    assert getattr(after.parameters[name], field) == value
+    others = [n for n in before.parameters if n != name]
+    assert [after.parameters[n] for n in others] == [before.parameters[n] for n in others]
+    assert tirelog("model", "set", "m.toml", "wheel=on", "-o", "new.toml").status == 0
+    assert [n.use for n in load_model("new.toml").nuisances if n.name == "wheel"] == ["on"]
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ("lever_arm=1", "nearest: lever_arm_m); list: `tirelog model show"),
+        ("lever_arm_m=0,001", "the decimal sign is a point: 0.001"),
+        ("lever_arm_m=3mm", "3 mm is 0.003 m"),
+        ("lever_arm_m", "allowed are NAME=NUMBER"),
+        ("lever_arm_m=9", "lies outside its bounds"),
+        ("lever_arm_m=1:0", "min < max"),
+        ("lever_arm_m=a:b", "allowed are a number, fixed, free, MIN:MAX"),
+        ("wheel=perhaps", "allowed are auto, on, off"),
+    ],
+)
+def test_a_change_that_cannot_be_is_refused(model, tirelog, change, says):
+    before = model.read_bytes()
+    done = tirelog("model", "set", "m.toml", "line_mass_kg_m=5", change)
+    assert done.status == 2
+    assert says in done.err
+    assert model.read_bytes() == before

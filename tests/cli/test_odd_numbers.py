@@ -4,6 +4,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import pytest
 
 from tests.cli.conftest import Command
 
@@ -44,3 +45,21 @@ def test_a_log_that_spans_centuries_is_no_inflation_test(folder: Path, tirelog: 
     outcome = tirelog("inflation", "log.csv")
     assert outcome.status == 2, outcome.err
     assert "days; an inflation test of up to 7 days is allowed" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("model predict beam.toml --speed 20kmh", "20 km/h is 5.556 m/s"),
+        ("model predict beam.toml --speed 80", "--speed 80 is 288 km/h; 80 km/h is 22.22"),
+        ("model forces beam.toml --speed 80", "--speed 80 is 288 km/h; 80 km/h is 22.22"),
+        ("model modes beam.toml --load 350kgf", "350 kgf is 3432 N"),
+        ("model new -o new.toml --set radius_m=0,305", "the decimal sign is a point: 0.305"),
+        ("check log.csv --against log.csv --tolerance time_s=5ms", "5 ms is 0.005 s"),
+        ("footprint log.csv --friction-ratio 0,75", "the decimal sign is a point: 0.75"),
+    ],
+)
+def test_a_number_with_a_unit_is_read_back_in_si(model, tirelog, words, says):
+    done = tirelog(words)
+    assert done.status == 2
+    assert says in done.err

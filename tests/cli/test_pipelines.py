@@ -78,7 +78,7 @@ def test_a_parquet_table_and_a_run_carry_the_hash_of_the_log(folder, tirelog, co
     assert digest[:12] in tirelog("info", "log.csv").out
 
 
-def test_check_says_what_moved_and_bless_takes_it(folder: Path, tirelog: Command) -> None:
+def test_check_says_what_moved(folder: Path, tirelog: Command) -> None:
     tirelog("speed", "log.csv", "-o", "a.csv")
     table = pd.read_csv("a.csv")
     table.loc[3, "speed_m_s"] += 0.5
@@ -91,8 +91,6 @@ def test_check_says_what_moved_and_bless_takes_it(folder: Path, tirelog: Command
     assert (
         tirelog("check", "b.csv", "--against", "a.csv", "--tolerance", "speed_m_s=0.6").status == 0
     )
-    assert tirelog("check", "b.csv", "--against", "a.csv", "--bless").status == 0
-    assert tirelog("check", "b.csv", "--against", "a.csv").status == 0
 
 
 def test_check_does_not_take_another_folder_for_another_log(folder: Path, tirelog: Command) -> None:

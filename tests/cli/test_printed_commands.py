@@ -173,8 +173,28 @@ def test_a_new_model_is_fitted_and_compared(folder: Path, tirelog: Command) -> N
 
 
 def next_of(tirelog: Command, line: str) -> str:
-    (follows,) = re.findall(r"^next: (.*)$", run_all(tirelog, line), re.M)
+    (follows,) = re.findall(r"^(?:tirelog: )?next: (.*)$", run_all(tirelog, line), re.M)
     return str(follows)
+
+
+def test_tables_lead_to_a_report_with_the_same_setup(folder: Path, tirelog: Command) -> None:
+    shutil.copy(folder / "drive.csv.gz", folder / "my drive.csv.gz")
+    line = "tirelog tables 'my drive.csv.gz' --setup drive.toml -o made --table speed"
+    follows = next_of(tirelog, line)
+    assert follows == ("tirelog report 'my drive.csv.gz' --setup drive.toml -o made/report.html")
+    run_all(tirelog, follows)
+    assert (folder / "made" / "report.html").is_file()
+    assert "next" not in run_all(tirelog, f"{line} --quiet")
+
+
+def test_a_comparison_leads_to_a_diagnosis_with_the_same_options(folder, tirelog):
+    run_all(tirelog, "tirelog model new --setup hidden_1.toml -o beam.toml")
+    shutil.copy(folder / "hidden_1.csv.gz", folder / "first.csv.gz")
+    given = "--setup hidden_1.toml --model beam.toml --channel strain_1"
+    follows = next_of(tirelog, f"tirelog compare first.csv.gz {given}")
+    assert follows == f"tirelog diagnose first.csv.gz {given}"
+    run_all(tirelog, follows)
+    assert "next" not in run_all(tirelog, f"tirelog compare first.csv.gz {given} --quiet")
 
 
 def test_too_few_manoeuvres_ask_for_more_with_the_same_options(folder, tirelog):

@@ -59,8 +59,8 @@ def test_a_table_s_entry_names_what_is_there(table: LogTable) -> None:
     assert all(callable(resolve_name(name)) for name in named)
     assert MAKERS[table.name].table is table
     function = getattr(tirelog, table.python_name)
-    own = {option.name for option in (*table.options, *table.views)}
-    keywords = own - {"steady_step", "average"}  # theirs have units
+    own = {option.name for option in table.asked}
+    keywords = own - {"steady_step"}  # which has its unit in Python
     assert keywords <= set(signature(function).parameters)
     parsed = command().commands[table.name]
     assert " ".join(parsed.help.split()) == table.says  # its command says it as the page does

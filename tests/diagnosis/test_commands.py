@@ -24,7 +24,7 @@ def folder(tmp_path_factory):
         write_log(simulate(scenario), path / f"log_{i}.csv")
     # a fit without a form takes a fifth of the time; one with it is a golden
     done("model", "new", "--setup", path / "log_0.toml", "-o", path / "beam.toml")
-    done("model", "nuisance", path / "beam.toml", "form", "off", "-o", path / "beam.toml")
+    done("model", "set", path / "beam.toml", "form=off", "-o", path / "beam.toml")
     new = ("model", "new", "--observable", "patch_length", "--setup", path / "log_0.toml")
     done(*new, "-o", path / "length.toml")
     return path

@@ -102,7 +102,7 @@ def model_of(folder: Path) -> str:
     """The path of a new model of a beam for the logs of a folder."""
     model = str(folder / "beam.toml")
     done("model", "new", "--setup", folder / "l11.toml", "-o", model)
-    done("model", "nuisance", model, "form", "auto", "-o", model)
+    done("model", "set", model, "form=auto", "-o", model)
     return model
 
 
@@ -183,7 +183,7 @@ def test_a_fit_has_the_form_that_compare_reports(
     after = answer_json(capsys, "compare", *logs, "--model", fitted)
     assert after["with_nuisances"] is None
     assert after["rmse_heldout"] == pytest.approx(formed["rmse_heldout"], rel=0.01)
-    done("model", "nuisance", fitted, "form", "off", "-o", fitted)
+    done("model", "set", fitted, "form=off", "-o", fitted)
     assert Path(fitted).read_text(encoding="utf-8").endswith('[form]\nuse = "off"\n')
     done("model", "fit", *logs, "--model", fitted, "-o", fitted)
     assert "pressure_2" not in Path(fitted).read_text(encoding="utf-8")
@@ -192,7 +192,7 @@ def test_a_fit_has_the_form_that_compare_reports(
 def test_a_form_that_is_on_is_fitted(bare: tuple[list[str], str], tmp_path: Path) -> None:
     logs, model = bare
     asked = str(tmp_path / "on.toml")
-    done("model", "nuisance", model, "form", "on", "-o", asked)
+    done("model", "set", model, "form=on", "-o", asked)
     done("model", "fit", *logs, "--model", asked, "-o", asked)
     shape = tirelog.load_model(asked).parameters["form.pressure_3"]
     assert shape.se is not None

@@ -496,7 +496,7 @@ def test_nuisances_are_kept_as_they_are_written() -> None:
 def test_model_nuisance_writes_the_use(tmp_path: Path) -> None:
     model, better = tmp_path / "m.toml", tmp_path / "better.toml"
     save_model(Model.new("beam"), model)
-    assert status("model nuisance", str(model), "wheel", "on", "-o", str(better)) == 0
+    assert status("model set", str(model), "wheel=on", "-o", str(better)) == 0
     assert [n.use for n in load_model(better).nuisances] == ["on", *["auto"] * 5]
-    assert status("model nuisance", str(model), "whel", "on", "-o", str(better)) == 2
-    assert status("model nuisance", str(model), "wheel", "maybe", "-o", str(better)) == 2
+    assert status("model set", str(model), "whel=on", "-o", str(better)) == 2
+    assert status("model set", str(model), "wheel=maybe", "-o", str(better)) == 2

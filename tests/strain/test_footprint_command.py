@@ -112,9 +112,6 @@ def test_dissipation_and_its_lines(command, rolling):
     status, lines, _ = command(rolling, SETUP, "dissipation", "--fit")
     assert status == 0
     assert lines["quantity"].tolist() == ["dissipation_factor_1_m", "specific_power_m3_s2"]
-    status, sorted_rows, _ = command(rolling, SETUP, "dissipation", "--by-speed")
-    assert sorted_rows["speed_m_s"].is_monotonic_increasing
-    assert sorted_rows["steady"].all()
 
 
 def test_inflation(command, resting):
@@ -131,8 +128,9 @@ def test_inflation(command, resting):
         ("footprint", ["--cutoff", "fast"], "400Hz"),
         ("footprint", ["--plot", "page.docx"], ".png"),
         ("dissipation", ["--steady-step", "0"], "--steady-step"),
-        ("dissipation", ["--fit", "--by-speed"], "one of them"),
-        ("inflation", ["--from", "1e5"], "--to"),
+        ("dissipation", ["--fit", "--from", "1"], "of the whole log"),
+        ("dissipation", ["--from", "1", "--plot", "page.png"], "of the whole log"),
+        ("inflation", ["--from-pressure", "1e5"], "--to-pressure"),
     ],
 )
 def test_what_cannot_be_done_is_refused(command, rolling, name, arguments, says):

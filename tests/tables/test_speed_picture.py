@@ -23,21 +23,16 @@ def rows(channel, n, flagged=()):
     }
 
 
-def drawn(monkeypatch, kept, path):
-    pages = []
-    monkeypatch.setattr(speed, "write", lambda figure, to: pages.append((figure, to)))
-    speed.speed_picture(
-        [(SimpleNamespace(log=log), SimpleNamespace(columns=c)) for log, c in kept], path
+def drawn(kept):
+    return speed.speed_picture(
+        [(SimpleNamespace(log=log), SimpleNamespace(columns=c)) for log, c in kept]
     )
-    ((figure, written),) = pages
-    assert written == path
-    return figure
 
 
-def test_a_row_per_log_a_colour_per_channel_and_what_is_flagged_apart(monkeypatch, tmp_path):
+def test_a_row_per_log_a_colour_per_channel_and_what_is_flagged_apart():
     kept = [("a/x.csv", rows("left", 6, (0, 5))), ("a/x.csv", rows("right", 4)),
             ("b.csv", rows("left", 3))]  # fmt: skip
-    figure = drawn(monkeypatch, kept, tmp_path / "p.png")
+    figure = drawn(kept)
     assert len(figure.axes) == 4
     first, _, second, _ = figure.axes
     assert first.get_title(loc="left").startswith("x.csv")
@@ -50,16 +45,16 @@ def test_a_row_per_log_a_colour_per_channel_and_what_is_flagged_apart(monkeypatc
     assert good.get_color() != other.get_color()
 
 
-def test_many_passages_are_thinned_and_many_logs_counted(monkeypatch, tmp_path):
+def test_many_passages_are_thinned_and_many_logs_counted():
     kept = [(f"{i}.csv", rows("left", 30_000 if i == 0 else 2)) for i in range(10)]
-    figure = drawn(monkeypatch, kept, tmp_path / "p.svg")
+    figure = drawn(kept)
     assert len(figure.axes) == 16
     assert figure.axes[0].lines[0].get_ydata().size == 20_000
     assert figure.axes[14].get_title(loc="left").endswith("2 logs more are not drawn")
 
 
-def test_a_log_without_a_passage_is_an_empty_row(monkeypatch, tmp_path):
-    figure = drawn(monkeypatch, [("a.csv", rows("left", 0))], tmp_path / "p.png")
+def test_a_log_without_a_passage_is_an_empty_row():
+    figure = drawn([("a.csv", rows("left", 0))])
     assert len(figure.axes) == 2
 
 

@@ -1,4 +1,4 @@
-"""From logs to measured revolutions, and what a model says of them.
+"""From logs to measured revolutions, and the answers of a model to them.
 
     logs --measure--> MeasuredLogs --fit, compare, diagnose, ladder--> frozen results
 
@@ -15,9 +15,9 @@ from functools import partial
 from pathlib import Path as File
 from typing import Any
 
-from tirelog.api.logs import Logs, Path, as_logs, each_log, open_log
+from tirelog.api.logs import Logs, Path, SetupLike, as_logs, each_log, open_log
+from tirelog.api.models import ModelLike, as_model
 from tirelog.data.recording import Recording
-from tirelog.data.setup import Setup
 from tirelog.diagnosis import compare as comparing
 from tirelog.diagnosis import diagnose as diagnosing
 from tirelog.diagnosis import fitted as forming
@@ -81,10 +81,10 @@ Progress = Callable[[str], None]
 
 def measure(
     logs: Logs,
-    model: Model | str,
+    model: ModelLike,
     channel: str | None = None,
     *,
-    setup: Path | Setup | None = None,
+    setup: SetupLike | None = None,
 ) -> MeasuredLogs:
     """The revolutions of logs that are to be compared with a model.
 
@@ -92,15 +92,15 @@ def measure(
     ----------
     logs : str, os.PathLike, Recording or an iterable of them
         Logs or runs, by path or open. Those given by path are opened one after the other.
-    model : Model or str
-        The model that they will be compared with (if it is of several observables, logs may each
-        measure some of them), or the observable: ``"strain"``,
-        ``"radial_acceleration"``, ``"patch_length"``, ``"dissipation_factor"``,
-        ``"phase_shift"``, ``"patch_width"``.
+    model : Model, str, os.PathLike or dict
+        The model that they will be compared with: itself, the path of its file, or the file's
+        tables. If it is of several observables, logs may each measure some of them. Or the
+        observable: ``"strain"``, ``"radial_acceleration"``, ``"patch_length"``,
+        ``"dissipation_factor"``, ``"phase_shift"``, ``"patch_width"``.
     channel : str, optional
         The channel to take; by default the first of each log that measures the observable. Of
         strain also several gratings for one fit: their names with commas between, or ``"all"``.
-    setup : str, os.PathLike or Setup, optional
+    setup : str, os.PathLike, Setup or dict, optional
         The setup of logs given by path; without it the TOML file beside each.
 
     Returns
@@ -124,9 +124,11 @@ def measure(
     >>> sum(len(stack) for stack in found.stacks)
     241
     """
-    several = model.observables if isinstance(model, Model) else (str(model),)
-    level = not (isinstance(model, Model) and model.ac_coupled)
-    return measured_for(each_log(logs, setup), several, channel, level=level)
+    if isinstance(model, str) and not model.endswith(".toml") and not os.path.isfile(model):
+        return measured_for(each_log(logs, setup), (model,), channel)
+    model = as_model(model)
+    level = not model.ac_coupled
+    return measured_for(each_log(logs, setup), model.observables, channel, level=level)
 
 
 def observable_of(channel: str | None, recordings: Sequence[Recording], model: Model) -> str:
@@ -140,7 +142,7 @@ def observable_of(channel: str | None, recordings: Sequence[Recording], model: M
 
 def fit(
     measured: MeasuredLogs | Sequence[MeasuredLogs],
-    model: Model,
+    model: ModelLike,
     *,
     nuisances: Sequence[str] = AS_COMPARE,
 ) -> FitOfLogs:
@@ -151,12 +153,11 @@ def fit(
     measured : MeasuredLogs or a list of them
         What `measure` gave; of several channels several, each with a scatter of its own. Masses,
         damping and bristles of a coupled ring are fitted to the obstacles, if the logs met some.
-    model : Model
-        Where the fit starts; its bounds are kept.
+    model : Model, str, os.PathLike or dict
+        The start of the fit, as for `measure`; its bounds are kept.
     nuisances : sequence of str
-        What is taken out of each mean of similar revolutions: ``"offset"``, ``"amplitude"`` (by
-        some 10 %), ``"shift"``. `compare` takes out the shift; of numbers per revolution nothing
-        else can be.
+        Removed from each mean of similar revolutions: ``"offset"``, ``"amplitude"`` (by some 10 %),
+        ``"shift"``. `compare` removes the shift; a number per revolution has no other.
 
     Returns
     -------
@@ -171,42 +172,46 @@ def fit(
     UsageError
         Model and revolutions do not fit together.
     """
+    model = as_model(model)
     channels = [measured] if isinstance(measured, MeasuredLogs) else list(measured)
     for one in channels:
         _known(one)
     if not channels:
         raise UsageError(
-            "nothing measured", allowed="allowed is what `measure` gives", do="give one at least"
+            "nothing measured", allowed="allowed are results of `measure`", do="give one at least"
         )
-    said = []
+    notes = []
     if model.observable not in WAVEFORMS and set(nuisances) != set(AS_COMPARE):
         asked = ", ".join(nuisances) or "none"
-        said.append(f"{model.observable} is a number per revolution: nuisances ({asked}) not used")
+        notes.append(f"{model.observable} is a number per revolution: nuisances ({asked}) not used")
         nuisances = AS_COMPARE
     found, remarks = fit_channels_measured([one.revolutions for one in channels], model, nuisances)
-    said += remarks
+    notes += remarks
     moving = motion_names(model)
     fitted = found.model.with_parameters({name: model.parameters[name] for name in moving})
     obstacles = [log for one in channels for log in one.obstacles]
     learned = learn_motion(obstacles, fitted) if obstacles and moving else None
     if moving and learned is None:
-        said.append(
-            f"{', '.join(moving)}: told by obstacles alone; no log has a [road] in its setup: kept"
+        notes.append(
+            f"{', '.join(moving)}: unchanged; only obstacles determine them, and no log has a "
+            "[road] in its setup"
         )
     fitted = without_ratios(fitted if learned is None else learned.model)
-    return FitOfLogs(fitted, found, learned, tuple(said))
+    return FitOfLogs(fitted, found, learned, tuple(notes))
 
 
-def compare(measured: MeasuredLogs, model: Model, others: Sequence[Model] = ()) -> Comparison:
+def compare(
+    measured: MeasuredLogs, model: ModelLike, others: Sequence[ModelLike] = ()
+) -> Comparison:
     """A model fitted on part of the manoeuvres, and its error on the rest beside the noise floor.
 
     Parameters
     ----------
     measured : MeasuredLogs
         What `measure` gave.
-    model : Model
-        Fitted from its values, within its bounds; an effect that is to stay has fixed parameters.
-    others : sequence of Model, optional
+    model : Model, str, os.PathLike or dict
+        Fitted from its values, within its bounds; fixed parameters keep their values.
+    others : sequence of models, optional
         Fitted to the same logs; ``ranking`` then has all of them, the best first.
 
     Returns
@@ -230,7 +235,9 @@ def compare(measured: MeasuredLogs, model: Model, others: Sequence[Model] = ()) 
     0.62
     """
     found = _known(measured)
-    result = comparing.compare(found.revolutions, model, others)
+    result = comparing.compare(
+        found.revolutions, as_model(model), [as_model(other) for other in others]
+    )
     if not found.obstacles:
         return result
     if result.model.carcass != "coupled_ring":
@@ -245,14 +252,14 @@ def compare(measured: MeasuredLogs, model: Model, others: Sequence[Model] = ()) 
     return replace(result, obstacles=answers)
 
 
-def tire_form(measured: MeasuredLogs, model: Model) -> TireForm:
+def tire_form(measured: MeasuredLogs, model: ModelLike) -> TireForm:
     """Contact pressure over the patch and stiffness over wavelength, with standard errors.
 
     Parameters
     ----------
     measured : MeasuredLogs
         What `measure` gave.
-    model : Model
+    model : Model, str, os.PathLike or dict
         A model of a waveform, with the effects that the tire is known to have: what is missing
         from it is in the form by its mean.
 
@@ -268,25 +275,25 @@ def tire_form(measured: MeasuredLogs, model: Model) -> TireForm:
     UsageError
         The model has no waveform or no patch, or does not fit to the revolutions.
     """
-    return forming.tire_form(_known(measured).revolutions, model)
+    return forming.tire_form(_known(measured).revolutions, as_model(model))
 
 
 def diagnose(
     measured: MeasuredLogs,
-    model: Model,
+    model: ModelLike,
     *,
     effects: Iterable[Effect] = (),
     bootstrap: int = 0,
     leave_one_out: bool | Mapping[str, Sequence[str]] = False,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Which effect the model lacks, which cannot be told apart, and what to drive next.
+    """Which effect the model lacks, which cannot be separated, and what to drive next.
 
     Parameters
     ----------
     measured : MeasuredLogs
         What `measure` gave.
-    model : Model
+    model : Model, str, os.PathLike or dict
         The model that may lack something.
     effects : iterable of Effect
         Candidates of your own beside the catalogue, those of installed packages, and those of the
@@ -297,7 +304,7 @@ def diagnose(
         Diagnose without each log in turn, or without the logs of each tire by its name:
         ``stability`` says where the verdict changes.
     progress : callable, optional
-        Hears what is being done, a sentence at a time.
+        Called with a sentence on each step.
 
     Returns
     -------
@@ -312,9 +319,10 @@ def diagnose(
     """
     if not 0 <= bootstrap <= MOST_DRAWS:
         raise UsageError(
-            f"bootstrap {bootstrap}", allowed=f"allowed is 0 to {MOST_DRAWS}", do="mend it"
+            f"bootstrap {bootstrap}", allowed=f"allowed is 0 to {MOST_DRAWS}", do="correct it"
         )
-    asked, candidates = _known(measured).revolutions, _candidates(model, effects)
+    asked, model = _known(measured).revolutions, as_model(model)
+    candidates = _candidates(model, effects)
     progress = progress or _silent
     pieces = comparing.measured_pieces(asked) if leave_one_out is not False else None
     groups: Mapping[str, Sequence[str]] = {}
@@ -344,7 +352,7 @@ def _of_these(
         raise UsageError(
             f"{wrong[0]} is in {count[wrong[0]]} of the groups to leave out",
             allowed="each log is in one",
-            do="mend leave_one_out",
+            do="correct leave_one_out",
         )
     own = {name: [log for log in known if log in logs] for name, logs in groups.items()}
     return {name: logs for name, logs in own.items() if logs}
@@ -352,7 +360,7 @@ def _of_these(
 
 def ladder(
     measured: MeasuredLogs,
-    model: Model,
+    model: ModelLike,
     *,
     effects: Iterable[Effect] = (),
     propose: bool = False,
@@ -366,7 +374,7 @@ def ladder(
     measured, model, effects, progress
         As for `diagnose`.
     propose : bool
-        If the effects end above the floor, what is unknown is written down as the last step.
+        If the effects end above the floor, the last step identifies what is unknown.
     keep : str or os.PathLike, optional
         The model's file: the ladder is kept beside it, as MODEL.ladder.json.
 
@@ -381,11 +389,11 @@ def ladder(
     UsageError
         Model and revolutions do not fit together.
     """
-    found = _known(measured)
+    found, model = _known(measured), as_model(model)
     if propose:
-        _one_grating(found, "propose", "climb without --propose, or measure one channel")
+        _one_grating(found, "propose", "leave --propose out, or measure one channel")
     if keep is not None:
-        read_history(File(keep))  # damaged, it is told before the work
+        read_history(File(keep))  # a damaged one is refused before the work
     climbed = climbing.ladder(
         found.revolutions,
         model,
@@ -400,32 +408,32 @@ def ladder(
 
 def propose(
     measured: MeasuredLogs,
-    model: Model,
+    model: ModelLike,
     *,
     effects: Iterable[Effect] = (),
-    despite: bool = False,
+    always: bool = False,
     shape: bool = False,
     progress: Progress | None = None,
 ) -> Proposal:
-    """The unknown effect written down as formulas or as a measured shape.
+    """The unknown effect as formulas or as a measured shape: an identification.
 
-    A third of the manoeuvres is locked away before anything is looked at, and serves once: for
-    the error that is said.
+    A third of the manoeuvres is reserved before the search and serves once, for the error of the
+    result.
 
     Parameters
     ----------
     measured : MeasuredLogs
         What `measure` gave; twelve manoeuvres at least.
-    model : Model
+    model : Model, str, os.PathLike or dict
         The model that lacks something: of strain or of radial acceleration.
     effects : iterable of Effect
         Candidates of your own beside the catalogue, which go before any proposal.
-    despite : bool
-        Also if an effect of the catalogue explains it.
+    always : bool
+        Search even if an effect of the catalogue explains it.
     shape : bool
-        A measured shape in any case, in place of formulas.
+        A measured shape in place of formulas.
     progress : callable, optional
-        Hears what is being done, a sentence at a time.
+        Called with a sentence on each step.
 
     Returns
     -------
@@ -439,13 +447,13 @@ def propose(
     UsageError
         Model and revolutions do not fit together, or the model gives a number per revolution.
     """
-    found = _known(measured)
-    _one_grating(found, "propose", "measure one channel; diagnose tells which says what")
+    found, model = _known(measured), as_model(model)
+    _one_grating(found, "propose", "measure one channel; `diagnose` has a row per grating")
     return proposing.propose(
         found.stacks,
         model,
         effects=_candidates(model, effects),
-        despite=despite,
+        despite=always,
         shape=shape,
         progress=progress or _silent,
     )
@@ -458,7 +466,7 @@ def _candidates(model: Model, given: Iterable[Effect]) -> list[Effect]:
 
 
 def _silent(text: str) -> None:
-    """Take a remark that nobody asked to hear."""
+    """Drop a remark that nobody wants."""
 
 
 def _one_grating(found: MeasuredLogs, question: str, do: str) -> None:
@@ -472,26 +480,26 @@ def _one_grating(found: MeasuredLogs, question: str, do: str) -> None:
 
 
 def _known(value: object) -> MeasuredLogs:
-    """What was measured.  UsageError: it is something else, such as a log."""
+    """The measured revolutions.  UsageError: the value is something else, such as a log."""
     if not isinstance(value, MeasuredLogs):
         raise UsageError(
-            f"{type(value).__name__} is not what was measured",
-            allowed="allowed is what tirelog.measure(logs, model) gives",
+            f"{type(value).__name__} holds no measured revolutions",
+            allowed="allowed is the result of tirelog.measure(logs, model)",
             do="measure first",
         )
     return value
 
 
-# ---- Reports: one offline page of logs, tables, a campaign, and what a model says of them.
+# ---- Reports: one offline page of logs, tables, a campaign, and a model's answers.
 
 
 _PAGES = (".html", ".htm")
 
 
 def report_page(asked: ReportRequest, output: File | None) -> File:
-    """The page to write, .html.  UsageError, before any work: nothing could come of what is asked.
+    """The page to write, .html.  UsageError, before any work: the request cannot be carried out.
 
-    The commands on the page name logs and files as they are typed in what is `asked`.
+    The commands on the page have the names of logs and files in `asked`.
     """
     from tirelog.report.page import plotting_library
 
@@ -504,7 +512,7 @@ def report_page(asked: ReportRequest, output: File | None) -> File:
     if output is None:
         raise UsageError("nothing to write", do="add -o PAGE.html")
     if asked.propose and asked.model is None:
-        raise UsageError("--propose asks what a model lacks", do="give the model with --model")
+        raise UsageError("--propose is for a model", do="give the model with --model")
     if output.suffix.lower() not in _PAGES and (output.is_file() or not output.exists()):
         raise UsageError(
             f"-o {output}: the page is HTML",
@@ -520,12 +528,16 @@ def make_report(
     asked: ReportRequest,
     page: File,
     progress: Progress = lambda text: None,
+    model: Model | None = None,
 ) -> tuple[str, ...]:
-    """The page of open logs, as `report_page` allows it; a sentence on what was written."""
+    """The page of open logs, as `report_page` allows it; a sentence on the written file.
+
+    A `model` takes the place of the file's in `asked`.
+    """
     from tirelog.report.build import build
     from tirelog.report.page import render
 
-    made = build(recordings, asked, progress)
+    made = build(recordings, asked, progress, model)
     with whole_file(page) as part, part.open("w", encoding="utf-8") as stream:
         stream.writelines(render(made))
         size = stream.tell()
@@ -536,17 +548,17 @@ def write_report(
     logs: Logs = (),
     output: Path | None = None,
     *,
-    setup: Path | None = None,
+    setup: SetupLike | None = None,
     tables: Sequence[Path] = (),
     campaign: Path | None = None,
-    model: Path | None = None,
+    model: ModelLike | None = None,
     ladder: Path | None = None,
     channel: str | None = None,
     effects: Path | None = None,
     propose: bool = False,
     progress: Progress = lambda text: None,
 ) -> tuple[str, ...]:
-    """One offline page: what was recorded, what came of it, where a model fails.
+    """One offline page: the logs, their tables, and where a model fails.
 
     Parameters
     ----------
@@ -554,20 +566,22 @@ def write_report(
         Logs or runs, by path or open.
     output : str or os.PathLike, optional
         The page to write, .html.
-    setup : str or os.PathLike, optional
+    setup : str, os.PathLike, Setup or dict, optional
         The setup of logs given by path; without it the TOML file beside each.
     tables : sequence of str or os.PathLike
         Tables already made, which are not made again.
     campaign : str or os.PathLike, optional
         A campaign's output folder.
-    model, ladder : str or os.PathLike, optional
-        A model file to hold against the logs, and the ladder kept beside it.
+    model : Model, str, os.PathLike or dict, optional
+        A model to compare with the logs. Commands on the page call one without a file MODEL.toml.
+    ladder : str or os.PathLike, optional
+        The steps that `ladder` kept beside the model.
     channel, effects
         As for `measure` and `load_model`.
     propose : bool
-        If something is unknown it is written down, as by `propose`.
+        Identify what is unknown, as `propose` does.
     progress : callable, optional
-        Hears what is being done, a sentence at a time.
+        Called with a sentence on each step.
 
     Returns
     -------
@@ -577,12 +591,16 @@ def write_report(
     Raises
     ------
     UsageError
-        Nothing to report on or to write, or a file that is none of what it was given as.
+        Nothing to report on or to write, or a file of another kind.
     ReadError, SetupError
         As `open_log`.
     """
-    given: dict[str, Any] = {"setup": setup, "model": model, "ladder": ladder}
-    given |= {"campaign": campaign, "effects": effects}
+    in_memory = None if model is None or isinstance(model, str | os.PathLike) else as_model(model)
+    given: dict[str, Any] = {
+        "setup": setup if isinstance(setup, str | os.PathLike) else None,
+        "model": model if in_memory is None else in_memory.path or "MODEL.toml",
+        "ladder": ladder, "campaign": campaign, "effects": effects,
+    }  # fmt: skip
     named = as_logs(logs)
     asked = ReportRequest(
         tuple(log.log if isinstance(log, Recording) else os.fspath(log) for log in named),
@@ -597,4 +615,4 @@ def write_report(
             log if isinstance(log, Recording) else resources.enter_context(open_log(log, setup))
             for log in named
         ]
-        return make_report(opened, asked, page, progress)
+        return make_report(opened, asked, page, progress, in_memory)

@@ -48,12 +48,12 @@ class CampaignStatus:
 
 @dataclass(frozen=True)
 class CampaignOutcome:
-    """What a run of a campaign came to.
+    """The outcome of a run of a campaign.
 
     summary   the file with a row per log
-    worked    logs that were worked on; the others were done
-    failed    sentences on logs and models that failed, and on logs that stay open since what failed
-              was not theirs (a store, the cluster, the machine)
+    worked    logs that were worked on; the others were done before
+    failed    sentences on logs and models that failed, and on logs that stay open after a fault of
+              a store, the cluster or the machine
     lost      sentences on logs whose input was lost in part
     """
 
@@ -67,7 +67,7 @@ class CampaignOutcome:
 def campaign_status(
     manifest: Path, *, only: str | None = None, retry_failed: bool = False
 ) -> CampaignStatus:
-    """What is done, failed and open of a campaign; also while a run works.
+    """Which logs of a campaign are done, failed and open; also during a run.
 
     Parameters
     ----------
@@ -130,10 +130,10 @@ def run_campaign(
     only: str | None = None,
     retry_failed: bool = False,
     began: Callable[[int], Callable[[Entry, int, int], None]] | None = None,
-    said: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = lambda text: None,
     during: Callable[[str], AbstractContextManager[Any]] = nullcontext,
 ) -> CampaignOutcome:
-    """Make what is not made yet: every log's tables, then the models over all logs.
+    """All that is not made yet: every log's tables, then the models over all logs.
 
     Parameters
     ----------
@@ -146,11 +146,12 @@ def run_campaign(
     only, retry_failed
         As for `campaign_status`; models are over all logs, and left out with `only`.
     began : callable, optional
-        Hears how many logs are to be worked on, and gives what hears of each that is finished.
-    said : callable, optional
-        Hears remarks, a sentence at a time.
+        Called with the number of open logs; the callable that it returns is called with the
+        entry of each finished log, its number and the number of all.
+    progress : callable, optional
+        Called with remarks, a sentence at a time.
     during : callable, optional
-        Gives a context in which the models are made, of a sentence that says so.
+        Called with a sentence; the context that it returns is open while the models are made.
 
     Returns
     -------
@@ -171,30 +172,36 @@ def run_campaign(
         tasks = plan_tasks(campaign, ledger, only=only)
         ledger.save_hashes()
         left = to_do(tasks, ledger, retry_failed=retry_failed)
-        hears = began(len(left)) if began is not None else lambda entry, finished, of: None
+        report = began(len(left)) if began is not None else lambda entry, number, of: None
         left_open = run_tasks(
-            campaign, ledger, left, workers=workers, scheduler=scheduler, said=hears, remark=said
+            campaign,
+            ledger,
+            left,
+            workers=workers,
+            scheduler=scheduler,
+            report=report,
+            remark=progress,
         )
         summary = write_summary(campaign, ledger)
         for remark in campaign.remarks:
-            said(remark)
-        said(f"{len(left)} of {len(tasks)} logs worked on, {len(tasks) - len(left)} were done; "
+            progress(remark)
+        progress(f"{len(left)} of {len(tasks)} logs worked on, {len(tasks) - len(left)} were done; "
              f"{summary}")  # fmt: skip
         if more := strangers(campaign, ledger):
-            said(
+            progress(
                 "the dataset holds logs that the manifest does not have: "
                 f"{', '.join(more)}; remove their log=... folders"
             )
         entries = [e for task in tasks if (e := ledger.entry(task.name)) is not None]
         if campaign.models and only is not None:
-            said("models are over the whole campaign; they are left to a run without --only")
+            progress("models are over the whole campaign; they need a run without --only")
         elif campaign.models and left_open:
-            said("models are over the whole campaign; they are left to a run that leaves none open")
+            progress("models are over the whole campaign; they need a run that leaves none open")
         elif campaign.models:
             from tirelog.campaign.models import run_models
 
             with during("models over the whole campaign"):
-                failed = run_models(campaign, ledger, tasks, said)
+                failed = run_models(campaign, ledger, tasks, progress)
     return CampaignOutcome(
         summary,
         len(tasks),

@@ -5,14 +5,15 @@ from __future__ import annotations
 import os
 import warnings
 import weakref
-from collections.abc import Iterable, Iterator
-from contextlib import AbstractContextManager, ExitStack
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path as File
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
+from tirelog.data import setup as setups
 from tirelog.data.recording import Recording
-from tirelog.data.setup import Setup, load_setup, setup_beside
+from tirelog.data.setup import Setup, setup_beside
 from tirelog.drafts.setup import (
     Contents,
     Finding,
@@ -35,13 +36,17 @@ if TYPE_CHECKING:
     from tirelog.simulation import Scenario
 
 __all__ = [
-    "Contents", "FoundSeries", "Logs", "OpenLog", "Path", "SetupCheck", "as_logs", "as_setup",
-    "changed", "channels", "check_setup", "contents", "contents_rows", "described",
-    "draft_setup", "each_log", "ingest", "open_log", "open_recording", "opened_run",
-    "samples_hash", "simulate", "simulated_log",
+    "Contents", "FoundSeries", "Logs", "OpenLog", "Path", "SetupCheck", "SetupLike", "as_logs",
+    "as_read", "as_setup", "changed", "channels", "check_setup", "contents", "contents_rows",
+    "described", "draft_setup", "each_log", "ingest", "load_setup", "open_log",
+    "open_recording", "opened_run", "samples_hash", "simulate", "simulated_log",
 ]  # fmt: skip
 
 Path = str | os.PathLike[str]
+#: a setup by path, read, or as a dict of the file's tables
+SetupLike = Path | Setup | Mapping[str, Any]
+#: a Setup or a Model
+Read = TypeVar("Read")
 #: a log by path or open, or several of them
 Logs = Path | Recording | Iterable[Path | Recording]
 
@@ -70,16 +75,16 @@ class OpenLog(Recording, AbstractContextManager["OpenLog"]):
         return document(self.log, [table(list(rows), zip(*rows.values()))], self.remarks)
 
 
-def open_log(path: Path, setup: Path | Setup | None = None) -> OpenLog:
+def open_log(path: Path, setup: SetupLike | None = None) -> OpenLog:
     """A log, opened: its channels in SI on exact time axes.
 
     Parameters
     ----------
     path : str or os.PathLike
         A log (text, MCAP, HDF5) or a run; ``"-"`` is standard input.
-    setup : str, os.PathLike or Setup, optional
-        The setup file that says what the channels are; without it the file of the log's name with
-        the suffix ``.toml`` beside it.
+    setup : str, os.PathLike, Setup or dict, optional
+        The setup, which describes the channels: its file, itself, or the file's tables. Without it
+        the file of the log's name with the suffix ``.toml`` beside it.
 
     Returns
     -------
@@ -129,7 +134,7 @@ def described(log: str) -> bool:
     return setup_beside(log) is not None or (is_file(log) and is_run(log))
 
 
-def ingest(log: Path, output: Path, setup: Path | Setup | None = None) -> IngestSummary:
+def ingest(log: Path, output: Path, setup: SetupLike | None = None) -> IngestSummary:
     """A log written as a run: channels on exact time axes, with setup and provenance.
 
     Parameters
@@ -138,7 +143,7 @@ def ingest(log: Path, output: Path, setup: Path | Setup | None = None) -> Ingest
         A log; ``"-"`` is standard input.
     output : str or os.PathLike
         The run to write (HDF5), which every function takes for the log.
-    setup : str, os.PathLike or Setup, optional
+    setup : str, os.PathLike, Setup or dict, optional
         As for `open_log`.
 
     Returns
@@ -160,16 +165,60 @@ def changed(log: Path) -> list[str]:
     return changed_columns(name) if is_file(name) and is_run(name) else []
 
 
-def as_setup(setup: Path | Setup | None) -> Setup | None:
-    """The setup, from its file if it is not read yet."""
-    return setup if setup is None or isinstance(setup, Setup) else load_setup(os.fspath(setup))
+def load_setup(path: Path) -> Setup:
+    """The setup in a file.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        A setup file (``tirelog setup new`` drafts one).
+
+    Returns
+    -------
+    Setup
+        ``tire``, ``conditions``, ``channels`` by name, ``log``; immutable.
+
+    Raises
+    ------
+    SetupError
+        The file is no setup; file and line are named.
+    """
+    return setups.load_setup(os.fspath(path))
 
 
-def each_log(logs: Logs, setup: Path | Setup | None = None) -> Iterator[Recording]:
+def as_setup(setup: SetupLike | None) -> Setup | None:
+    """The setup, read from its file or made of a dict if needed.  UsageError: it is none."""
+    return None if setup is None else as_read(setup, Setup, setups.load_setup, setups.parse_setup)
+
+
+def as_read(
+    given: Any, kind: type[Read], load: Callable[[Any], Read], parse: Callable[[str], Read]
+) -> Read:
+    """A value of a `kind`, loaded from its file or parsed from a dict of the tables if needed.
+
+    UsageError: it is none of these, or a dict that no TOML file holds.
+    """
+    if isinstance(given, kind):
+        return given
+    if isinstance(given, str | os.PathLike):
+        return load(os.fspath(given))
+    with suppress(ValueError, TypeError):  # what tomlkit says of a value that it does not know
+        import tomlkit  # 40 ms, for a dict alone
+
+        return parse(tomlkit.dumps(given))
+    name = kind.__name__
+    raise UsageError(
+        f"this {type(given).__name__} is no {name.lower()}",
+        allowed=f"allowed are a path, a {name} and a dict of the file's tables in plain values",
+        do=f"give one, such as tirelog.load_{name.lower()}(path)",
+    )
+
+
+def each_log(logs: Logs, setup: SetupLike | None = None) -> Iterator[Recording]:
     """The logs as open recordings, one after the other; what is given by path is closed again.
 
-    What was lost of a log is warned of when it has been read. UsageError: something among them is
-    no log.
+    A warning names what was lost of a log, once it has been read. UsageError: something among them
+    is no log.
     """
     for log in _several(logs):
         if isinstance(log, Recording):
@@ -211,7 +260,7 @@ def _no_log(value: Any) -> UsageError:
     )
 
 
-# ---- Setups: what is in a log that nobody has described, a first draft, and what is left to do.
+# ---- Setups: the content of a log without one, a first draft, and a check of it.
 
 
 #: a log is looked into as far as its first blocks; twice as many take twice as long
@@ -238,7 +287,7 @@ class SetupCheck:
 
 
 def draft_setup(log: Path, output: Path | None = None) -> SetupDraft:
-    """A first setup of a log, from what it holds; what is guessed is marked.
+    """A first setup of a log, from its content; guesses are marked.
 
     Parameters
     ----------
@@ -264,14 +313,14 @@ def draft_setup(log: Path, output: Path | None = None) -> SetupDraft:
     return made
 
 
-def check_setup(log: Path, setup: Path | Setup | None = None) -> SetupCheck:
+def check_setup(log: Path, setup: SetupLike | None = None) -> SetupCheck:
     """What is implausible, missing, unused or still guessed in the setup of a log.
 
     Parameters
     ----------
     log : str or os.PathLike
         The log.
-    setup : str, os.PathLike or Setup, optional
+    setup : str, os.PathLike, Setup or dict, optional
         Its setup; without it the TOML file beside it.
 
     Returns

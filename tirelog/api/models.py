@@ -1,4 +1,4 @@
-"""Models: read, evaluated, and taken apart into what each effect contributes."""
+"""Models: read, evaluated, and split into the contributions of their effects."""
 
 from __future__ import annotations
 
@@ -10,24 +10,23 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.api.logs import Path
+from tirelog.api.logs import Path, SetupLike, as_read, as_setup
 from tirelog.data.recording import Conditions, Recording
 from tirelog.data.setup import RoadSetup, Setup
 from tirelog.diagnosis.history import history_rows as ladder_rows
-from tirelog.errors import UsageError, refuse_unknown
+from tirelog.errors import ModelError, UsageError, refuse_unknown
 from tirelog.physics.effects import Effect, serves
 from tirelog.physics.model import file
-from tirelog.physics.model.file import refuse_another, save_model
+from tirelog.physics.model.file import refuse_another
 from tirelog.physics.model.forces import StripSection, carcass_facts, force_columns, worn_model
 from tirelog.physics.model.from_setup import (
     check_conditions,
     check_model,
     known_conditions,
     known_surface,
-    new_model,
     with_gauge_length,
 )
-from tirelog.physics.model.model import BY_NAME as NUISANCES
+from tirelog.physics.model.from_setup import new_model as made_model
 from tirelog.physics.model.model import Model, difference_rows, parameter_rows
 from tirelog.physics.model.presets import PRESETS
 from tirelog.physics.model.user_effects import catalogue_with, effect_called
@@ -35,10 +34,12 @@ from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.columns import TABLES
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
 
+#: a model by path, itself, or as a dict of the file's tables
+ModelLike = Model | Path | Mapping[str, Any]
 #: angles over a revolution if none are asked for
 ANGLES = 1024
 
-#: what is told along a revolution: column and observable
+#: columns along a revolution, with their observables
 _ALONG = {
     "displacement_m": "displacement",
     "strain": "strain",
@@ -52,11 +53,12 @@ _ALONG = {
 
 
 __all__ = [
-    "NUISANCES", "PRESETS", "SCALARS", "Effect", "Model", "added", "angles", "carcass_facts",
-    "catalogue_with", "conditions_of", "contributions", "difference_rows", "draw_effects",
-    "draw_modes", "forces", "given_conditions", "known_surface", "ladder_rows", "load_model",
-    "modes", "new_model", "numbers", "parameter_rows", "passage", "predict", "refuse_another",
-    "revolutions", "save_model", "serves", "table_columns", "worn_model",
+    "PRESETS", "SCALARS", "Effect", "Model", "ModelLike", "added", "angles", "as_model",
+    "carcass_facts", "catalogue_with", "changed", "conditions_of", "contributions",
+    "difference_rows", "draw_effects", "draw_modes", "forces", "given_conditions",
+    "known_surface", "ladder_rows", "load_model", "modes", "new_model", "numbers",
+    "parameter_rows", "passage", "predict", "refuse_another", "revolutions", "save_model",
+    "serves", "table_columns", "worn_model",
 ]  # fmt: skip
 
 
@@ -85,13 +87,92 @@ def load_model(path: Path, *, effects: Path | None = None) -> Model:
     return file.load_model(File(path), effects=None if effects is None else File(effects))
 
 
-def given_conditions(conditions: Conditions | Mapping[str, Any]) -> Conditions:
+def save_model(model: ModelLike, path: Path) -> None:
+    """The model as a file, whole or not at all; comments of the file it was read from stay.
+
+    Parameters
+    ----------
+    model : Model, str, os.PathLike or dict
+        The model: itself, the path of its file, or the file's tables.
+    path : str or os.PathLike
+        The model file to write.
+
+    Returns
+    -------
+    None
+
+    Raises
+    ------
+    ModelError
+        The path has a file that is no model.
+    OutputError
+        The file cannot be written.
+    """
+    file.save_model(as_model(model), File(path))
+
+
+def as_model(model: ModelLike) -> Model:
+    """The model, read from its file or made of a dict if needed.  UsageError: it is none."""
+    return as_read(model, Model, file.load_model, file.parse_model)
+
+
+def new_model(
+    carcass: str | None = None,
+    setup: SetupLike | None = None,
+    *,
+    observable: str | Sequence[str] | None = None,
+    contact: str | None = None,
+    values: Mapping[str, float | str] | None = None,
+    preset: str | None = None,
+) -> tuple[Model, list[str]]:
+    """A new model without effects, and remarks on what its values leave open.
+
+    Parameters
+    ----------
+    carcass : str, optional
+        ``"beam"``, ``"ring"`` or ``"coupled_ring"``; by default the preset's, else a beam.
+    setup : str, os.PathLike, Setup or dict, optional
+        Tire and conditions.
+    observable : str or sequence of str, optional
+        What the model predicts; by default the preset's, else what the setup's channels measure,
+        else ``"strain"``.
+    contact : str, optional
+        ``"prescribed"`` or ``"flat_road"``.
+    values : mapping of str to float or str, optional
+        Values by full name; they go before the setup's, and these before a preset's.
+    preset : str, optional
+        The numbers of a paper: ``"P1"``, ``"P2"`` or ``"P3"``.
+
+    Returns
+    -------
+    tuple of (Model, list of str)
+        The model and the remarks.
+
+    Raises
+    ------
+    ModelError, UsageError
+        No such carcass, observable, contact, parameter or preset.
+    SetupError
+        As `open_log`.
+    """
+    return made_model(
+        carcass,
+        as_setup(setup),
+        observable=observable,
+        contact=contact,
+        values=values,
+        preset=preset,
+    )
+
+
+def given_conditions(conditions: Conditions | Mapping[str, Any] | None, **named: Any) -> Conditions:
     """The conditions, from fields by name: numbers, or arrays of one length, shape (n,).
 
     UsageError: no such field, or arrays of several lengths.
     """
     if isinstance(conditions, Conditions):
         return conditions
+    conditions = {**(conditions or {}), **named}
     known = [field.name for field in fields(Conditions)]
     for name in conditions:
         refuse_unknown(name, known, f"no condition is called {name!r}", do="choose among them")
@@ -173,6 +254,47 @@ def added(
     return with_gauge_length(changed, setup) if effect == "gauge_length" else changed
 
 
+def changed(model: Model, changes: Iterable[tuple[str, str]]) -> Model:
+    """The model after changes one after the other, (name, word) as `tirelog model set` has them.
+
+    A word is a number, ``"fixed"``, ``"free"``, ``"MIN:MAX"`` (free within these bounds), a choice
+    of an effect, or the use of a nuisance. ModelError: no such name or word.
+    """
+    uses = [nuisance.name for nuisance in model.nuisances]
+    words = [f"{effect.id}.{option}" for effect in model.effects for option in effect.options]
+    for name, word in changes:
+        refuse_unknown(
+            name,
+            [*model.parameters, *words, *uses],
+            f"the model has no {name!r}",
+            do="list: `tirelog model show MODEL`",
+            error=ModelError,
+        )
+        ends = word.split(":")
+        if name in uses:
+            model = model.with_nuisance(name, word)
+        elif name in model.parameters and (word in ("fixed", "free") or len(ends) == 2):
+            parameter = replace(model.parameters[name], free=word != "fixed")
+            if len(ends) == 2:
+                parameter = parameter.within(_number(name, ends[0]), _number(name, ends[1]))
+            model = model.with_parameters({name: parameter})
+        else:
+            model = model.with_values(
+                {name: word if name not in model.parameters else _number(name, word)}
+            )
+    return model
+
+
+def _number(name: str, word: str) -> float:
+    """A word as a number.  ModelError: it is none."""
+    try:
+        return float(word)
+    except ValueError:
+        raise ModelError(
+            f"{name}={word}", allowed="allowed are a number, fixed, free, MIN:MAX", do="correct it"
+        ) from None
+
+
 def draw_effects(effects: Sequence[Effect], path: Path) -> None:
     """What each effect does to the strain, as a picture.  UsageError: to no strain."""
     from tirelog.plots.answers import signatures
@@ -205,23 +327,25 @@ def draw_modes(
 
 
 def predict(
-    model: Model,
-    conditions: Conditions | Mapping[str, Any],
+    model: ModelLike,
+    conditions: Conditions | Mapping[str, Any] | None = None,
     phi_rad: FloatArray | None = None,
     *,
     surface: str = "outer",
     observable: str | None = None,
+    **named: Any,
 ) -> FloatArray:
-    """What the sensor reads, as the model sees it.
+    """The sensor's reading as the model predicts it.
 
     Parameters
     ----------
-    model : Model
-        The model.
-    conditions : Conditions or mapping
-        What n revolutions are driven under, by name: ``{"speed_m_s": 20.0, "load_N": 3400.0}``,
-        numbers or arrays of shape (n,); ``speed_m_s`` is needed, of the others the model takes
-        its own if it has them. ``acceleration_m_s2`` is negative and ``slip`` positive in braking.
+    model : Model, str, os.PathLike or dict
+        The model: itself, the path of its file, or the file's tables.
+    conditions : Conditions or mapping, optional
+        Conditions of n revolutions by name: ``{"speed_m_s": 20.0, "load_N": 3400.0}``, numbers or
+        arrays of shape (n,); also as keywords, ``speed_m_s=20.0``. ``speed_m_s`` is needed, for the
+        others the model has values of its own. ``acceleration_m_s2`` is negative and ``slip``
+        positive in braking.
     phi_rad : array, shape (m,) or (n, m), optional
         Angles from the patch centre [rad], entry negative, exit positive; by default 1024 over
         the revolution, the middles of as many equal bins from -pi to pi.
@@ -251,7 +375,8 @@ def predict(
     >>> wave.shape, float(wave.min()) < 0
     ((1, 1024), True)
     """
-    given = _checked(model, conditions)
+    model = as_model(model)
+    given = _checked(model, given_conditions(conditions, **named))
     chosen = angles() if phi_rad is None else np.asarray(phi_rad, float)
     return model.predict(
         given,
@@ -271,9 +396,9 @@ def revolutions(
 ) -> dict[str, FloatArray]:
     """Columns of `tirelog model predict --all`, (n points,): n revolutions one after the other.
 
-    All that a model says along each, from half a turn before the patch centre to half a turn after,
-    and the conditions, the load as the model has it. `modes`: the last mode of a waveform, all of
-    them by default. UsageError and ModelError as `predict`.
+    Each goes from half a turn before the patch centre to half a turn after. The columns are all
+    that a model gives along it, and the conditions with the model's load. `modes`: the last mode of
+    a waveform, all of them by default. UsageError and ModelError as `predict`.
     """
     given, phi = _checked(model, conditions), angles(points)
     columns = {name: np.repeat(v, points) for name, v in _condition_columns(model, given).items()}
@@ -399,7 +524,7 @@ def angles(count: int = ANGLES) -> FloatArray:
 
 
 def contributions(
-    model: Model,
+    model: ModelLike,
     conditions: Conditions | Mapping[str, Any],
     phi_rad: FloatArray | None = None,
     *,
@@ -440,7 +565,9 @@ def contributions(
     (['base', 'water_film', 'interaction'], True)
     """
     given = given_conditions(conditions)
-    settled = model.resolved(given)  # what depends on all revolutions, once for every part
+    settled = as_model(model).resolved(
+        given
+    )  # what depends on all revolutions, once for every part
 
     def predicted(one: Model) -> FloatArray:
         return predict(one, given, phi_rad, surface=surface, observable=observable)

@@ -2,7 +2,7 @@
 
 Each has the columns of its command, one row per passage of the patch, SI units in every name, and
 in ``attrs``: ``units`` and ``descriptions`` by column, ``remarks`` on the logs. Nothing is dropped:
-what is wrong with a row stands in its ``quality``; input that was lost is warned of.
+``quality`` has the faults of a row; a warning tells of lost input.
 """
 
 from __future__ import annotations
@@ -17,11 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from tirelog.api.logs import Logs, Path, each_log
-from tirelog.api.parts import calibrated, checked_options, parts_of, table_picture
-from tirelog.data.setup import Setup
-from tirelog.errors import UsageError, refuse_unknown
-from tirelog.storage.whole import whole_file
+from tirelog.api.logs import Logs, Path, SetupLike, each_log
+from tirelog.api.parts import calibrated, checked_options, figure, parts_of, picture_kinds, sketch
+from tirelog.errors import refuse_unknown
 from tirelog.tables.frame import (
     Difference,
     as_table,
@@ -35,11 +33,22 @@ from tirelog.tables.frame import (
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from tirelog.wheel.calibration import Calibration
 
 
+#: an end of a stretch: seconds since the first sample, or a stamp as in the log
+Moment = float | str | None
+
+
 def speed(
-    logs: Logs, setup: Path | Setup | None = None, *, calibrate_radius: bool = False
+    logs: Logs,
+    setup: SetupLike | None = None,
+    *,
+    calibrate_radius: bool = False,
+    start: Moment = None,
+    stop: Moment = None,
 ) -> pd.DataFrame:
     """Speed at each passage of the patch, with standard error and acceleration.
 
@@ -47,10 +56,14 @@ def speed(
     ----------
     logs : str, os.PathLike, Recording or a list of them
         Logs or runs, by path or open.
-    setup : str, os.PathLike or Setup, optional
+    setup : str, os.PathLike, Setup or dict, optional
         The setup of logs given by path; without it the TOML file beside each.
     calibrate_radius : bool
         Take the rolling radius from the log's ``vehicle_speed``.
+    start, stop : float or str, optional
+        Only the rows of this stretch of each log: seconds since the first sample, or stamps as in
+        the log. The rows are those of the whole log's table: at the ends of the stretch too they
+        use their neighbours.
 
     Returns
     -------
@@ -72,27 +85,30 @@ def speed(
     >>> round(float(table.speed_m_s.median()), 1), table.attrs["units"]["speed_m_s"]
     (15.2, 'm/s')
     """
-    return _table("speed", logs, setup, {"calibrate_radius": calibrate_radius})
+    options = {"calibrate_radius": calibrate_radius, "start": start, "stop": stop}
+    return _table("speed", logs, setup, options)
 
 
 def footprint(
     logs: Logs,
-    setup: Path | Setup | None = None,
+    setup: SetupLike | None = None,
     *,
-    cutoff: str = "auto",
+    cutoff: float | str = "auto",
     friction_ratio: float | None = None,
+    start: Moment = None,
+    stop: Moment = None,
 ) -> pd.DataFrame:
     """Contact length, edges and slip onset at each passage of the patch (P2).
 
     Parameters
     ----------
-    logs, setup
+    logs, setup, start, stop
         As for `speed`.
-    cutoff : str
-        Low-pass of the plain lengths: ``"auto"``, hertz (``"400Hz"``) or multiples of the wheel
-        frequency (``"40x"``).
+    cutoff : float or str
+        Low-pass of the plain lengths: hertz (``400`` or ``"400Hz"``), multiples of the wheel
+        frequency (``"40x"``), or ``"auto"``.
     friction_ratio : float, optional
-        Sliding over sticking friction, for the slip onset; else the setup's, or 0.75 +- 0.13.
+        Sliding over static friction, for the slip onset; else the setup's, or 0.75 +- 0.13.
 
     Returns
     -------
@@ -113,33 +129,32 @@ def footprint(
     >>> round(float(table.length_m.median()), 3)
     0.116
     """
-    return _table("footprint", logs, setup, {"cutoff": cutoff, "friction_ratio": friction_ratio})
+    ends = {"start": start, "stop": stop}
+    return _table(
+        "footprint", logs, setup, {"cutoff": cutoff, "friction_ratio": friction_ratio, **ends}
+    )
 
 
 def dissipation(
     logs: Logs,
-    setup: Path | Setup | None = None,
+    setup: SetupLike | None = None,
     *,
     steady_step_m_s: float | None = None,
-    averaged: int | None = None,
     fit: bool = False,
-    by_speed: bool = False,
+    start: Moment = None,
+    stop: Moment = None,
 ) -> pd.DataFrame:
     """Dissipation factor and specific power of the strain in each revolution (P1).
 
     Parameters
     ----------
-    logs, setup
+    logs, setup, start, stop
         As for `speed`.
     steady_step_m_s : float, optional
         Largest step of a constant speed between revolutions [m/s].
-    averaged : int, optional
-        Revolutions of a moving average.
     fit : bool
         The regressions of factor and specific power on speed instead, one row per channel and
         quantity; none (and a remark) with too few revolutions of constant speed.
-    by_speed : bool
-        The rows of constant speed alone, sorted by speed (P1 Fig. 11).
 
     Returns
     -------
@@ -159,31 +174,29 @@ def dissipation(
     >>> round(1e3 * float(table.dissipation_factor_1_m.median()), 2)
     0.16
     """
-    views = {"fit": fit, "by_speed": by_speed}
-    options = {"steady_step": steady_step_m_s, "average": averaged}
-    return _table("dissipation", logs, setup, options | views)
+    options = {"steady_step": steady_step_m_s, "fit": fit, "start": start, "stop": stop}
+    return _table("dissipation", logs, setup, options)
 
 
 def phase_shift(
     logs: Logs,
-    setup: Path | Setup | None = None,
+    setup: SetupLike | None = None,
     *,
     calibration: Path | Calibration | None = None,
     zero: str | float = "auto",
-    by_time: bool = False,
+    start: Moment = None,
+    stop: Moment = None,
 ) -> pd.DataFrame:
     """Patch width and phase shift in wheel angle, from encoder and accelerometer (P4).
 
     Parameters
     ----------
-    logs, setup
+    logs, setup, start, stop
         As for `speed`.
     calibration : str, os.PathLike or Calibration, optional
         Speed maps, cross-talk and force maps to apply, which `calibrate` learns.
     zero : str or float
         Where the shift is zero: ``"auto"``, ``"none"``, a speed [m/s] or ``"START:STOP"`` [s].
-    by_time : bool
-        Rows of all accelerometers of a log in the order of time.
 
     Returns
     -------
@@ -205,12 +218,12 @@ def phase_shift(
     >>> round(float(table.patch_width_deg.median()), 1)
     13.4
     """
-    options = {"calibration": calibration, "zero": zero, "by_time": by_time}
+    options = {"calibration": calibration, "zero": zero, "start": start, "stop": stop}
     return _table("phase-shift", logs, setup, options)
 
 
 def calibrate(
-    logs: Logs, setup: Path | Setup | None = None, *, forces: bool = False, zero: str = "auto"
+    logs: Logs, setup: SetupLike | None = None, *, forces: bool = False, zero: str = "auto"
 ) -> Calibration:
     """How patch width and phase shift change with speed, with torque and, if asked, with force.
 
@@ -246,7 +259,7 @@ def calibrate(
 
 def inflation(
     logs: Logs,
-    setup: Path | Setup | None = None,
+    setup: SetupLike | None = None,
     *,
     from_Pa: float | None = None,
     to_Pa: float | None = None,
@@ -284,20 +297,20 @@ def inflation(
 def table_function(table: LogTable) -> Callable[..., pd.DataFrame]:
     """The function of a table that has none above: its options as keywords, as for `inflation`."""
 
-    def made(logs: Logs, setup: Path | Setup | None = None, **options: Any) -> pd.DataFrame:
+    def made(logs: Logs, setup: SetupLike | None = None, **options: Any) -> pd.DataFrame:
         return _table(table.name, logs, setup, options)
 
-    told = "".join(f"{option.name}\n    {option.help}\n" for option in table.options)
+    meanings = "".join(f"{option.name}\n    {option.help}\n" for option in table.asked)
     columns = fill(f"``{', '.join(table.columns)}``.", 90)
     made.__name__ = made.__qualname__ = table.python_name
     made.__doc__ = (
-        f"{table.says}\n\nParameters\n----------\nlogs, setup\n    As for `speed`.\n{told}\n"
+        f"{table.says}\n\nParameters\n----------\nlogs, setup\n    As for `speed`.\n{meanings}\n"
         f"Returns\n-------\npandas.DataFrame\n{indent(columns, '    ')}\n"
     )
     shared = [p for p in signature(made).parameters.values() if p.kind != Parameter.VAR_KEYWORD]
     own = [
         Parameter(o.name, Parameter.KEYWORD_ONLY, default=None, annotation=f"{o.kind.__name__}")
-        for o in table.options
+        for o in table.asked
     ]
     vars(made).update(__signature__=Signature([*shared, *own]))  # what help() shows
     return made
@@ -306,13 +319,13 @@ def table_function(table: LogTable) -> Callable[..., pd.DataFrame]:
 def plot_table(
     name: str,
     logs: Logs,
-    path: Path,
-    setup: Path | Setup | None = None,
+    path: Path | None = None,
+    setup: SetupLike | None = None,
     *,
     kind: str = "",
     **options: Any,
-) -> None:
-    """The picture of a table, as its command's ``--plot`` writes it.
+) -> Figure | None:
+    """The picture of a table, which a notebook shows; a file of it if a path is given.
 
     Parameters
     ----------
@@ -320,16 +333,17 @@ def plot_table(
         The table's command, such as ``"footprint"``.
     logs, setup
         As for `speed`.
-    path : str or os.PathLike
+    path : str or os.PathLike, optional
         The picture to write: .png, .svg or .pdf.
     kind : str, optional
-        Which picture, as ``--plot-kind``.
+        Which picture of the table, such as ``"polar"`` of a footprint.
     **options
         The table's options, as in campaigns.
 
     Returns
     -------
-    None
+    matplotlib.figure.Figure
+        The picture; None if no log has rows.
 
     Raises
     ------
@@ -337,14 +351,22 @@ def plot_table(
         No such table, picture or option, or a log that it cannot be drawn of.
     """
     refuse_unknown(name, LOG_TABLES, f"no table is called {name!r}", do="choose among them")
-    with table_picture(LOG_TABLES[name], path, kind) as keep:
-        for recording in each_log(logs, setup):
-            for part in parts_of(recording, name, options):
-                keep(recording, part)
+    table, kept = LOG_TABLES[name], list[Any]()
+    kinds = picture_kinds(table, kind, options)
+    for recording in each_log(logs, setup):
+        kept += [
+            sketch(table, recording, part, kinds) for part in parts_of(recording, name, options)
+        ]
+    drawn = figure(table, kept, kinds) if kept else None
+    if drawn is not None and path is not None:
+        from tirelog.plots.style import write
+
+        write(drawn, File(path))
+    return drawn
 
 
 def _table(
-    name: str, logs: Logs, setup: Path | Setup | None, options: Mapping[str, Any]
+    name: str, logs: Logs, setup: SetupLike | None, options: Mapping[str, Any]
 ) -> pd.DataFrame:
     """One table of all logs."""
     checked_options(name, options)  # before a log is opened
@@ -382,8 +404,8 @@ def check(table: Path, against: Path, tolerance: Mapping[str, float] | None = No
     Parameters
     ----------
     table, against : str or os.PathLike
-        Tables as files; ``"-"`` is csv on standard input. Rows are matched by the log's path as it
-        was typed; if not one path is in both, by the log's file name, which is said.
+        Tables as files; ``"-"`` is csv on standard input. Rows are matched by the log's path, or,
+        if the tables share no path, by the log's file name; then there is a remark.
     tolerance : mapping of str to float, optional
         Absolute ones by column, in place of the columns' own.
 
@@ -402,24 +424,3 @@ def check(table: Path, against: Path, tolerance: Mapping[str, float] | None = No
     new, old, remark = of_like_logs(read_table(os.fspath(table)), read_table(os.fspath(against)))
     found = differences(new, old, tolerance or {})
     return TableCheck(tuple(found), tuple(line for line in (remark, summary(found)) if line))
-
-
-def bless(table: Path, against: Path) -> None:
-    """A table copied over the one that it is checked against, on purpose.
-
-    Raises
-    ------
-    UsageError
-        The table is standard input, which cannot be copied.
-    ReadError
-        It is no table; the other one stays.
-    """
-    if str(table) == "-":
-        raise UsageError(
-            "--bless wants a file",
-            allowed="standard input cannot be copied",
-            do="write the table with -o first",
-        )
-    read_table(os.fspath(table))  # nothing that is no table takes the other's place
-    with whole_file(File(against)) as part:
-        part.write_bytes(File(table).read_bytes())

@@ -165,7 +165,7 @@ class Folder:
         return {url.removeprefix(f"{self.root}/"): data for url, data in found.items()}
 
     def write(self, name: str, data: bytes) -> None:
-        """OutputError: it cannot be written; what stood there stands."""
+        """OutputError: it cannot be written; the old file stays."""
         place = self.place(name)
         if isinstance(place, str):
             write_remote(place, data)

@@ -162,7 +162,7 @@ def load_manifest(path: Path) -> Campaign:
             "",
             "matches no log",
             "each [[logs]] has a glob relative to the manifest",
-            "mend the glob",
+            "correct the glob",
         ),
         (
             not wanted and not models,
@@ -208,8 +208,8 @@ def _refuse_twins(
     for name, path in named:
         if name in seen:
             both = f"{seen[name]} and {path}"
-            said = f"two {what} have the name {name!r}: {both}"
-            raise place.error(said, "a name stands for one", do)
+            problem = f"two {what} have the name {name!r}: {both}"
+            raise place.error(problem, "each has a name of its own", do)
         seen[name] = path
 
 
@@ -352,7 +352,7 @@ def _conditions(path: Path) -> dict[str, _Row]:
         raise UsageError(
             f"cannot be read ({problem})",
             allowed="the conditions are a CSV with a column log",
-            do="mend the path",
+            do="correct the path",
             file=path,
         ) from None
     if not lines or "log" not in lines[0][1]:
@@ -385,7 +385,7 @@ def _conditions(path: Path) -> dict[str, _Row]:
             ),
         ):
             if refused:
-                raise UsageError(what, allowed=allowed, do=do or "mend it", file=path, line=line)
+                raise UsageError(what, allowed=allowed, do=do or "correct it", file=path, line=line)
         rows[log] = _Row(path, line, {k: v for k, v in given.items() if v is not None}, tags)
     return rows
 
@@ -427,10 +427,10 @@ def _model(entry: Mapping[str, Any], place: FilePlace, base: Path) -> CampaignMo
 
 
 def _observable(path: Path) -> Any:
-    """What the model file says it predicts; what else is wrong with it is said when it is used."""
+    """The observable in a model file; another fault of the file is found when it is used."""
     try:
-        text = toml_text(path, UsageError, what="a model", advice="mend the path")
-        said = toml_tables(text, UsageError, file=path)
-        return said.get("model", {}).get("observable", "strain")
+        text = toml_text(path, UsageError, what="a model", advice="correct the path")
+        tables = toml_tables(text, UsageError, file=path)
+        return tables.get("model", {}).get("observable", "strain")
     except (TirelogError, AttributeError):
         return "strain"

@@ -6,13 +6,13 @@ Compare, diagnose and ladder on all its logs together, each under its own condit
         --> output/models/<model>/{compare,diagnose,ladder}.json
         --> output/models/<model>/page.json, sections for the report
 
-What differs between logs (load, pressure, water, age) is what lets `diagnose` see effects that no
-single log shows. A result carries the key of everything it was made of, so it is made again only
-when a log, a setup, the model or tirelog changes.
+Logs differ in load, pressure, water and age, so `diagnose` finds effects that no single log shows.
+A result has the key of everything that it was made of. It is made again only if a log, a setup,
+the model or tirelog changes.
 
-Memory: the means of like revolutions that `inference.cells.pieces` has room for, whatever the
-campaign's size, and nothing of the revolutions; logs share that room as those of one `diagnose` do,
-so that both give the same numbers. A result says how many there were.
+Memory: means of revolutions, as many as `inference.cells.pieces` has room for, whatever the
+campaign's size, and no revolutions. Logs share that room as those of one `diagnose` do, so that
+both give the same numbers. A result has the number of the means.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def _run(
         raise UsageError(
             f"cannot be read ({problem})",
             allowed="a model is a TOML file",
-            do="mend its path in the manifest",
+            do="correct its path in the manifest",
         ) from None
     if not measured:
         raise UsageError(

@@ -1,9 +1,9 @@
 """A campaign carried out.
 
-What is not done is done, on processes of this machine or a Dask cluster, and the outcome is added
+All open tasks are done, on processes of this machine or a Dask cluster, and the outcome is added
 up.
 
-Tasks do not depend on one another, and each writes its own files, so neither order nor place of
+Tasks do not depend on one another, and each writes its own files. So neither order nor place of
 work changes a byte of the result.
 """
 
@@ -230,7 +230,7 @@ def _on_cluster(
             "--scheduler needs dask.distributed",
             do="it comes with the extra: pip install 'tirelog[cluster]'",
         ) from None
-    for name in ("distributed", "distributed.client"):  # they print tracebacks of what is said here
+    for name in ("distributed", "distributed.client"):  # they print tracebacks of this error
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         with Client(scheduler, timeout=ANSWER_S) as client, _workers_watched(client, remark):
@@ -247,7 +247,7 @@ def _on_cluster(
         raise UsageError(
             f"--scheduler {scheduler} does not answer ({type(problem).__name__})",
             allowed="allowed is tcp://HOST:PORT",
-            do="start it, then run this again: what is done is kept",
+            do="start it, then run this again: finished logs are kept",
         ) from None
 
 
@@ -289,7 +289,7 @@ def _finished(
 
 
 def _outcome(task: LogTask, future: DaskFuture[Any]) -> Entry:
-    """What a worker of the cluster said of its task, or that none finished it."""
+    """The entry by a worker of the cluster, or one that no worker finished it."""
     if future.status == "finished":
         entry: Entry = future.result()
         return entry
@@ -301,7 +301,7 @@ def _outcome(task: LogTask, future: DaskFuture[Any]) -> Entry:
 
 
 def _of_the_machine(task: LogTask, error: str) -> Entry:
-    """What did not come to an end, and is no fault of the log that is known."""
+    """The entry of a task that did not end, for no known fault of its log."""
     status = int(ExitStatus.DEFECT)
     return Entry(task.log, task.name, task.key, error=error, exit_status=status, fault="machine")
 
@@ -316,7 +316,7 @@ def plan_tasks(campaign: Campaign, ledger: Ledger, *, only: str | None = None) -
     if not logs:
         raise UsageError(
             f"--only {only!r} matches none of the campaign's {len(campaign.logs)} logs",
-            do="mend the pattern",
+            do="correct the pattern",
             file=campaign.file,
         )
     observables = tuple(dict.fromkeys(model.observable for model in campaign.models))
@@ -412,18 +412,19 @@ def run_tasks(
     *,
     workers: int,
     scheduler: str | None,
-    said: Callable[[Entry, int, int], None],
+    report: Callable[[Entry, int, int], None],
     remark: Callable[[str], None],
 ) -> list[str]:
-    """Carry out `tasks`; `said(entry, finished, of)` after each, `remark` hears of waiting.
+    """Sentences on the logs that stay open after the `tasks`, since not the log was at fault.
 
-    Sentences on the logs that stay open, since what failed was not theirs: these are not recorded.
-    A log that fails leaves no part of an older outcome behind; one that cannot be reached keeps it.
+    `report(entry, number, of)` is called after each, `remark` with a sentence on waiting. An open
+    log is not recorded. A log that fails leaves no part of an older outcome behind; one that cannot
+    be reached keeps it.
 
     UsageError: several in a row stay open.
 
-    OutputError: the output cannot be written (a full disk); what was done before is kept, and what
-    was not is not held against the logs.
+    OutputError: the output cannot be written (a full disk); finished logs are kept, and the others
+    stay open.
     """
     by_name = {task.name: task for task in tasks if not task.unreached}
     left_open = [f"{task.log}: {task.problem}" for task in tasks if task.unreached]
@@ -449,15 +450,15 @@ def run_tasks(
                 left_open.append(entry.error)
             else:
                 ledger.record(_with_tables(entry, by_name[entry.name], ledger.entry(entry.name)))
-            said(entry, number, len(tasks))
+            report(entry, number, len(tasks))
             in_a_row = _in_a_row(in_a_row, entry.error if is_open else "")
     return left_open
 
 
 def strangers(campaign: Campaign, ledger: Ledger) -> list[str]:
-    """Logs whose parts stand in the dataset and that the manifest does not have (any more).
+    """Logs with parts in the dataset that the manifest does not have (any more).
 
-    Whoever reads the dataset reads them too.
+    A reader of the dataset reads them too.
     """
     return sorted(
         {log_of(name) for name in ledger.folder.names()}

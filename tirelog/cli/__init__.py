@@ -10,6 +10,7 @@ the next program: a reader that leaves is not an error.
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import warnings
@@ -26,8 +27,9 @@ from tirelog.errors import (
 
 
 def _status_of(problem: BaseException, command: str) -> int:
-    """Say what went wrong in a `command`; the exit status for it."""
+    """The exit status for a problem in a `command`, which is printed on standard error."""
     from tirelog.cli.session import say
+    from tirelog.vocabulary.units import likely_number
 
     if isinstance(problem, TirelogError):
         text, status = str(problem), int(problem.exit_status)
@@ -35,7 +37,7 @@ def _status_of(problem: BaseException, command: str) -> int:
         name = str(problem) if str(problem).startswith("SIG") else "SIGINT"
         how = "interrupted" if name == "SIGINT" else f"stopped ({name})"
         text = f"{how}; nothing was left under the result's name; start it again"
-        status = 128 + signal.Signals[name]  # as a shell tells it
+        status = 128 + signal.Signals[name]  # the status that a shell gives
     elif type(problem).__name__ == "NoArgsIsHelpError":
         with suppress(OSError, ValueError):
             sys.stderr.write(f"{problem}\n")
@@ -44,6 +46,9 @@ def _status_of(problem: BaseException, command: str) -> int:
         problem, "exit_code"
     ):  # a usage error of typer's own parser
         text = f"{problem.format_message().rstrip('.')}; see {command} --help"
+        number = re.search(r"'([^']*)' is not a valid (?:float|int)", text)
+        if number is not None and (likely := likely_number(number[1])):
+            text += f"; {likely}"
         if text.startswith("Missing option '--model'"):
             text += "; `tirelog model new --setup SETUP.toml -o MODEL.toml` makes a model"
         status = int(ExitStatus.UNUSABLE_REQUEST)
@@ -54,7 +59,7 @@ def _status_of(problem: BaseException, command: str) -> int:
     else:
         text = (
             f"a defect of tirelog's own ({type(problem).__name__}: {problem}); run it again with "
-            "--debug and report what it prints"
+            "--debug and report the traceback"
         )
         status = int(ExitStatus.DEFECT)
     say(f"error: {text}")
@@ -128,6 +133,6 @@ def main() -> None:
     status = run()
     try:
         sys.stdout.flush()
-    except (OSError, OutputError):  # why has been said
+    except (OSError, OutputError):  # the reason is printed already
         drop_output()
     leave(status)

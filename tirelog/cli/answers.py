@@ -30,7 +30,7 @@ _BY_LOG = ("log", "parameter", "unit", "value", "se", "distance_km", "load_N")
 
 @dataclass(frozen=True)
 class Question:
-    """Logs, a model and the options that these commands have alike."""
+    """Logs, a model and the options that these commands share."""
 
     logs: options.Logs
     model: options.ModelFile
@@ -51,7 +51,7 @@ class Question:
     def answered(
         self, doing: str, ask: Callable[[api.answers.MeasuredLogs, api.models.Model], Answer]
     ) -> Iterator[Answer]:
-        """What is answered, in the session; a log that cannot be read is said and left out."""
+        """The answer, in the session; a log that cannot be read is left out, with an error."""
         with self.session as session:
             read = api.models.load_model(self.model, effects=self.effects)
             found = api.answers.measure(session.recordings(self.logs), read, self.channel)
@@ -61,17 +61,17 @@ class Question:
             yield answer
 
     def request(self, model: Path) -> api.answers.ReportRequest:
-        """What was asked, of which a command line on the same logs is made, with this model."""
+        """The request from which a command line on the same logs and this model is made."""
         return api.answers.ReportRequest(
             tuple(self.logs), self.setup, model, channel=self.channel, effects=self.effects
         )
 
     def show(self, answer: Any, remarks: Iterable[str], **how: str) -> None:
-        """What a reader should know first, said; and the picture, if one is asked for."""
+        """Print the remarks, and draw the picture if one is asked for."""
         self.session.note(*remarks)
         if self.plot is not None:
             others = answer.draw(self.plot, **how)
-            self.session.note(*(f"more is drawn in {beside}" for beside in others))
+            self.session.note(*(f"wrote a second picture, {beside}" for beside in others))
 
 
 def with_question(command: Callable[..., None]) -> Callable[..., None]:
@@ -115,8 +115,8 @@ def compare(
         str | None,
         typer.Option(
             "--by",
-            help="A table by revolution, angle, speed, regime or conditions; with a [road] in the "
-            "setup by hit, time or frequency.",
+            help="A table of errors by revolution, angle, speed, regime or conditions; with a "
+            "[road] in the setup by hit, time or frequency.",
         ),
     ] = None,
     against: Annotated[
@@ -125,7 +125,10 @@ def compare(
     ] = None,
     kind: Annotated[str, options.plot_kind(COMPARE)] = "page",
 ) -> None:
-    """Fit a model on some manoeuvres and show its error on the others, beside the noise floor."""
+    """Validation error of a model beside the noise floor (repeatability of the revolutions).
+
+    The model is fitted on some manoeuvres (segments); the held-out error is that on the others.
+    """
     options.refuse_kind_alone(kind, asked.plot)
     if by is not None:
         refuse_unknown(by, ERRORS_BY, f"--by {by}", do="choose one")
@@ -136,6 +139,8 @@ def compare(
         asked.show(result, result.notes, kind=kind)
         if parts is None:
             write_answer(asked.session, "compare", result, result.page())
+            follows = asked.request(asked.model).command("diagnose", model=True)
+            asked.session.say(f"next: {follows}")
         else:
             asked.session.write_rows("compare", parts)
 
@@ -147,7 +152,7 @@ def diagnose(
         int,
         typer.Option(
             metavar="DRAWS",
-            help="Draw the manoeuvres anew so many times, and say how often each effect is named.",
+            help="Resample the manoeuvres (segments) this often: how often is each effect named?",
             min=0,
             max=10000,
         ),
@@ -156,11 +161,11 @@ def diagnose(
         str | None,
         typer.Option(
             metavar="log|tire",
-            help="Diagnose without each log, or tire, in turn; say where the verdict changes.",
+            help="Diagnose without each log, or tire, in turn: where does the verdict change?",
         ),
     ] = None,
 ) -> None:
-    """Tell which effect the model lacks, which cannot be told apart, and what to drive next."""
+    """Which effect the model lacks, which effects cannot be separated, and what to drive next."""
     if leave_one_out not in (None, "log", "tire"):
         raise UsageError(
             f"--leave-one-out {leave_one_out}", allowed="allowed are log, tire", do="choose one"
@@ -180,7 +185,7 @@ def diagnose(
 
 @with_question
 def form(asked: Question) -> None:
-    """Read the tire's contact pressure and stiffness out of its logs, with standard errors."""
+    """Contact pressure and stiffness of the tire from its logs, with standard errors."""
     with asked.answered("fitting the form", api.answers.tire_form) as result:
         asked.show(result, result.notes)
         write_answer(asked.session, "form", result)
@@ -199,18 +204,18 @@ def ladder(
         bool,
         typer.Option(
             "--propose",
-            help="Where the effects end above the floor: write down what is unknown, as `propose`.",
+            help="Identify what is unknown, as `propose`, if the known effects end above the "
+            "noise floor.",
         ),
     ] = False,
     by_log: Annotated[
-        bool, typer.Option("--by-log", help="The fitted strengths log by log instead of the steps.")
+        bool, typer.Option("--by-log", help="Fitted strengths log by log in place of the steps.")
     ] = False,
 ) -> None:
-    """Add effects one by one until nothing more is worth adding; one row per step."""
+    """Forward selection: effects are added one by one until none is worth adding."""
     if save is not None:
         api.models.refuse_another(save)
-    told = asked.session.say
-    ask = partial(api.answers.ladder, propose=propose, keep=asked.model, progress=told)
+    ask = partial(api.answers.ladder, propose=propose, keep=asked.model, progress=asked.session.say)
     with asked.answered("climbing", ask) as result:
         if not asked.quiet:
             pages.ladder_bars(result)
@@ -229,29 +234,28 @@ def propose(
         typer.Option(
             "-o",
             "--output",
-            help="Write the model with what is proposed; none if nothing is.",
+            help="Write the model with the proposal; no file without a proposal.",
             callback=options.in_a_folder,
         ),
     ] = None,
     format: Annotated[
         str | None, typer.Option("--format", help="json in place of the page.")
     ] = None,
-    despite: Annotated[
-        bool, typer.Option("--despite", help="Also if an effect of the catalogue explains it.")
+    always: Annotated[
+        bool, typer.Option("--always", help="Search even if a known effect fits.")
     ] = False,
     shape: Annotated[
-        bool, typer.Option("--shape", help="A measured shape in any case, in place of formulas.")
+        bool, typer.Option("--shape", help="A measured shape in place of formulas.")
     ] = False,
 ) -> None:
-    """Write down the unknown effect: formulas that remove it, or its measured shape."""
+    """Identify an unknown effect: formulas that remove it, or its measured shape."""
     if format not in (None, "json"):
         raise UsageError(
             f"--format {format}", allowed="json is allowed", do="give it, or leave it out"
         )
     if output is not None:
         api.models.refuse_another(output)
-    told = asked.session.say
-    ask = partial(api.answers.propose, despite=despite, shape=shape, progress=told)
+    ask = partial(api.answers.propose, always=always, shape=shape, progress=asked.session.say)
     with asked.answered("proposing", ask) as result:
         follows = ""
         if result.status != "nothing":
@@ -282,16 +286,16 @@ def report(
     ] = None,
     setup: options.SetupFile = None,
     table: Annotated[
-        list[Path] | None, typer.Option("--table", help="A table already made; may be repeated.")
+        list[Path] | None, typer.Option("--table", help="A table already made; repeat for several.")
     ] = None,
     campaign: Annotated[
         Path | None, typer.Option("--campaign", help="A campaign's output folder.")
     ] = None,
     model: Annotated[
-        Path | None, typer.Option("--model", help="Model file to hold against the logs.")
+        Path | None, typer.Option("--model", help="Model file to compare with the logs.")
     ] = None,
     ladder: Annotated[
-        Path | None, typer.Option("--ladder", help="The ladder kept beside the model.")
+        Path | None, typer.Option("--ladder", help="The steps that `ladder` kept beside the model.")
     ] = None,
     channel: options.ChannelName = None,
     effects: options.EffectsFile = None,
@@ -299,12 +303,12 @@ def report(
         bool,
         typer.Option(
             "--propose",
-            help="If something is unknown: write it down, as `propose` (half a minute and more).",
+            help="Identify what is unknown, as `propose` does; half a minute and more.",
         ),
     ] = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Write one offline page: what was recorded, what came of it, where the model fails."""
+    """One offline page: the logs, their tables, and where the model fails."""
     os.environ.setdefault(
         "ARROW_DEFAULT_MEMORY_POOL", "system"
     )  # the default one keeps what is freed: 50 MB for an hour's tables
@@ -338,14 +342,14 @@ def run(
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", help="Dask scheduler, tcp://HOST:PORT.")
     ] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print what would be made.")] = False,
     only: Only = None,
     retry_failed: Annotated[
         bool, typer.Option("--retry-failed", help="Try the failed logs again.")
     ] = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Make what is not made yet: every log's tables, then the models over all logs."""
+    """Make all that is not made yet: every log's tables, then the models over all logs."""
     session = Session(quiet=quiet)
     if dry_run:
         for log in api.campaigns.campaign_status(
@@ -361,7 +365,7 @@ def run(
         only=only,
         retry_failed=retry_failed,
         began=partial(campaign_progress, quiet),
-        said=session.note,
+        progress=session.note,
         during=session.working_on,
     )
     for loss in done.lost:
@@ -373,7 +377,7 @@ def run(
 
 
 def status(manifest: Manifest, quiet: options.Quiet = False) -> None:
-    """Say what is done, failed and open; also while a run works."""
+    """Which logs are done, failed and open; also during a run."""
     found = api.campaigns.campaign_status(manifest)
     typer.echo(
         f"{found.name}: {len(found.logs)} logs, {found.count('done')} done, "

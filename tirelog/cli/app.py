@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from tirelog.cli.options import keeping_inputs
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable
@@ -35,8 +35,8 @@ COMMANDS: Mapping[str, str | LogTable] = {
     "model show": "model:show",
     "model add": "model:add",
     "model remove": "model:remove",
+    "model set": "model:change",
     "model worn": "model:worn",
-    "model nuisance": "model:nuisance",
     "model fit": "model:fit",
     "model predict": "model:predict",
     "model forces": "model:forces",
@@ -56,12 +56,14 @@ COMMANDS: Mapping[str, str | LogTable] = {
 HELP: Mapping[str, str] = {
     "setup": "Draft the setup of a log, and check one.",
     "model": "Make, change, fit and evaluate model files.",
-    "campaign": "Every log of a test campaign, every table, resumable.",
+    "campaign": "Tables and models of all logs of a test campaign, resumable.",
 }
+#: commands that are asked for rarely: the lists of commands leave them out
+RARE = ("slip", "grip", "strain-shift", "wheel-angle", "model worn")
 
 
 def _function(place: str | LogTable) -> Any:
-    """The command of a table, or what stands at a place in `tirelog.cli`."""
+    """The command of a table, or the function at a place in `tirelog.cli`."""
     module, _, name = (place if isinstance(place, str) else "files:table_command").partition(":")
     found = getattr(import_module(f"tirelog.cli.{module}"), name)
     return found if isinstance(place, str) else found(place)
@@ -80,9 +82,7 @@ def _callback(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
 ) -> None:
-    """From the recorded logs of a sensorised tire to tidy tables, and from tables to the physics
-    that a model lacks.
-    """
+    """Tables from the logs of a sensorised tire, and the effect that a tire model lacks."""
 
 
 def command(asked: str = "") -> Any:
@@ -108,7 +108,8 @@ def command(asked: str = "") -> Any:
                 help=HELP[group], cls=WholeHelp, rich_markup_mode=None, no_args_is_help=True
             )
             app.add_typer(groups[group], name=group)
-        groups[group].command(name)(keeping_inputs(_function(COMMANDS[path])))
+        own = keeping_inputs(_function(COMMANDS[path]))
+        groups[group].command(name, cls=PlainUsage, hidden=path in RARE)(own)
     parsed = typer.main.get_command(app)
     dress(parsed)
     return parsed
@@ -129,10 +130,6 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "dissipation",
         "phase-shift",
         "inflation",
-        "slip",
-        "grip",
-        "strain-shift",
-        "wheel-angle",
         "tables",
         "check",
     ),
@@ -158,6 +155,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "speed": (
         ("tirelog speed drive.csv.gz -o speed.csv", "a row per passage"),
         ("tirelog speed drive.csv.gz hidden_1.csv.gz | head -3", "two logs, one table"),
+        ("tirelog speed drive.csv.gz --from 10 --to 20", "a stretch of the log, in seconds"),
         ("tirelog speed drive.csv.gz -o speed.csv --plot speed.png", "and a picture"),
     ),
     "footprint": (
@@ -187,7 +185,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     ),
     "grip": (
         ("tirelog grip drive.csv.gz -o grip.csv", "adhesion share, friction used and left"),
-        ("tirelog grip drive.csv.gz --static-friction 1.0", "on a road with more of it"),
+        ("tirelog grip drive.csv.gz --static-friction 1.0", "on a road with more friction"),
     ),
     "strain-shift": (
         ("tirelog strain-shift cleat.csv.gz -o shift.csv", "the patch's place in wheel angle"),
@@ -195,45 +193,53 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "wheel-angle": (
         (
             "tirelog wheel-angle encoder.h5 -o angle.csv --plot angle.png",
-            "0.1 s of P4 Figs. 4 to 6",
+            "0.1 s of the encoder's signal",
         ),
         ("tirelog wheel-angle encoder.h5 --from 5 --to 9 --every 20", "4 s, each 20th sample"),
     ),
     "tables": (
-        ("tirelog tables drive.csv.gz -o results", "all that the log has channels for"),
+        ("tirelog tables drive.csv.gz -o results", "every table that the log has channels for"),
         (
             "tirelog tables hidden_*.csv.gz -o results --table speed --table footprint",
             "two tables of many logs",
         ),
+        ("tirelog tables drive.csv.gz -o results --table grip", "one of the rarely used tables"),
     ),
     "check": (
         ("tirelog check speed.csv --against golden.csv", "status 1 if rows moved"),
         (
             "tirelog check speed.csv --against golden.csv --tolerance speed_m_s=0.001",
-            "or far enough",
+            "with a tolerance of your own",
         ),
     ),
     "effects": (
         ("tirelog effects", "the catalogue"),
-        ("tirelog effects water_film --plot water_film.png", "what one does to the strain"),
+        ("tirelog effects water_film --plot water_film.png", "what an effect does to the strain"),
     ),
     "model new": (
         ("tirelog model new --setup drive.toml -o model.toml", "a beam to begin with"),
         ("tirelog model new --preset P3 -o ring.toml", "the ring of a paper's table"),
     ),
-    "model show": (("tirelog model show model.toml", "parameters, effects, ladders climbed"),),
-    "model add": (("tirelog model add model.toml water_film -o better.toml", "an effect more"),),
+    "model show": (("tirelog model show model.toml", "parameters and effects"),),
+    "model add": (("tirelog model add model.toml water_film -o better.toml", "one more effect"),),
     "model remove": (
-        ("tirelog model remove better.toml water_film -o model.toml", "an effect less"),
+        ("tirelog model remove better.toml water_film -o model.toml", "without this effect"),
+    ),
+    "model set": (
+        (
+            "tirelog model set model.toml line_mass_kg_m=4.5 lever_arm_m=fixed",
+            "a value, and a parameter that no fit moves",
+        ),
+        (
+            "tirelog model set model.toml lever_arm_m=0:0.01 wheel=on -o bounds.toml",
+            "bounds, and the fit includes wheel run-out",
+        ),
     ),
     "model worn": (
         (
             "tirelog model worn ring.toml --new-depth 0.008 --depth 0.003 -o worn.toml",
             "5 mm of tread less",
         ),
-    ),
-    "model nuisance": (
-        ("tirelog model nuisance model.toml wheel on -o model.toml", "run-out beside the model"),
     ),
     "model fit": (
         ("tirelog model fit drive.csv.gz --model model.toml -o fitted.toml", "with its errors"),
@@ -248,7 +254,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "model forces": (
         (
             "tirelog model forces ring.toml --speed 20 --load 1000:4000:1000",
-            "at the hub, and what rolling costs",
+            "forces at the hub, and rolling resistance",
         ),
     ),
     "model modes": (
@@ -259,10 +265,10 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ),
     ),
     "compare": (
-        ("tirelog compare drive.csv.gz --model model.toml", "held out, beside the noise floor"),
+        ("tirelog compare drive.csv.gz --model model.toml", "validation error and noise floor"),
         (
             "tirelog compare drive.csv.gz --model model.toml --by angle -o by_angle.csv",
-            "where on the wheel it fails",
+            "error over the wheel's angle",
         ),
         (
             "tirelog compare drive.csv.gz --model model.toml --plot edges.pdf --plot-kind edges",
@@ -293,17 +299,19 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "ladder": (
         (
             "tirelog ladder hidden_*.csv.gz --model model.toml --save better.toml --plot steps.png",
-            "effects until nothing more is worth adding",
+            "forward selection of effects",
         ),
     ),
     "report": (
         ("tirelog report drive.csv.gz --model model.toml -o report.html", "one offline page"),
         (
             "tirelog report hidden_*.csv.gz --model model.toml --ladder model.ladder.json -o r.htm",
-            "with the ladder; --propose also writes down what is unknown",
+            "with the ladder; --propose also identifies an unknown effect",
         ),
     ),
-    "campaign run": (("tirelog campaign run campaign.toml --workers 2", "what is not made yet"),),
+    "campaign run": (
+        ("tirelog campaign run campaign.toml --workers 2", "all that is not made yet"),
+    ),
     "campaign status": (("tirelog campaign status campaign.toml", "done, failed and open"),),
 }
 #: what stands for the value of an argument or option in help
@@ -334,7 +342,6 @@ METAVARS: Mapping[str, str] = {
     "by": "WHAT",
     "workers": "NUMBER",
     "seed": "NUMBER",
-    "average": "NUMBER",
     "points": "NUMBER",
     "carcass": "CARCASS",
     "preset": "PRESET",
@@ -342,8 +349,7 @@ METAVARS: Mapping[str, str] = {
     "surface": "SURFACE",
     "observable": "OBSERVABLE",
     "cutoff": "CUTOFF",
-    "nuisances": "WORDS",
-    "use": "USE",
+    "changes": "NAME=VALUE",
     "only": "PATTERN",
     "manifest": "CAMPAIGN",
     "scheduler": "ADDRESS",
@@ -352,6 +358,8 @@ METAVARS: Mapping[str, str] = {
     "acceleration": "M_PER_S2",
     "speed": "M_PER_S",
     "steady_step": "M_PER_S",
+    "start": "TIME",
+    "stop": "TIME",
     "slip": "SHARE",
     "temperature": "K",
     "time": "S",
@@ -375,13 +383,20 @@ METAVARS: Mapping[str, str] = {
     "stiffness_ratio": "NUMBER",
     "load_exponent": "NUMBER",
     "every": "NUMBER",
-    "from_s": "S",
-    "to_s": "S",
     "slip_angle": "DEGREES",
     "camber": "DEGREES",
 }
 #: letters of a first sentence that the list of commands shows: all of it, on several lines
 _WHOLE = 400
+
+
+class PlainUsage(TyperCommand):
+    """A command whose usage has no braces: COMMAND [OPTIONS] LOG..."""
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        several = {p.metavar for p in self.params if p.nargs == -1}
+        pieces = (piece.strip("{}") for piece in super().collect_usage_pieces(ctx))
+        return [f"{piece}..." if piece.strip("[]") in several else piece for piece in pieces]
 
 
 class WholeHelp(TyperGroup):
@@ -391,7 +406,8 @@ class WholeHelp(TyperGroup):
         headings = GROUPS if self.name == "tirelog" else {"Commands": self.list_commands(ctx)}
         for title, names in headings.items():
             own = [(name, self.get_command(ctx, name)) for name in names]
-            rows = [(n, c.get_short_help_str(_WHOLE)) for n, c in own if c is not None]
+            shown = [(n, c) for n, c in own if c is not None and not c.hidden]
+            rows = [(n, c.get_short_help_str(_WHOLE)) for n, c in shown]
             if rows:
                 with formatter.section(title):
                     formatter.write_dl(rows)
@@ -407,8 +423,5 @@ def dress(command: Any, path: str = "") -> None:
         shown = "\n".join(f"  {line}\n      {does}" for line, does in lines)
         command.epilog = f"\b\nExamples:\n{shown}"
     for parameter in command.params:
-        if not getattr(parameter, "is_flag", False):
-            if parameter.metavar is None:
-                parameter.metavar = METAVARS.get(parameter.name)
-            if parameter.metavar is not None and parameter.param_type_name == "argument":
-                parameter.display_type_rich = lambda *_, **__: ""  # the word says it
+        if not getattr(parameter, "is_flag", False) and parameter.metavar is None:
+            parameter.metavar = METAVARS.get(parameter.name)

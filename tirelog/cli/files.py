@@ -15,7 +15,8 @@ import tirelog.api as api
 from tirelog.cli import options, pages
 from tirelog.cli.session import Session
 from tirelog.errors import ExitStatus, UsageError, printable
-from tirelog.vocabulary.tables import LOG_TABLES, LogTable, TableOption
+from tirelog.vocabulary.tables import LOG_TABLES, STRETCH, LogTable, TableOption
+from tirelog.vocabulary.units import likely_number
 
 if TYPE_CHECKING:
     from tirelog.data.recording import Recording
@@ -29,29 +30,21 @@ def check(
     table: Annotated[
         Path, typer.Argument(help="The table to check; '-' is csv on standard input.")
     ],
-    against: Annotated[Path, typer.Option("--against", help="The table it should agree with.")],
+    against: Annotated[Path, typer.Option("--against", help="The earlier table.")],
     tolerance: Annotated[
         list[str] | None,
-        typer.Option("--tolerance", help="COLUMN=VALUE, absolute; may be repeated."),
+        typer.Option("--tolerance", help="Absolute tolerance of a column; repeat for several."),
     ] = None,
-    bless: Annotated[
-        bool,
-        typer.Option("--bless", help="Write TABLE over the one it is checked against, on purpose."),
-    ] = False,
     output: options.Output = None,
     format: options.Format = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Compare a table with an earlier one: status 1 and the rows that moved, largest first.
 
-    Rows are matched by the log's path as it was typed; if not one path is in both tables, by the
-    log's file name, which is said.
+    Rows are matched by the log's path. If the tables share no path they are matched by the log's
+    file name, with a note.
     """
     session = Session(None, quiet, output, format)
-    if bless:
-        api.tables.bless(table, against)
-        session.note(f"{against} is now {table}")
-        return
     found = api.tables.check(table, against, _tolerances(tolerance or []))
     session.note(*found.remarks)
     if found.differences or output is not None:
@@ -71,13 +64,13 @@ def _tolerances(texts: list[str]) -> dict[str, float]:
             raise UsageError(
                 f"--tolerance {text}: not COLUMN=NUMBER",
                 allowed="e.g. --tolerance speed_m_s=0.001",
-                do="mend it",
+                do=likely_number(value) or "correct it",
             ) from None
         if not out[name] >= 0:
             raise UsageError(
                 f"--tolerance {text}: below zero",
                 allowed="allowed is a number from 0",
-                do="mend it",
+                do="correct it",
             )
     return out
 
@@ -125,19 +118,19 @@ NewSetup = Annotated[
 
 
 def new(log: Log, output: NewSetup = None, quiet: options.Quiet = False) -> None:
-    """Draft a setup from what a log holds; what is guessed is marked."""
+    """Draft a setup from the content of a log; guesses are marked."""
     made = api.logs.draft_setup(log, output)
     if output is None:
         typer.echo(made.text, nl=False)
     else:
         Session(quiet=quiet).say(
-            f"wrote {output}: {made.channels} channels, {made.guesses} guesses to look at; next: "
+            f"wrote {output}: {made.channels} channels, {made.guesses} guesses to check; next: "
             f"{shlex.join(['tirelog', 'setup', 'check', log, '--setup', str(output)])}"
         )
 
 
 def check_setup(log: Log, setup: options.SetupFile = None, quiet: options.Quiet = False) -> None:
-    """Say what is implausible, missing, unused or still guessed in the setup of a log."""
+    """What is implausible, missing, unused or still guessed in the setup of a log."""
     found = api.logs.check_setup(log, setup)
     lines = [
         f"{name}: {kind}, {rate_Hz:,.6g} Hz, {duration_s:,.6g} s"
@@ -169,15 +162,15 @@ def simulate(
         ),
     ],
     seed: Annotated[
-        int | None, typer.Option("--seed", help="Another seed than the scenario's.")
+        int | None, typer.Option("--seed", help="Seed of the noise; default the scenario's.")
     ] = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Write a log with known truth: LOG, LOG.truth.json and its setup.
 
     A scenario's truth is "beam" or "ring", steady at every instant, or "coupled_ring", a tire that
-    moves: over the [road] (flat, step, cleat, sine, profile), under [[load_steps]], through every
-    [[manoeuvres]]. The keys are explained in sample_data/README.md.
+    moves: over the [road], under [[load_steps]], through all [[manoeuvres]] (segments).
+    sample_data/README.md explains the keys.
     """
     session = Session(quiet=quiet)
     with session.working_on(f"driving {scenario}"):
@@ -203,12 +196,13 @@ def info(
     format: options.Format = None,
     quiet: options.Quiet = False,
     verify: Annotated[
-        bool, typer.Option("--verify", help="Read runs whole and compare their samples' sha256.")
+        bool,
+        typer.Option("--verify", help="Read runs whole and check the sha256 of their samples."),
     ] = False,
 ) -> None:
-    """Show what logs or runs hold: channels, rates, durations, gaps, losses, repairs, setup.
+    """Channels of logs or runs: rates, durations, gaps, losses, repairs, setup.
 
-    Of a log without a setup: its columns, topics or datasets, with ranges and likely kinds.
+    For a log without a setup: its columns, topics or datasets, with ranges and likely kinds.
     """
     with Session(setup, quiet, output, format, hashed=True) as session:
         if setup is None and not any(api.logs.described(log) for log in logs):
@@ -228,8 +222,8 @@ def info(
         for log in logs if verify else ():
             for name in api.logs.changed(log):
                 session.lost(
-                    f"{log}: {name} is not what was written (sha256); copy the run again, or "
-                    "ingest the log again"
+                    f"{log}: {name} has changed since it was written (sha256); copy the run "
+                    "again, or ingest the log again"
                 )
 
 
@@ -237,21 +231,21 @@ def info(
 
 
 def table_option(option: TableOption) -> Any:
-    """A table's option as typer takes it, with the register's flag and help."""
+    """A table's option for typer, with the register's flag and help."""
     return typer.Option(option.flag, help=option.help)
 
 
 def table_command(table: LogTable) -> Callable[..., None]:
-    """The command of a table: its options, one call, rows in the format that is asked for."""
+    """The command of a table: its options, one call, rows in the given format."""
 
     def command(**given: Any) -> None:
-        asked = {option.name: given[option.name] for option in (*table.options, *table.views)}
+        asked = {option.name: given[option.name] for option in table.asked}
         plot, kind = given.get("plot"), given.get("kind", "page")
         options.refuse_kind_alone(kind, plot)
         with (
             Session(given["setup"], given["quiet"], given["output"], given["format"]) as session,
             session.table(table.given(asked)) as writer,
-            api.parts.table_picture(table, plot, kind) as keep,
+            api.parts.table_picture(table, plot, kind, asked) as keep,
         ):
             for recording, part in session.parts(
                 given["logs"], table.name, given["channel"], **asked
@@ -264,7 +258,7 @@ def table_command(table: LogTable) -> Callable[..., None]:
         (option.name, Annotated[option.kind | None, table_option(option)], None)
         if option.kind is not bool
         else (option.name, Annotated[bool, table_option(option)], False)
-        for option in (*table.options, *table.views)
+        for option in table.asked
     ]
     if table.picture:
         own.append(("plot", options.Plot, None))
@@ -309,23 +303,24 @@ def tables(
         list[str] | None,
         typer.Option(
             "--table",
-            help="One of the tables; without it all that the logs have channels for.",
+            help=f"Repeat for several: {', '.join(LOG_TABLES)}. Default: all of a drive that the "
+            "logs have channels for.",
             autocompletion=options.completing(LOG_TABLES),
         ),
     ] = None,
     format: Annotated[str, typer.Option("--format", help="csv, ndjson, parquet or json.")] = "csv",
     channel: options.Channels = None,
+    start: Annotated[str | None, table_option(STRETCH[0])] = None,
+    stop: Annotated[str | None, table_option(STRETCH[1])] = None,
     workers: Annotated[
         int,
         typer.Option(
-            "--workers",
-            min=1,
-            help="Channels worked on at a time; each takes some 45 MB for an hour.",
+            "--workers", min=1, help="Channels at a time; each takes some 45 MB for an hour."
         ),
     ] = 2,
     quiet: options.Quiet = False,
 ) -> None:
-    """Make several tables in one go, each log read once."""
+    """Several tables in one go, each log read once."""
     from tirelog.storage.whole import all_or_none, make_folder
 
     api.parts.refuse_other_tables(table or ())
@@ -336,6 +331,7 @@ def tables(
                 recording,
                 table or (),
                 channel or (),
+                {"start": start, "stop": stop},
                 workers=workers,
                 refused_first=len(logs) > 1,
                 processes=True,
@@ -351,10 +347,13 @@ def tables(
                     session.table(part.table, output.joinpath(f"{part.table}.{format}"))
                 )
             writers[part.table].write(part.columns)
+        given = [*logs, *(["--setup", str(setup)] if setup is not None else [])]
+        page = output.joinpath("report.html")
+        session.say(f"next: {shlex.join(['tirelog', 'report', *given, '-o', str(page)])}")
 
 
 TABLE = LOG_TABLES["phase-shift"]
-_OWN = {option.name: table_option(option) for option in (*TABLE.options, *TABLE.views)}
+_OWN = {option.name: table_option(option) for option in TABLE.asked}
 
 
 def phase_shift(
@@ -367,7 +366,7 @@ def phase_shift(
     calibrate: Annotated[
         Path | None,
         typer.Option(
-            help="Calibration file to write, learnt from these logs, and applied.",
+            help="Calibration file to write: learnt from these logs, and applied to them.",
             callback=options.in_a_folder,
         ),
     ] = None,
@@ -376,11 +375,12 @@ def phase_shift(
         bool,
         typer.Option("--fit-forces", help="With --calibrate: force maps from the force channels."),
     ] = False,
-    by_time: Annotated[bool, _OWN["by_time"]] = False,
+    start: Annotated[str | None, _OWN["start"]] = None,
+    stop: Annotated[str | None, _OWN["stop"]] = None,
     plot: options.Plot = None,
     quiet: options.Quiet = False,
 ) -> None:
-    """Patch width and phase shift from a wheel encoder and an in-tire accelerometer (P4)."""
+    """Patch width and phase shift from a wheel encoder and an in-tire accelerometer."""
     if calibration is not None and calibrate is not None:
         raise UsageError(
             "--calibration and --calibrate",
@@ -393,20 +393,25 @@ def phase_shift(
             allowed="the force maps are part of a calibration",
             do="give --calibrate FILE",
         )
+    ends = {"start": start, "stop": stop}
+    if calibrate is not None and ends != dict.fromkeys(ends):
+        raise UsageError(
+            "--calibrate with --from or --to",
+            allowed="a calibration is learnt from whole logs",
+            do="apply it to a stretch with --calibration",
+        )
     applied = api.parts.calibration_notes(calibration)
     asked = {"zero": zero, "calibration": calibration}
     with (
         Session(setup, quiet, output, format) as session,
         session.table(TABLE.name, calibration=str(calibration or "")) as writer,
-        api.parts.table_picture(TABLE, plot) as keep,
+        api.parts.table_picture(TABLE, plot, ends=ends) as keep,
     ):
         if calibrate is None:
-            made = session.parts(logs, TABLE.name, channel, by_time=by_time, **asked)
+            made = session.parts(logs, TABLE.name, channel, **asked, **ends)
         else:
             read = list(session.parts(logs, TABLE.name, channel, forces=True, **asked))
-            learnt, rows = api.parts.calibrated(
-                [part for _, part in read], forces=fit_forces, by_time=by_time
-            )
+            learnt, rows = api.parts.calibrated([part for _, part in read], forces=fit_forces)
             api.parts.save_calibration(learnt, calibrate)
             applied = learnt.remarks
             made = ((read[0][0], part) for part in rows)

@@ -14,6 +14,7 @@ import tirelog.api as api
 from tirelog.cli import options, pages
 from tirelog.cli.session import Session
 from tirelog.errors import UsageError, refuse_unknown
+from tirelog.vocabulary.units import likely_number
 
 
 def _words(text: str) -> list[str]:
@@ -22,19 +23,20 @@ def _words(text: str) -> list[str]:
 
 
 def _assignments(sets: list[str], prefix: str = "") -> dict[str, float | str]:
-    """NAME=VALUE pairs: numbers, and words for an effect's choices."""
+    """Numbers, and words of an effect's choices, by name."""
     values: dict[str, float | str] = {}
     for text in sets:
         name, equals, word = text.partition("=")
         value: float | str = word.strip()
         with suppress(ValueError):
             value = float(word)
-        if not equals or value == "" or (isinstance(value, float) and not math.isfinite(value)):
+        wrong = value == "" or (isinstance(value, float) and not math.isfinite(value))
+        if not equals or wrong or likely_number(word):
             raise UsageError(
                 f"--set {text}",
                 allowed="NAME=VALUE with a finite number or a word is allowed, such as --set "
                 "line_mass_kg_m=4.5 or --set law=softens",
-                do="correct it",
+                do=likely_number(word) or "correct it",
             )
         values[prefix + name.strip().removeprefix(prefix)] = value
     return values
@@ -48,7 +50,7 @@ def new(
     preset: Annotated[
         str | None,
         typer.Option(
-            help="Start from the numbers of a paper's table: P1, P2 (beams) or P3 (a ring).",
+            help="Numbers of a paper's table: P1, P2 (beams) or P3 (a ring).",
             autocompletion=options.completing(lambda: api.models.PRESETS),
         ),
     ] = None,
@@ -56,18 +58,18 @@ def new(
     observable: Annotated[
         str | None,
         typer.Option(
-            help="What the model predicts, as in the model file, several with commas between them "
-            "to be fitted together; default what the setup's channels measure, else strain."
+            help="What the model predicts, as in the model file; with commas for several that are "
+            "fitted together. Default: what the setup's channels measure, else strain."
         ),
     ] = None,
     contact: Annotated[
         str | None,
-        typer.Option(help="prescribed or flat_road; rings stand on a flat road by default."),
+        typer.Option(help="prescribed or flat_road; default for rings flat_road."),
     ] = None,
     sets: options.Sets = [],  # noqa: B006
     quiet: options.Quiet = False,
 ) -> None:
-    """Make a model without effects; tire and conditions come from the setup if it has them."""
+    """A new model without effects; tire and conditions are those of the setup."""
     session = Session(setup, quiet)
     model, remarks = api.models.new_model(
         carcass,
@@ -91,19 +93,17 @@ def new(
 def show(
     model: options.Model,
     against: Annotated[
-        Path | None, typer.Option(help="Another model: differences in sigma.")
+        Path | None, typer.Option(help="Another model: differences in standard errors.")
     ] = None,
     history: Annotated[
-        bool, typer.Option("--history", help="The ladders climbed from this model.")
+        bool, typer.Option("--history", help="The steps of the ladders from this model.")
     ] = False,
     effects: options.EffectsFile = None,
     output: options.Output = None,
     format: options.Format = None,
     quiet: options.Quiet = False,
 ) -> None:
-    """Show a model to read, or its parameters as a table; with --against the difference of two
-    models in sigma.
-    """
+    """Parameters and effects of a model; with --against the difference of two models."""
     read = api.models.load_model(model, effects=effects)
     if history:
         rows: dict[str, Any] = api.models.ladder_rows(model)
@@ -130,8 +130,9 @@ def add(
     effects: options.EffectsFile = None,
     quiet: options.Quiet = False,
 ) -> None:
-    """Add an effect at its start values (or --set ones); a grating's length is fixed if the
-    setup gives it.
+    """Add an effect, at its start values or those of --set.
+
+    A setup that gives a grating's length fixes that of `gauge_length`.
     """
     read, given = api.models.load_model(model, effects=effects), Session(setup, quiet).setup
     values = _assignments(sets, f"{effect}.")
@@ -153,24 +154,62 @@ def remove(
     )
 
 
+def change(
+    model: options.Model,
+    changes: Annotated[
+        list[str],
+        typer.Argument(
+            help="NAME=NUMBER (a value), NAME=fixed, NAME=free, NAME=MIN:MAX (free within bounds), "
+            "or NAME=WORD: a choice of an effect, or on, off or auto of a disturbance (wheel, "
+            "drift, rolling, patch_law, pressure_law, form).",
+        ),
+    ],
+    new_model: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Model file to write; default MODEL itself.",
+            callback=options.in_a_folder,
+        ),
+    ] = None,
+    effects: options.EffectsFile = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """Change values, bounds and choices of a model file, in its place or with -o."""
+    read = api.models.load_model(model, effects=effects)
+    pairs = []
+    for text in changes:
+        name, equals, word = text.partition("=")
+        if not equals or not word.strip() or likely_number(word):
+            raise UsageError(
+                text,
+                allowed="allowed are NAME=NUMBER, NAME=fixed, NAME=free, NAME=MIN:MAX, NAME=WORD",
+                do=likely_number(word)
+                or f"names: `{shlex.join(['tirelog', 'model', 'show', str(model)])}`",
+            )
+        pairs.append((name.strip(), word.strip()))
+    api.models.save_model(api.models.changed(read, pairs), new_model or model)
+
+
 def worn(
     model: options.Model,
     output: options.NewModel,
-    new_depth: Annotated[float, typer.Option(help="Tread depth of the model as it is [m].")],
-    depth: Annotated[float, typer.Option(help="Tread depth that is left [m].")],
+    new_depth: Annotated[float, typer.Option(help="Tread depth of this model [m].")],
+    depth: Annotated[float, typer.Option(help="Tread depth of the worn tire [m].")],
     neutral_axis: Annotated[
         float,
         typer.Option(
-            help="Metres that the neutral axis moves per metre worn off: 0.5 of one material, 0 of "
+            help="Shift of the neutral axis per metre of lost depth: 0.5 for one material, 0 for "
             "a stiff belt."
         ),
     ] = 0.5,
     effects: options.EffectsFile = None,
     quiet: options.Quiet = False,
 ) -> None:
-    """Write the model of a worn tire: tread and bristles stiffer as 1/depth, the lever arm shorter.
+    """The model of a worn tire: a stiffer tread and a shorter lever arm.
 
-    P3 shows wear (Figs. 5, 6) and gives no equation; this is that of a block of rubber.
+    Stiffness of a rubber block, one over depth: an assumption; P3 gives no equation.
     """
     read = api.models.load_model(model, effects=effects)
     made, changed = api.models.worn_model(read, new_depth, depth, neutral_axis)
@@ -178,23 +217,6 @@ def worn(
     Session(quiet=quiet).note(
         *(f"{name} {before:g} -> {after:g}" for name, (before, after) in changed.items())
     )
-
-
-def nuisance(
-    model: options.Model,
-    name: Annotated[
-        str,
-        typer.Argument(
-            help="wheel, drift, rolling, patch_law, pressure_law or form.",
-            autocompletion=options.completing(lambda: api.models.NUISANCES),
-        ),
-    ],
-    use: Annotated[str, typer.Argument(help="on, off, or auto: if it earns its place.")],
-    new_model: options.EditedModel,
-    quiet: options.Quiet = False,
-) -> None:
-    """Say whether a nuisance of wheel, road or day, or the tire's form, stands beside the model."""
-    api.models.save_model(api.models.load_model(model).with_nuisance(name, use), new_model)
 
 
 def fit(
@@ -205,34 +227,25 @@ def fit(
     channel: Annotated[
         list[str],
         typer.Option(
-            help="Channel to fit; several times for several (default: the first that fits). Of "
-            "strain several gratings: their names with commas between, or all."
+            help="Channel to fit, default the first that fits; repeat for several. Strain: several "
+            "gratings as NAME,NAME or all."
         ),
     ] = [],  # noqa: B006
-    nuisances: Annotated[
-        str,
-        typer.Option(
-            help="Taken out of each mean of similar revolutions: offset, amplitude (by some 10 %), "
-            "shift (words, or none)."
-        ),
-    ] = "shift",
     effects: options.EffectsFile = None,
     quiet: options.Quiet = False,
 ) -> None:
-    """Fit a model's free parameters to the logs as `compare` does, and write the model with values
-    and standard errors.
+    """Fit a model's free parameters to the logs, as `compare` does; values with standard errors.
 
     Several channels are fitted at once, each with its own noise, scatter and offset of each log.
-    Masses, damping and bristles of a coupled ring are fitted to the
-    obstacles of logs whose setup has a [road].
+    Masses, damping and bristles of a coupled ring are fitted to the obstacles of logs whose setup
+    has a [road].
     """
     api.models.refuse_another(new_model)
     start = api.models.load_model(model, effects=effects)
-    words = [w for w in nuisances.replace(",", " ").split() if w != "none"]
     with Session(setup, quiet) as session:
         measured = _measured(session, logs, start, list(dict.fromkeys(channel)))
         with session.working_on("fitting the model"):
-            result = api.answers.fit(measured, start, nuisances=words)
+            result = api.answers.fit(measured, start)
         session.note(*result.remarks)
         session.refuse_edit(model, new_model)
         api.models.save_model(result.model, new_model)
@@ -243,7 +256,7 @@ def fit(
 def _measured(
     session: Session, logs: list[str], model: api.models.Model, channels: list[str]
 ) -> list[api.answers.MeasuredLogs]:
-    """What was measured by each of the channels; by the first that fits if none is named.
+    """The measured revolutions of each channel; by default of the first that fits.
 
     One channel's logs are read one after the other.
     """
@@ -258,7 +271,7 @@ def _measured(
     ]
 
 
-# ---- What a model says by itself.
+# ---- Predictions of a model alone.
 
 
 #: one value, several with commas, or FROM:TO:STEP
@@ -296,43 +309,43 @@ def predict(
         typer.Option(
             min=1,
             max=1023,
-            help="Waves round the circumference, the last of them; default all (P3's n_mode).",
+            help="Number of the last wave round the circumference; default all.",
         ),
     ] = None,
     everything: Annotated[
         bool,
         typer.Option(
             "--all",
-            help="Also strain's slope and curvature, a ring's v, and the conditions; always if "
-            "several are given. Of a model of one number the waveforms beside it.",
+            help="Also slope and curvature of the strain, tangential displacement, conditions; a "
+            "model of one number also gives waveforms. Always for several conditions.",
         ),
     ] = False,
     road: Annotated[
         str | None,
         typer.Option(
-            help="Drive a coupled_ring over it: KIND,KEY=VALUE,... (step, cleat, sine, profile; "
-            "keys as in a setup's [road]) or setup."
+            help="Road under a coupled_ring: KIND,KEY=VALUE,... (step, cleat, sine, profile; keys "
+            "as in a setup's [road]), or setup for the setup's own."
         ),
     ] = None,
     load_step: Annotated[
         list[str],
         typer.Option(
-            metavar="TIME:LOAD", help="The load [N] steps at that time [s]; several times."
+            metavar="TIME:LOAD", help="The load [N] from that time [s] on; repeat for several."
         ),
     ] = [],  # noqa: B006
     speed_ramp: Annotated[
         list[str],
         typer.Option(
             metavar="FROM:TO:SPEED",
-            help="The speed [m/s] goes to that between two times; several times.",
+            help="Speed [m/s] at the end of a ramp between two times [s]; repeat for several.",
         ),
     ] = [],  # noqa: B006
     duration: Annotated[
         float | None,
-        typer.Option(help="Time driven [s]; default half a second past the last event."),
+        typer.Option(help="Duration [s]; default half a second past the last event."),
     ] = None,
     step: Annotated[
-        float | None, typer.Option(help="Step of the motion [s]; default the longest good one.")
+        float | None, typer.Option(help="Time step [s]; default the longest stable one.")
     ] = None,
     sensor: Annotated[
         list[float],
@@ -343,12 +356,11 @@ def predict(
     format: options.Format = None,
     quiet: options.Quiet = False,
 ) -> None:
-    """One revolution as the model sees it, from half a turn before the patch centre to half a turn
-    after; of a model of one number per revolution that number, a row per condition.
+    """Prediction of a model over one revolution, or its number per revolution.
 
-    Several speeds, loads, pressures, accelerations or slips are combined, each with each. With
-    --road, --load-step or --speed-ramp: a coupled ring driven in time, forces at road and spindle
-    and what sensors read.
+    A revolution goes from half a turn before the patch centre to half a turn after. Several speeds,
+    loads, pressures, accelerations or slips are combined, each with each. With --road, --load-step
+    or --speed-ramp a coupled ring is driven in time: forces and sensor signals.
     """
     session = Session(setup, quiet, output, format)
     read, given = api.models.load_model(model, effects=effects), session.setup
@@ -357,6 +369,7 @@ def predict(
         speed=speed, load=load, pressure=pressure, acceleration=acceleration, slip=slip,
     )  # fmt: skip
     options.refuse_many(len(conditions), points)
+    session.note(*options.fast(conditions))
     side = surface or api.models.known_surface(given) or "outer"
     number = read.observable in api.models.SCALARS
     whole = everything or modes is not None or len(conditions) > 1
@@ -402,17 +415,18 @@ def forces(
     slip_angle: Annotated[
         float, typer.Option(help="Slip angle [deg] of the brush, for the lateral force.")
     ] = 0.0,
-    camber: Annotated[float, typer.Option(help="Camber [deg] of the wheel, likewise.")] = 0.0,
+    camber: Annotated[
+        float, typer.Option(help="Camber [deg] of the wheel, for the lateral force.")
+    ] = 0.0,
     effects: options.EffectsFile = None,
     output: options.Output = None,
     format: options.Format = None,
     quiet: options.Quiet = False,
 ) -> None:
-    """Forces at hub and road, patch, rolling resistance and losses as the model has them, a row
-    per condition.
+    """Forces at hub and road, rolling resistance and losses of a model; a row per condition.
 
-    Several speeds, loads, pressures, accelerations or slips are combined, each with each. Empty is
-    what this model does not have: a beam has no hub, a ring no critical speed.
+    Several speeds, loads, pressures, accelerations or slips are combined, each with each. A column
+    that the model does not have is empty: a beam has no hub, a ring no critical speed.
     """
     session = Session(setup, quiet, output, format)
     read, given = api.models.load_model(model, effects=effects), session.setup
@@ -420,6 +434,7 @@ def forces(
         given, {"time_s": 0.0},
         speed=speed, load=load, pressure=pressure, acceleration=acceleration, slip=slip,
     )  # fmt: skip
+    session.note(*options.fast(conditions))
     rows = api.models.forces(
         read, conditions, slip_angle_deg=slip_angle, camber_deg=camber, setup=given
     )
@@ -434,12 +449,12 @@ def modes(
     ] = None,
     hub_mass: Annotated[
         float | None,
-        typer.Option(help="Mass m_h [kg] of hub and rim; default the model's, else 20."),
+        typer.Option(help="Mass [kg] of hub and rim; default the model's, else 20."),
     ] = None,
     hub_inertia: Annotated[
         float | None,
         typer.Option(
-            help="Moment of inertia J_h [kg m^2] about the axle; default the model's, else 0.8."
+            help="Moment of inertia [kg m^2] about the axle; default the model's, else 0.8."
         ),
     ] = None,
     to_frequency: Annotated[float, typer.Option(help="Highest frequency [Hz].")] = 300.0,
@@ -449,21 +464,19 @@ def modes(
     plot: options.Plot = None,
     log: Annotated[
         list[str],
-        typer.Option("--log", help="With --plot: a log whose order map is drawn below; twice."),
+        typer.Option("--log", help="With --plot: a log, for its order map; repeat for several."),
     ] = [],  # noqa: B006
     setup: options.SetupFile = None,
     channel: options.ChannelName = None,
     quiet: options.Quiet = False,
 ) -> None:
-    """Natural frequencies, damping and shapes of a ring model, in the air and (with contact =
-    "flat_road") on the road.
+    """Natural frequencies, damping and shapes of a ring model, in the air and on a flat road.
 
-    The ring moves on the sidewall of a hub with the mass given; the model's effects are not in it.
-    --plot draws their shapes; with --log the modes over the log's order map, as the turning belt
-    feels them.
+    The ring moves on the sidewall of a hub with the given mass, without the model's effects. --plot
+    draws the shapes; with --log it draws the modes over the log's order map.
     """
     if log and plot is None:
-        raise UsageError("--log without --plot", allowed="its order map is drawn", do="add --plot")
+        raise UsageError("--log without --plot", allowed="--log is for a picture", do="add --plot")
     read = api.models.load_model(model, effects=effects)
     hub: dict[str, Any] = {"hub_mass_kg": hub_mass, "hub_inertia_kg_m2": hub_inertia}
     session = Session(setup, quiet, output, format)
@@ -496,15 +509,11 @@ def effects(
     format: options.Format = None,
     quiet: options.Quiet = False,
 ) -> None:
-    """The catalogue of effects: id, physics, acts on, parameters, source; with --plot what each
-    does to the strain.
-    """
+    """Catalogue of effects: mechanism, parameters, source; --plot draws their strain."""
     session = Session(None, quiet, output, format)
     catalogue = api.models.catalogue_with(own)
     if name is not None:
-        refuse_unknown(
-            name, catalogue, f"unknown effect {name!r}", do="name one, or none for the list"
-        )
+        refuse_unknown(name, catalogue, f"unknown effect {name!r}", do="list: `tirelog effects`")
     chosen = list(catalogue.values()) if name is None else [catalogue[name]]
     if plot is not None:
         api.models.draw_effects(chosen, plot)

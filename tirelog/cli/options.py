@@ -25,6 +25,7 @@ from tirelog.storage.whole import (
     taken_as_input,
 )
 from tirelog.vocabulary.tables import TABLE_FORMATS, no_matplotlib, refuse_no_picture
+from tirelog.vocabulary.units import likely_number
 
 if TYPE_CHECKING:
     from tirelog.data.recording import Conditions
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 
 
 def completing(words: Iterable[str] | Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
-    """What completes one of these words, which are asked for when one types."""
+    """What completes one of these words; a function gives them when one types."""
 
     def beginning(incomplete: str) -> list[str]:
         known = words() if callable(words) else words
@@ -50,7 +51,7 @@ effects = completing(lambda: api.models.catalogue_with())
 
 
 def channels(ctx: Any, incomplete: str) -> list[str]:
-    """Channels of the setup that is given, or stands beside the first log."""
+    """Channels of the given setup, or of the setup beside the first log."""
     from tirelog.data.setup import load_setup, setup_beside
 
     found: tuple[str, ...] = ()
@@ -62,13 +63,13 @@ def channels(ctx: Any, incomplete: str) -> list[str]:
     return [name for name in found if name.startswith(incomplete)]
 
 
-# ---- Refusals before the work: what could not be written, drawn or saved in the end.
+# ---- Refusals before the work: paths that nothing could be written to in the end.
 #
 # Callbacks of options that name outputs: each gives its path back, or raises.
 
 
 def in_a_folder(path: Path | None) -> Path | None:
-    """The path of a file to write.  OutputError: its folder is not there, or it is one itself."""
+    """The path of a file to write.  OutputError: it is a folder, or its folder does not exist."""
     if path is None or address(path) is not None:
         return path
     if path.is_dir():
@@ -104,7 +105,7 @@ def drawable(path: Path | None) -> Path | None:
     return in_a_folder(path)
 
 
-# ---- Conditions and drives as options of `tirelog model predict` give them, as numbers.
+# ---- Conditions and drives from the options of `tirelog model predict`, as numbers.
 
 
 #: revolutions that one command computes, and rows that it writes of them; twice as many rows take
@@ -132,15 +133,16 @@ def values_of(text: str, option: str) -> list[float]:
                 return [low + i * step for i in range(count)]
     except (ValueError, ZeroDivisionError, OverflowError):
         pass
+    likely = likely_number(text)
     raise UsageError(
         f"{option} {text}",
         allowed=f"allowed are a number, several with commas, or FROM:TO:STEP, {MOST} at most",
-        do=f"write {option} 20, {option} 10,20 or {option} 5:25:5",
+        do=likely or f"write {option} 20, {option} 10,20 or {option} 5:25:5",
     )
 
 
 def refuse_many(conditions: int, points: int) -> None:
-    """UsageError for more rows than memory is meant for: so many `points` of each condition."""
+    """UsageError: `conditions` of so many `points` each are too many rows for the memory."""
     rows = conditions * points
     if rows > MOST_ROWS:
         raise UsageError(
@@ -153,7 +155,7 @@ def refuse_many(conditions: int, points: int) -> None:
 def conditions_given(
     setup: Setup | None, more: Mapping[str, float | None], **options: str | None
 ) -> Conditions:
-    """Each value of each option with each of the others, and what the setup knows besides.
+    """Each value of each option with each of the others, and the setup's conditions.
 
     UsageError: no number, one that no tire is driven under, or more than MOST of them together.
     """
@@ -177,6 +179,16 @@ def conditions_given(
     return api.models.conditions_of(given, setup, called=called, **other)
 
 
+def fast(conditions: Conditions) -> list[str]:
+    """A remark on a speed that is more likely in km/h; none below 200 km/h."""
+    highest = float(max(conditions.speed_m_s, default=0.0))
+    if 3.6 * highest < 200.0:
+        return []
+    return [
+        f"--speed {highest:g} is {3.6 * highest:g} km/h; {highest:g} km/h is {highest / 3.6:.4g}"
+    ]
+
+
 def road_words(words: str, setup: Setup | None) -> RoadSetup:
     """The road of --road: in words, or `setup` for the setup's [road]."""
     from tirelog.data.setup import parse_road
@@ -185,16 +197,16 @@ def road_words(words: str, setup: Setup | None) -> RoadSetup:
         return parse_road(words)
     if setup is None or setup.road.kind == "flat":
         raise UsageError(
-            "--road setup, and the setup has no [road]",
+            "--road setup: the setup has no [road]",
             allowed="a road in words is allowed, such as cleat,height_m=0.01,length_m=0.04",
         )
     return setup.road
 
 
 def events(words: list[str], option: str, form: str) -> list[Any]:
-    """The numbers of each event that an option gives: times [s] one after the other, and a value.
+    """The numbers of each event of an option: its times [s] in order, and a value.
 
-    UsageError: words that are not of the `form`, such as TIME:LOAD, or go back in time.
+    UsageError: words that do not have the `form`, such as TIME:LOAD, or go back in time.
     """
     made: list[Any] = []
     before = 0.0
@@ -227,7 +239,7 @@ def with_options(command: Callable[..., None], parameters: Iterable[Parameter]) 
 
 
 def plot_kind(kinds: Mapping[str, str]) -> Any:
-    """The option --plot-kind of a command that draws these; one it cannot is refused at once."""
+    """The option --plot-kind of a command that draws these kinds.  UsageError: another kind."""
 
     def known(kind: str) -> str:
         refuse_unknown(kind, kinds, f"--plot-kind {kind}", do="choose one")
@@ -270,22 +282,22 @@ Format = Annotated[
 Quiet = Annotated[bool, typer.Option("--quiet", help="No remarks on standard error.")]
 Plot = Annotated[
     Path | None,
-    typer.Option("--plot", help="Picture to write, .png, .svg or .pdf.", callback=drawable),
+    typer.Option("--plot", help="Picture to write: .png, .svg or .pdf.", callback=drawable),
 ]
 EffectsFile = Annotated[
     Path | None,
     typer.Option(
         "--effects",
-        help="Python file with effects of your own; it is run. A model with one of them "
-        "remembers it.",
+        help="Python file with effects of your own. It is run; a model with such an effect "
+        "names it.",
     ),
 ]
 ChannelName = Annotated[
     str | None,
     typer.Option(
         "--channel",
-        help="Channel to compare; the first that fits by default. Of strain several gratings in "
-        "one fit: their names with commas between, or all.",
+        help="Channel to compare; default the first that fits. Strain: several gratings in one "
+        "fit, as NAME,NAME or all.",
         autocompletion=channels,
     ),
 ]
@@ -293,7 +305,7 @@ Channels = Annotated[
     list[str] | None,
     typer.Option(
         "--channel",
-        help="Only this channel; several times for several (default: all that fit).",
+        help="Only this channel; repeat for several. Default: all that fit.",
         autocompletion=channels,
     ),
 ]
@@ -309,7 +321,7 @@ EditedModel = Annotated[
     typer.Option(
         "-o",
         "--output",
-        help="Model file to write; the one that is read may be named.",
+        help="Model file to write; it may be MODEL itself.",
         callback=in_a_folder,
     ),
 ]
@@ -318,7 +330,7 @@ Sets = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="A parameter's value, or the word of an effect's choice; several times.",
+        help="Value of a parameter, or word of an effect's choice; repeat for several.",
     ),
 ]
 
@@ -331,22 +343,21 @@ OUTPUTS = ("output", "new_model", "plot", "save", "calibrate")
 
 
 def _keep_inputs(given: dict[str, Any]) -> None:
-    """Tell which files a command reads, before it does.
+    """Register the files that a command reads, before it reads them.
 
     A command that writes a `new_model` edits its `model`, which the new one may replace.
 
-    UsageError: it would write on another of them, or two outputs on one file.
+    UsageError: it would write on another of its inputs, or two outputs on one file.
     """
-    outputs = (*OUTPUTS, "against") if given.get("bless") else OUTPUTS
     edited = given.get("model") if "new_model" in given else None
-    for place in _inputs(given, outputs if edited is None else (*outputs, "model")):
+    for place in _inputs(given, OUTPUTS if edited is None else (*OUTPUTS, "model")):
         if str(place) == "-":
             taken_as_input(0, "standard input")
         else:
             taken_as_input(place)
     if edited is not None:
         taken_as_input(edited, edited=True)
-    written = [given[name] for name in outputs if given.get(name) is not None]
+    written = [given[name] for name in OUTPUTS if given.get(name) is not None]
     refuse_inputs(*written)
     refuse_one_for_two(*written)
     refuse_inputs(1, name="standard output")
@@ -367,7 +378,7 @@ def _inputs(given: dict[str, Any], outputs: tuple[str, ...]) -> Iterator[Path | 
 
 
 def keeping_inputs(command: Callable[..., None]) -> Callable[..., None]:
-    """The command, which knows the files it reads before it starts, so that it writes on none."""
+    """The command; its inputs are registered before it starts, so that it overwrites none."""
 
     @wraps(command)
     def kept(**given: Any) -> None:

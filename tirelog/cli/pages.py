@@ -1,4 +1,4 @@
-"""What commands about models print: pages to read, and rows of the catalogue.
+"""Pages to read of commands about models, and rows of the catalogue.
 
 Numbers are in the observable's unit, strain in microstrain.
 """
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tirelog.data.recording import Recording
 
 
-# ---- The pages that `ingest` and `info` print: of a log with a setup, and of one without.
+# ---- The pages of `ingest` and `info`: of a log with a setup, and of one without.
 
 
 #: columns of a page: as wide as a terminal, and no wider than one reads with ease
@@ -60,7 +60,7 @@ def _contents(inside: api.logs.Contents) -> Iterator[str]:
     stated = any(one.rate_Hz for one in inside.found)
     yield f"time: {inside.time or ('the rate that the file states' if stated else 'none is found')}"
     if not inside.whole:
-        yield "only the beginning was looked at"
+        yield "only the beginning was read"
     for one in inside.found:
         yield from ("", one.series.source + (f" [{one.unit}]" if one.unit else ""))
         yield f"  {_facts(one)}"
@@ -74,7 +74,7 @@ def _contents(inside: api.logs.Contents) -> Iterator[str]:
     # the setup's name that is found beside the log: its own, packed or not, with .toml
     stem = "log" if inside.log == "-" else re.sub(r"\.(gz|zst|xz)$", "", inside.log)
     beside = re.sub(r"(?<=[^/])\.[^./]*$", "", stem) + ".toml"
-    yield from ("", "No setup was given. A first one, to be mended:")
+    yield from ("", "No setup was given. A first draft, to be checked:")
     yield f"  {shlex.join(['tirelog', 'setup', 'new', inside.log, '-o', beside])}"
 
 
@@ -82,11 +82,11 @@ def _facts(one: api.logs.FoundSeries) -> str:
     """Range, rate, size and first values."""
     known, lost = one.known, one.samples.size - one.known.size
     if not known.size:
-        return f"{one.samples.size:,} samples, all of them lost"
+        return f"{one.samples.size:,} samples, all lost"
     facts = (
         f"{known.min():.8g} to {known.max():.8g}",
         f"{one.rate_Hz:,.6g} Hz" if one.rate_Hz else "no rate is known",
-        f"{one.samples.size:,} samples looked at" + (f" ({lost:,} lost)" if lost else ""),
+        f"{one.samples.size:,} samples read" + (f" ({lost:,} lost)" if lost else ""),
         f"first {', '.join(f'{x:.8g}' for x in known[:3].tolist())}",
         one.series.note,
     )
@@ -125,8 +125,8 @@ def _summary(recording: Recording, width: int) -> Iterator[Any]:
         for row in rows:
             of = dict(zip(cells, row, strict=True))
             yield f"{of.pop('channel')}: {of.pop('kind')}, unit {of.pop('unit')}"
-            told = ", ".join(f"{name} {text}" for name, text in of.items())
-            yield from (f"  {line}" for line in textwrap.wrap(told, max(width - 2, 20)))
+            facts = ", ".join(f"{name} {text}" for name, text in of.items())
+            yield from (f"  {line}" for line in textwrap.wrap(facts, max(width - 2, 20)))
     done = {
         f"repaired in the time axis of {group}: {what}": n
         for group, repairs in about.get("repairs", {}).items()
@@ -166,23 +166,23 @@ def diagnosis_page(result: api.answers.Diagnosis) -> Iterator[str | api.answers.
 
 
 def _gratings(found: api.answers.GratingsFound) -> api.answers.AnswerTable:
-    """Which grating says what: angle, what it alone shows, each named effect as it has it."""
+    """A row per grating: its angle, its size alone, and its strength of each named effect."""
     own = {frame.frame: f"{frame.size:.3g}" for frame in found.frames}
     rows = []
     for name, angle in zip(found.names, found.angles_deg, strict=True):
         i = found.asked.index(name) if name in found.asked else None
-        told = (
+        strengths = (
             "left out" if i is None else f"{s.values[i]:.4g} +- {s.errors[i]:.2g}"
             for s in found.strengths
         )
-        rows.append([f"  {name}", f"{angle:.1f}", own.get(name, "-"), *told])
+        rows.append([f"  {name}", f"{angle:.1f}", own.get(name, "-"), *strengths])
     names = ("  grating", "angle [deg]", "alone [floors^2]")
     named = (s.parameter for s in found.strengths)
     return api.answers.AnswerTable("Gratings", [*names, *named], rows)
 
 
 def ladder_bars(result: api.answers.Ladder) -> None:
-    """The held-out error as bars that shrink, the floor marked, on standard error."""
+    """The held-out error of each step as a bar with the floor, on standard error."""
     factor, unit = shown(result.observable, result.unit)
     errors = [
         step.rmse_fit if step.rmse_heldout is None else step.rmse_heldout for step in result.steps
@@ -245,9 +245,9 @@ def model_page(model: api.models.Model) -> str:
     if model.effects_file is not None:
         parts.append(f"own effects from {model.effects_file}")
     if not model.effects:
-        parts.append("no effects; `tirelog effects` lists what can be added")
+        parts.append("no effects; list: `tirelog effects`")
     if facts := api.models.carcass_facts(model):
-        parts.append("from these numbers (P1 (2)-(5))")
+        parts.append("derived from these numbers")
         parts.append(
             aligned((name, f"{x:.6g}", unit, what) for name, (x, unit, what) in facts.items())
         )
@@ -256,7 +256,7 @@ def model_page(model: api.models.Model) -> str:
 
 def difference_page(rows: dict[str, list[Any]]) -> str:
     """The differences of two models to read."""
-    header = ("parameter", "value", "against", "difference in sigma")
+    header = ("parameter", "value", "against", "difference in standard errors")
     body = (
         (
             name,
@@ -269,7 +269,7 @@ def difference_page(rows: dict[str, list[Any]]) -> str:
 
 
 def fit_page(fitted: api.answers.FitOfLogs) -> str:
-    """What a fit found, and what obstacles told."""
+    """The result of a fit, and of a fit to obstacles."""
     found, learned = fitted.found, fitted.learned
     rows = []
     for name, value, se in zip(found.names, found.values, found.se):
@@ -282,13 +282,12 @@ def fit_page(fitted: api.answers.FitOfLogs) -> str:
         rows.append((name, f"{value:.6g}", error, form, _unit(p.unit)))
     lines = [fitted.headline, aligned(rows)]
     lines += [f"correlation {r:+.3f} between {a} and {b}" for a, b, r in found.correlations]
-    lines += [f"{name} stands at a bound" for name in found.at_bound]
+    lines += [f"{name} is at a bound" for name in found.at_bound]
     lines += fitted.doubts
     if learned is not None:
         less = 100.0 * (1.0 - learned.after / learned.before)
         lines.append(
-            f"{learned.hits} hits on obstacles; the error of the answer to them fell by "
-            f"{less:.0f} %"
+            f"{learned.hits} hits on obstacles; the error of the response fell by {less:.0f} %"
         )
         lines.append(aligned(_cells(learned.model.parameters[name])[:4] for name in learned.names))
     return "\n".join(lines)
@@ -307,7 +306,7 @@ def effect_page(effect: api.models.Effect) -> str:
     ]
     rows += [(f"option {name}", " | ".join(words)) for name, words in effect.options.items()]
     if not effect.tried:
-        rows.append(("diagnose", "does not try it; add it to the model if you know of it"))
+        rows.append(("diagnose", "does not test it; add it to the model yourself"))
     numbers = [
         (
             p.name,

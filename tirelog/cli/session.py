@@ -1,13 +1,13 @@
-"""What the commands share: a session that opens logs and adds up what was lost, and writes.
+"""The session that commands share: it opens logs, counts losses, and writes.
 
     with Session(setup, quiet, output, format) as session:
         with session.table("speed") as table:
             for recording, part in session.parts(logs, "speed"):
                 table.write(part.columns)
 
-A session says each recording's remarks once on standard error, goes on with the next log if one
-cannot be read or made a table of, and ends with status 3 then or if input was lost (4 if nothing
-at all could be read).
+A session prints each recording's remarks once, on standard error. If a log cannot be read or gives
+no table, the session goes on with the next. Then, or if input was lost, it ends with status 3; with
+4 if nothing could be read.
 """
 
 from __future__ import annotations
@@ -48,17 +48,14 @@ if TYPE_CHECKING:
     from tirelog.data.setup import Setup
     from tirelog.tables.writer import TableWriter
 
-#: what a look at a log gives: an open recording, or the series in a log without a setup
+#: an open recording, or the series in a log without a setup
 Log = TypeVar("Log", "Recording", "api.logs.Contents")
 
 
-# ---- The process's standard streams and the signals that end it, as every command may rely on
-# them.
+# ---- The process's standard streams, and the signals that end it.
 #
-# standard output   closed, full or of another encoding: an OutputError or an escaped letter,
-# never a
-#                   crash
-# SIGTERM, SIGHUP   unwind like an interrupt, so that what is not finished is removed
+# standard output   closed, full or of another encoding: an OutputError or an escaped letter
+# SIGTERM, SIGHUP   unwind like an interrupt, so that unfinished files are removed
 
 
 #: signals that end a process from outside
@@ -89,10 +86,7 @@ def endings_unwind() -> Iterator[None]:
 
 
 class _Out(io.FileIO):
-    """Standard output's bytes.
-
-    What cannot be written is an OutputError, a reader that leaves is not.
-    """
+    """Standard output's bytes; a failed write is an OutputError, unless the reader has left."""
 
     def write(self, data: Any) -> int:
         try:
@@ -104,12 +98,10 @@ class _Out(io.FileIO):
 
 
 def open_streams() -> None:
-    """Standard streams that are there, whoever started the process.
+    """Open the standard streams that the process was started without, before any other file.
 
-    To be called before any file is opened.
-
-    A closed one is replaced by the null device in the direction that fails, or the next file that
-    is opened would take its number.
+    A closed one is replaced by the null device in the direction that fails. Else the next file
+    would take its number.
     """
     for number, way in ((0, os.O_WRONLY), (1, os.O_RDONLY), (2, os.O_WRONLY)):
         try:
@@ -138,7 +130,7 @@ def drop_output() -> None:
 
 
 def console(width: int) -> Console:
-    """What a page is made for: standard output, `width` columns wide if that is no terminal."""
+    """The console of a page: standard output, `width` columns wide if that is no terminal."""
     from rich.console import Console
 
     shown = None if sys.stdout.isatty() else width
@@ -186,15 +178,15 @@ def aligned(rows: Iterable[tuple[str, ...]], indent: str = "  ") -> str:
 
 @contextmanager
 def working(*, shown: bool) -> Iterator[Callable[..., None]]:
-    """A line that says what is worked on and for how long; with several things how many are done.
+    """A line with the present work, its duration, and of several things how many are done.
 
-    It comes after two seconds and goes when it is left. What is given is called with what is worked
-    on now, and with how many of a total are done before it.
+    It is shown from the third second until the context ends. The callable takes the text, and how
+    many of a total are done.
     """
-    told, left = [("", 0, 0)], threading.Event()
+    state, left = [("", 0, 0)], threading.Event()
 
     def say(text: str, done: int = 0, total: int = 0) -> None:
-        told[0] = (printable(text), done, total)
+        state[0] = (printable(text), done, total)
 
     def draw() -> None:
         if left.wait(PATIENCE_S):
@@ -207,9 +199,9 @@ def working(*, shown: bool) -> Iterator[Callable[..., None]]:
         with Progress(*columns, console=Console(stderr=True), transient=True) as line:
             task = line.add_task("", total=None)
             while not left.is_set():
-                text, done, total = told[0]
+                text, done, total = state[0]
                 line.update(task, description=text, completed=done, total=total or None)
-                left.wait(0.1)  # until it shows what is worked on by then
+                left.wait(0.1)
 
     drawing = threading.Thread(target=draw, daemon=True)
     if shown:
@@ -233,9 +225,9 @@ def summary(output: Path | str, rows: int, logs: int, began: float) -> None:
 
 
 def campaign_progress(quiet: bool, of: int) -> Callable[[api.campaigns.Entry, int, int], None]:
-    """What hears of each log that is finished, `of` so many.
+    """A callable for each finished log, `of` so many: it prints a line.
 
-    On a terminal a line with the time left, overwritten; elsewhere a plain line per log.
+    On a terminal the line is overwritten and has the remaining time; elsewhere a line per log.
     """
     begun, terminal = time.monotonic(), sys.stderr.isatty()
 
@@ -265,7 +257,7 @@ def say(text: str) -> None:
 
 
 def columns_of_rows(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
-    """Rows as columns; what a row lacks is NaN or empty text."""
+    """Rows as columns; a missing value is NaN or empty text."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     texts = {name for name in names if any(isinstance(row.get(name), str) for row in rows)}
     empty = {name: "" if name in texts else float("nan") for name in names}
@@ -286,10 +278,10 @@ def write_json(value: Mapping[str, Any], output: Path | None) -> None:
 
 
 class Session:
-    """One command's work on its logs, and what it writes.
+    """One command's work on its logs, and its output.
 
-    output, format   as they were given; a parquet table tells the sha256 of its logs
-    hashed           tell them in any case
+    output, format   as given; a parquet table holds the sha256 of its logs
+    hashed           compute them in any case
     tires            the logs that were read, by the tire that their setups name
     """
 
@@ -335,7 +327,7 @@ class Session:
         return self.format == "json" or (self.output is not None and self.output.suffix == ".json")
 
     def say(self, text: str) -> None:
-        """What is being done, on standard error, unless --quiet."""
+        """Print a sentence on standard error, unless --quiet."""
         if not self.quiet:
             say(text)
 
@@ -364,8 +356,8 @@ class Session:
 
         Of raw logs only the first `blocks`, if given.
 
-        A SetupError stops the command, a log that cannot be read does not; if none can, the command
-        ends here, with status 4, before an empty table takes an older one's place.
+        A SetupError stops the command; a log that cannot be read does not. If no log can be read,
+        the command ends here with status 4, so that no empty table replaces an older one.
         """
         with self.working_on() as say_so:
             for number, log in enumerate(logs):
@@ -384,7 +376,7 @@ class Session:
         self._stop_if_unread()
 
     def _known(self, look: Callable[[], Log]) -> Log | None:
-        """What a look at a log gives, its remarks and losses said; None if it cannot be read."""
+        """The result of `look`, its remarks and losses printed; None if it cannot be read."""
         try:
             found = look()
         except ReadError as problem:
@@ -402,7 +394,7 @@ class Session:
 
     @contextmanager
     def _opened(self, log: str, blocks: int | None = None) -> Iterator[Recording | None]:
-        """One log while it is open, or None if it cannot be read; its losses are said."""
+        """One log while it is open, or None if it cannot be read; its losses are printed."""
         with ExitStack() as resources:
             recording = self._open(log, resources, blocks)
             yield recording
@@ -414,8 +406,8 @@ class Session:
     ) -> Iterator[tuple[Recording, api.parts.Part]]:
         """The rows of one table of every log, or of these `channels`, part by part (`parts_of`).
 
-        If rows go to standard output, all that could refuse a log is looked at before the first. A
-        file takes its place whole or not at all, so that its channels need not be read twice.
+        If rows go to standard output, a log is checked whole before its first row. A file appears
+        whole or not at all, so its channels need not be read twice.
         """
         api.parts.checked_options(table, options)
         first = self._streams or len(logs) > 1
@@ -429,11 +421,11 @@ class Session:
     def parts_of(
         self, logs: list[str], made: Callable[[Recording], Iterator[api.parts.Part]]
     ) -> Iterator[tuple[Recording, api.parts.Part]]:
-        """What is `made` of every log, part by part, what is to be said of it said.
+        """The parts `made` of every log, with their remarks printed.
 
-        Of several logs each stands for itself: one that is refused, for its setup or for what it
-        shows, is said to be, the others go on, and the command ends with status 3. If no log has
-        given anything it ends here, with the status of the first refusal, and writes nothing.
+        If one of several logs is refused, for its setup or its content, the error is printed. The
+        others go on, and the command ends with status 3. If no log gives a part, the command ends
+        here with the status of the first refusal, and writes nothing.
         """
         _ = self.setup  # one for all logs that cannot be used stops the command
         gave = False
@@ -453,7 +445,7 @@ class Session:
                 except (UsageError, SetupError, ReadError, DataLoss) as problem:
                     if len(logs) == 1:
                         raise
-                    self._refused.append(problem)  # said now, and status 3 in the end
+                    self._refused.append(problem)  # printed now, and status 3 in the end
                     say(f"error: {problem if problem.file is not None else problem.at(log)}")
         self._stop_if_unread()
         if self._refused and not gave:
@@ -474,13 +466,13 @@ class Session:
         digest = api.logs.samples_hash(recording)
         if digest in self._copies:
             self.note(
-                f"{recording.log}: holds the same samples as {self._copies[digest]}; what is made "
-                "of them comes twice"
+                f"{recording.log}: holds the same samples as {self._copies[digest]}; their rows "
+                "come twice"
             )
         self._copies.setdefault(digest, recording.log)
 
     def _open(self, log: str, resources: ExitStack, blocks: int | None) -> Recording | None:
-        """One log, or None if it cannot be read (which has been said)."""
+        """One log, or None if it cannot be read; then the error is printed."""
 
         def opened() -> Recording:
             return resources.enter_context(
@@ -493,9 +485,9 @@ class Session:
         return recording
 
     def hear(self, log: str, remarks: Iterable[str] = (), losses: Iterable[str] = ()) -> None:
-        """What is to be said of a log, and each loss once.
+        """Print the remarks on a log, and each loss once.
 
-        When it is opened, and again at its end, since a damaged chunk is met while reading.
+        Called when it is opened and again at its end: a damaged chunk is met while reading.
         """
         self.note(*(f"{log}: {remark}" for remark in remarks))
         for text in (f"{log}: {loss}" for loss in losses):
@@ -506,13 +498,13 @@ class Session:
         """DataLoss: a log was lost, and the new model would take the place of the one it is of."""
         if (self._unread or self._lost) and new_model.exists() and new_model.samefile(model):
             raise DataLoss(
-                "is left as it was, since a log was not read whole",
+                "is not changed, since a log was not read whole",
                 do="give another -o to keep the fit to the rest",
                 file=new_model,
             )
 
     def lost(self, text: str) -> None:
-        """Input was lost: said now, and status 3 in the end."""
+        """Input was lost: print it now, and end with status 3."""
         self._lost.append(text)
         say(f"error: {text}")
 
@@ -550,8 +542,8 @@ class Session:
     def __exit__(self, kind: Any, value: Any, trace: Any) -> None:
         self._resources.close()
         if isinstance(value, UsageError):
-            self._stop_if_unread()  # why has been said
-            if self._lost:  # what was asked for is not there because of that
+            self._stop_if_unread()  # the reason is printed already
+            if self._lost:  # the answer is missing because of the loss
                 say(f"error: {value}")
                 raise typer.Exit(int(DataLoss.exit_status))
         if kind is not None:

@@ -479,7 +479,7 @@ def next_command(
             ("add", name, own if name not in BY_ID and model.effects_file else "")
             for name in selected
         ]
-        parts += [("nuisance", name, " on") for name in beside]
+        parts += [("set", name, "=on") for name in beside]
         for word, name, use in parts:
             stem = f"{stem}+{name}"
             longer = shlex.quote(f"{stem}.toml")

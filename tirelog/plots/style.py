@@ -80,7 +80,7 @@ _DASHES = {"solid": "-", "dash": "--", "dot": ":", "dashdot": "-."}
 _DRAWN: dict[str, tuple[str, str, dict[str, Any]]] = {
     "line": ("plot", "x y", {}),
     "dots": ("plot", "x y", {"marker": ".", "ls": "none"}),
-    "dots with errors": ("errorbar", "x y other", {"fmt": "."}),
+    "dots with errors": ("errorbar", "x y other", {"marker": ".", "ls": "none"}),
     "band": ("fill_between", "x y other", {"lw": 0}),
     "upright": ("axvline", "x", {"lw": 0.7}),
     "level": ("axhline", "y", {"lw": 1.0}),

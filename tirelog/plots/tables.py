@@ -12,7 +12,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -40,7 +40,6 @@ from tirelog.plots.style import (
     decimated,
     picture,
     robust_range,
-    write,
 )
 from tirelog.plots.turns import TurnsSketch, turns_picture
 from tirelog.products import Part
@@ -59,6 +58,9 @@ from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import OK, good
 from tirelog.wheel.calibration import Calibration, clean_passages
 from tirelog.wheel.phase_shift import EdgeTimes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # ---- The footprint as one page (P2 Figs. 17 to 22).
 #
@@ -113,12 +115,9 @@ def footprint_sketch(recording: Recording, part: Part, kind: str) -> Sketch | Tu
     return Sketch(recording, found, decimated(found.channel), windows)
 
 
-def draw_footprint(sketches: Sequence[Any], path: Path, kind: str) -> None:
-    """Write the picture of this kind to `path`."""
-    if kind == "page":
-        write(picture(_footprint_page(sketches)), path)
-    else:
-        turns_picture(sketches, path, kind)
+def footprint_picture(sketches: Sequence[Any], kind: str) -> Figure:
+    """The picture of this kind."""
+    return picture(_footprint_page(sketches)) if kind == "page" else turns_picture(sketches, kind)
 
 
 def _footprint_page(sketches: Sequence[Sketch]) -> Page:
@@ -366,8 +365,8 @@ def dissipation_sketch(recording: Recording, part: Part, kind: str) -> Sketch:
     return Sketch(recording, found, decimated(found.channel), magnified)
 
 
-def dissipation_picture(sketches: Sequence[Sketch], path: Path) -> None:
-    """Write the page to `path`."""
+def dissipation_picture(sketches: Sequence[Sketch]) -> Figure:
+    """The page."""
     kept = [(sketch.recording, sketch.found) for sketch in sketches]
     first = next((sketch for sketch in sketches if len(sketch.found.passages)), sketches[0])
     d, p = first.found.dissipation, first.found.passages
@@ -394,7 +393,7 @@ def dissipation_picture(sketches: Sequence[Sketch], path: Path) -> None:
         _over_speed(kept, "dissipation_factor_1_m", "dissipation_factor_mean_1_m", factor),
     ]
     parts = [Page([[panel] for panel in left], share="x"), Page([[panel] for panel in right])]
-    write(picture(Page(size=(15.0, 10.0), parts=parts, widths=(1.35, 1.0))), path)
+    return picture(Page(size=(15.0, 10.0), parts=parts, widths=(1.35, 1.0)))
 
 
 def _smoothed(values: FloatArray) -> FloatArray:
@@ -475,8 +474,8 @@ def _over_speed(
 _MOST_ROWS = 20_000
 
 
-def speed_picture(kept: Sequence[tuple[Recording, Part]], path: Path) -> None:
-    """Write the page to `path`: logs by rows, channels by colour, flagged rows in grey."""
+def speed_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure:
+    """The page: logs by rows, channels by colour, flagged rows in grey."""
     logs: dict[str, list[Mapping[str, Any]]] = {}
     for recording, part in kept:
         logs.setdefault(recording.log, []).append(part.columns)
@@ -485,7 +484,7 @@ def speed_picture(kept: Sequence[tuple[Recording, Part]], path: Path) -> None:
     if more := len(logs) - len(shown):
         said = f"{rows[-1][0].title}; {more} more logs are not drawn"
         rows[-1][0] = replace(rows[-1][0], title=said)
-    write(picture(Page(rows, (12.0, 3.2 * len(rows) + 0.4))), path)
+    return picture(Page(rows, (12.0, 3.2 * len(rows) + 0.4)))
 
 
 def _speeds(log: str, channels: Sequence[Mapping[str, Any]]) -> list[Panel]:
@@ -533,12 +532,12 @@ def _thinned(columns: Mapping[str, Any], names: Sequence[str]) -> list[Any]:
 # Recording and InflationOfChannel of each channel --> PNG, SVG or PDF
 
 
-def inflation_picture(kept: Sequence[tuple[Recording, Part]], path: Path) -> None:
-    """Write the page to `path`, a row per channel."""
+def inflation_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure:
+    """The page, a row per channel."""
     rows = [
         [_stops(recording, part.found), _ramps(recording, part.found)] for recording, part in kept
     ]
-    write(picture(Page(rows, (12.0, 3.6 * len(rows) + 0.4))), path)
+    return picture(Page(rows, (12.0, 3.6 * len(rows) + 0.4)))
 
 
 _SINCE = "strain since the start [microstrain]"
@@ -598,8 +597,8 @@ _ENCODER = {
 }
 
 
-def wheel_angle_picture(kept: Sequence[tuple[Recording, Part]], path: Path) -> None:
-    """Write the page to `path`, a row per log."""
+def wheel_angle_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure:
+    """The page, a row per log."""
     rows = []
     for recording, part in kept:
         time, *drawn = _thinned(part.columns, ("time_s", *_ENCODER))
@@ -610,7 +609,7 @@ def wheel_angle_picture(kept: Sequence[tuple[Recording, Part]], path: Path) -> N
                 for values, text, title in zip(drawn, _ENCODER.values(), titles, strict=True)
             ]
         )
-    write(picture(Page(rows, (12.0, 2.8 * len(rows) + 0.4))), path)
+    return picture(Page(rows, (12.0, 2.8 * len(rows) + 0.4)))
 
 
 # ---- Phase shift (P4).
@@ -625,15 +624,15 @@ MOST_ACCELEROMETERS = 4
 RAW_SHIFTS, DETRENDED, CORRECTED = "0.65", COLOURS[0], COLOURS[1]
 
 
-def phase_shift_picture(kept: Sequence[tuple[Recording, Part]], path: Path) -> None:
-    """Write the page to `path`; its suffix decides the format."""
+def phase_shift_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure:
+    """The page."""
     shown = [passages for _, part in kept for passages in part.found.passages][:MOST_ACCELEROMETERS]
     calibration = kept[0][1].found.calibration
     top = Page([[_fronts(shown), *(_map(shown, calibration, name) for name in ("shift", "width"))]])
     columns = [_times(p, clean_passages(p, calibration) if calibration else None) for p in shown]
     below = Page([list(row) for row in zip(*columns, strict=True)], share="x")
     parts, width = [top, below if shown else Page([[None]])], max(4.2 * len(shown), 12.0)
-    write(picture(Page(size=(width, 13.0), parts=parts, stacked=True, heights=(1.0, 2.2))), path)
+    return picture(Page(size=(width, 13.0), parts=parts, stacked=True, heights=(1.0, 2.2)))
 
 
 def _fronts(logs: Sequence[EdgeTimes]) -> Panel:

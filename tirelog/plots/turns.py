@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -47,6 +47,9 @@ from tirelog.plots.style import (
 from tirelog.strain.footprint.footprint import FootprintOfChannel
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import good
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # ---- The order map: how much of each order of the wheel a grating feels, over speed or over time.
 #
@@ -401,10 +404,10 @@ def speed_classes(turns: Stack) -> list[tuple[float, int, FloatArray, FloatArray
     return found
 
 
-def turns_picture(sketches: Sequence[TurnsSketch], path: Path, kind: str) -> None:
-    """Write the picture of this kind to `path`: a panel per channel, of at most MOST."""
+def turns_picture(sketches: Sequence[TurnsSketch], kind: str) -> Figure:
+    """The picture of this kind: a panel per channel, of at most MOST."""
     with on_a_slide():
-        write(picture(KINDS[kind](sketches)), path)
+        return picture(KINDS[kind](sketches))
 
 
 def _page(panels: Sequence[Panel], sketches: Sequence[TurnsSketch], bar: str = "") -> Page:

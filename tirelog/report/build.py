@@ -61,16 +61,20 @@ _COMMANDS = ("speed", "footprint", "dissipation", "phase-shift")
 
 
 def build(
-    recordings: Sequence[Recording], asked: ReportRequest, progress: Progress = lambda text: None
+    recordings: Sequence[Recording],
+    asked: ReportRequest,
+    progress: Progress = lambda text: None,
+    model: Model | None = None,
 ) -> Report:
-    """The report on `recordings`.
+    """The report on `recordings`, with a `model` in place of that of the file in `asked`.
 
     UsageError, ModelError: a file that was given with an option cannot be used.
     """
     tables = given_tables(asked.tables, asked.campaign)
     climbed = read_ladder(asked.ladder) if asked.ladder else None
     # before the tables, which may take minutes: a model that cannot be read is told at once
-    model = load_model(asked.model, effects=asked.effects) if asked.model else None
+    if model is None and asked.model:
+        model = load_model(asked.model, effects=asked.effects)
     if model is not None:
         deque(once_each(recordings, model.observables, asked.channel, []), maxlen=0)
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")

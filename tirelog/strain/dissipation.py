@@ -776,10 +776,3 @@ def regressions(
         )
     columns = {name: np.array([line[name] for line in kept]) for name in COLUMNS}
     return {"log": log, "channel": found.channel.name} | columns, ()
-
-
-def by_speed(found: DissipationOfChannel) -> dict[str, Any]:
-    """The rows of constant speed sorted by speed: the table behind P1 Fig. 11."""
-    rows = np.flatnonzero(found.dissipation.stretch >= 0)
-    rows = rows[np.argsort(found.passages.speed_m_s[rows], kind="stable")]
-    return {name: column[rows] for name, column in found.columns.items()}

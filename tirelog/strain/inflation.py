@@ -358,9 +358,9 @@ def refuse_one_end(from_Pa: float | None = None, to_Pa: float | None = None) -> 
     """UsageError for one end of a ramp without the other, or two that are the same."""
     if (from_Pa, to_Pa) != (None, None) and (None in (from_Pa, to_Pa) or from_Pa == to_Pa):
         raise UsageError(
-            "--from and --to (from_Pa and to_Pa) go together and differ",
+            "--from-pressure and --to-pressure go together and differ",
             allowed="allowed are two pressures in Pa",
-            do="e.g. --from 1.7e5 --to 2.3e5",
+            do="e.g. --from-pressure 1.7e5 --to-pressure 2.3e5",
         )
 
 
@@ -470,7 +470,7 @@ def _remarks(
     if pressure is None and ends_Pa is None:
         remarks.append(
             "no inflation_pressure channel: rates in time only; name one in the setup, or give "
-            "--from and --to in Pa"
+            "--from-pressure and --to-pressure"
         )
     static = recording.setup.tire.static_footprint_length_m
     if static is not None:

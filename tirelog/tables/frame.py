@@ -199,7 +199,7 @@ def differences(
             raise UsageError(
                 f"--tolerance {name}: no such column",
                 allowed=f"allowed are {', '.join(map(str, against.columns))}",
-                do="mend the name",
+                do="correct the name",
             )
     keys = [k for k in KEYS if k in table.columns and k in against.columns]
     table, against = _indexed(table, keys), _indexed(against, keys)
@@ -226,11 +226,10 @@ def of_like_logs(
 ) -> tuple[pd.DataFrame, pd.DataFrame, str]:
     """(both tables with keys by which rows match, a sentence on the keys).
 
-    The sentence is there if those are not the paths of the logs.
-
-    As they are, if a single row has the same key in both. Else `log` is the file's name in both, or
-    that name without its suffixes (a log and the run made of it), if rows match then; and if within
-    neither table two logs come to have one name.
+    The sentence is empty if the keys have the paths of the logs: a single row with the same key in
+    both tables is enough. Else `log` is the file's name in both, or that name without its suffixes
+    (a log and the run made of it). Rows have to match then, and no two logs of a table may have one
+    name.
     """
     keys = [k for k in KEYS if k in table.columns and k in against.columns]
     if "log" in keys and not _share_rows(table, against, keys):

@@ -142,7 +142,7 @@ class TableWriter(AbstractContextManager["TableWriter"]):
         self.rows += table.num_rows
 
     def _begin(self, schema: pa.Schema) -> None:
-        """Writes whatever stands before the first row of a table of these columns."""
+        """Writes the text before the first row of a table of these columns."""
         if self._names is not None:
             return
         self._names = tuple(schema.names)
@@ -168,7 +168,7 @@ class TableWriter(AbstractContextManager["TableWriter"]):
             self._end()
 
     def _end(self) -> None:
-        """Whatever stands behind the last row; of a table without rows its columns."""
+        """Writes the text behind the last row; for a table without rows its columns."""
         if self._names is None:
             import pyarrow as pa
 

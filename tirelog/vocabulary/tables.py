@@ -1,8 +1,8 @@
 """Every table that is made of a log, once: its columns, its options, and who makes it.
 
-From an entry come the command `tirelog NAME` with its help, `tirelog.NAME` in Python, the table's
-place in `tirelog tables`, campaigns and `check`, and its section of docs/tables.md. What a column
-means stands in `columns`.
+From an entry come the command `tirelog NAME` with its help, and `tirelog.NAME` in Python. So do the
+table's place in `tirelog tables`, campaigns and `check`, and its section of docs/tables.md.
+`columns` has the meaning of each column.
 """
 
 from __future__ import annotations
@@ -80,13 +80,13 @@ class TableOption:
 
     @property
     def allowed(self) -> str:
-        """What it may be, as an error says it."""
+        """Its allowed values, as a clause of an error."""
         return f"allowed is {_KINDS[self.kind]} ({self.help.rstrip('.')})"
 
     def fits(self, value: object) -> bool:
         """True if the value is of its kind; whether a table can be made with it is not known.
 
-        In place of a file's path is taken what it holds, read already: a dataclass.
+        In place of a file's path a dataclass is allowed: the content of the file.
         """
         if self.kind is bool or isinstance(value, bool):
             return self.kind is bool and isinstance(value, bool)
@@ -112,7 +112,7 @@ _KINDS: Mapping[type, str] = {
 class LogTable:
     """A table that is made of a recording.
 
-    says     what its command tells, one sentence for the help
+    says     one sentence for the help: what its rows are
     kinds    of channels that it is made of; one of these has to be in the log
     columns  their names, in order
     options  its settings
@@ -122,15 +122,18 @@ class LogTable:
              per channel. Empty: `products` makes the table, together with others
     checked_by  "module:function", called with the options as keywords before any log is opened; it
              raises UsageError for options that no log can be made a table with
-    picture  "module:function" that draws what was kept of each part into a file of a path, of
-             several `pictures` that of a kind: the command then has --plot
+    picture  "module:function" that gives the figure of all that was kept of the parts, of several
+             `pictures` that of a kind: the command then has --plot
     pictures what kinds there are, by name, with what each shows; the first is drawn if none is
              asked for, "page" if there is one alone
     sketch   "module:function" for what the picture keeps of a part while its log is open,
              (recording, part, kind); empty: (recording, part) themselves
     driven   False for a table that is only made if it is asked for by name, such as that of a
-             static test: not by `tables`, campaigns and reports
+             static test: not by `tables` without names, campaigns and reports
     rows_of  kinds of channel that its rows are of, if others than `kinds`
+    stretch  "rows": those outside of a stretch are left out; "own": its function takes `start` and
+             `stop` [s]; "none": its rows are no moments
+    drawn    "whole" for a picture of the whole log, whatever the stretch
     """
 
     name: str
@@ -146,6 +149,14 @@ class LogTable:
     sketch: str = ""
     driven: bool = True
     rows_of: tuple[str, ...] = ()
+    stretch: str = "rows"
+    drawn: str = "rows"
+
+    @property
+    def asked(self) -> tuple[TableOption, ...]:
+        """All options of its command: settings, views, and the ends of a stretch of the log."""
+        ends = () if self.stretch == "none" else STRETCH
+        return (*self.options, *self.views, *ends)
 
     @property
     def python_name(self) -> str:
@@ -158,6 +169,17 @@ class LogTable:
         return next(views, self.name)
 
 
+#: a stretch of the log, for every table whose rows are moments
+STRETCH = (
+    TableOption(
+        "start",
+        "--from",
+        str,
+        "Only rows from this moment on: seconds since the first sample, or a stamp as in the log.",
+    ),
+    TableOption("stop", "--to", str, "Only rows before this moment, likewise."),
+)
+
 _BEGIN = ("log", "channel", "revolution", "time_s", "speed_m_s")
 
 
@@ -169,7 +191,7 @@ def _revolutions(*own: str) -> tuple[str, ...]:
 _ALL = (
     LogTable(
         "speed",
-        "Tell the speed at each passage of the patch, with standard error and acceleration.",
+        "Speed at each passage of the patch, with standard error and acceleration.",
         (*STRAIN_KINDS, "wheel_encoder", "radial_acceleration"),
         _revolutions("period_s", "speed_se_m_s", "acceleration_m_s2"),
         (
@@ -184,7 +206,7 @@ _ALL = (
     ),
     LogTable(
         "footprint",
-        "Tell contact length, edges and slip onset at each passage of the patch.",
+        "Contact length, edges and slip onset at each passage of the patch.",
         (*STRAIN_KINDS, *ACCELERATION_KINDS),
         _revolutions(
             "length_m", "length_se_m", "length_form_se_m", "length_d2_m", "length_d2_se_m",
@@ -203,16 +225,18 @@ _ALL = (
                 "friction_ratio",
                 "--friction-ratio",
                 float,
-                "f_d / f_s of P2 (13) for the slip onset; else that of the setup, or 0.75 +- 0.13.",
+                "Sliding over static friction, for the slip onset; default the setup's, or "
+                "0.75 +- 0.13.",
             ),
         ),
-        picture="tirelog.plots.tables:draw_footprint",
+        picture="tirelog.plots.tables:footprint_picture",
         pictures=FOOTPRINT,
         sketch="tirelog.plots.tables:footprint_sketch",
+        drawn="whole",
     ),
     LogTable(
         "dissipation",
-        "Tell the strain's dissipation factor and power in each revolution.",
+        "Dissipation factor and power of the strain in each revolution.",
         STRAIN_KINDS,
         _revolutions(
             "dissipation_factor_1_m", "dissipation_factor_se_1_m", "specific_power_m3_s2",
@@ -224,10 +248,7 @@ _ALL = (
                 "steady_step",
                 "--steady-step",
                 float,
-                "Largest step of a constant speed between revolutions, m/s; 0.08 by default.",
-            ),
-            TableOption(
-                "average", "--average", int, "Revolutions of a moving average, 9 by default."
+                "Largest step of a constant speed between revolutions, m/s; default 0.08.",
             ),
         ),
         views=(
@@ -238,19 +259,14 @@ _ALL = (
                 "The regressions of factor and specific power on speed instead.",
                 gives="dissipation-fit",
             ),
-            TableOption(
-                "by_speed",
-                "--by-speed",
-                bool,
-                "The rows of constant speed alone, sorted by speed (P1 Fig. 11).",
-            ),
         ),
         picture="tirelog.plots.tables:dissipation_picture",
         sketch="tirelog.plots.tables:dissipation_sketch",
+        drawn="whole",
     ),
     LogTable(
         "phase-shift",
-        "Patch width and phase shift from a wheel encoder and an in-tire accelerometer (P4).",
+        "Patch width and phase shift from a wheel encoder and an in-tire accelerometer.",
         ("wheel_encoder",),
         _revolutions(
             "entry_angle_deg", "exit_angle_deg", "patch_width_deg", "patch_width_se_deg",
@@ -267,20 +283,13 @@ _ALL = (
                 "Zero of the phase shift: auto, none, a speed in m/s, or START:STOP in s.",
             ),
         ),
-        views=(
-            TableOption(
-                "by_time",
-                "--by-time",
-                bool,
-                "Rows of all accelerometers of a log in the order of time.",
-            ),
-        ),
+        drawn="whole",
         picture="tirelog.plots.tables:phase_shift_picture",
         rows_of=("radial_acceleration",),
     ),
     LogTable(
         "slip",
-        "Tell the longitudinal slip of each turn of the wheel, from the vehicle's speed (P2).",
+        "Longitudinal slip of each turn of the wheel, from the vehicle's speed.",
         ("vehicle_speed",),
         _revolutions("vehicle_speed_m_s", "slip", "slip_se", "slip_delay_se"),
         made_by="tirelog.strain.slip:slip_of",
@@ -288,7 +297,7 @@ _ALL = (
     ),
     LogTable(
         "grip",
-        "Tell how much of the patch adheres, and the friction used and left, from the slip onset.",
+        "Adhesion share of the patch, friction used and friction left, from the slip onset.",
         STRAIN_KINDS,
         _revolutions(
             "adhesion_share", "adhesion_share_se", "brush_slip", "friction_used",
@@ -297,25 +306,25 @@ _ALL = (
         ),
         (
             TableOption(
-                "static_friction", "--static-friction", float, "f_s of P2 (13), 0.8 by default."
+                "static_friction", "--static-friction", float, "Static friction; default 0.8."
             ),
             TableOption(
                 "sliding_friction",
                 "--sliding-friction",
                 float,
-                "f_d of P2 (13); else f_s times the ratio that footprint takes.",
+                "Sliding friction; default the static one times the ratio of footprint.",
             ),
             TableOption(
                 "stiffness_ratio",
                 "--stiffness-ratio",
                 float,
-                "The tread's stiffness over that of P2 (17), 1 by default.",
+                "Stiffness of the tread over that of the brush model; default 1.",
             ),
             TableOption(
                 "load_exponent",
                 "--load-exponent",
                 float,
-                "Exponent of the patch's length in the load, 0.5 by default.",
+                "Exponent of the load in the patch length; default 0.5.",
             ),
         ),
         made_by="tirelog.strain.slip:grip_of",
@@ -324,7 +333,7 @@ _ALL = (
     ),
     LogTable(
         "strain-shift",
-        "Patch width and phase shift from a wheel encoder and a strain sensor (P1, P2, outlook).",
+        "Patch width and phase shift from a wheel encoder and a strain sensor.",
         ("wheel_encoder",),
         _revolutions(
             "entry_angle_deg", "exit_angle_deg", "patch_width_deg", "patch_width_se_deg",
@@ -336,25 +345,21 @@ _ALL = (
     ),
     LogTable(
         "wheel-angle",
-        "Tell the encoder's signal, the wheel's speed and its angle over a stretch (P4).",
+        "Encoder signal, wheel speed and wheel angle at each sample, by default of 0.1 s.",
         ("wheel_encoder",),
         _revolutions("encoder_signal", "turned_deg"),
         (
-            TableOption("from_s", "--from", float, "Beginning of the stretch, s."),
-            TableOption(
-                "to_s", "--to", float, "Its end, s; by default 0.1 s after the beginning."
-            ),
-            TableOption("every", "--every", int, "Only each so many-th sample."),
+            TableOption("every", "--every", int, "Keep every Nth sample."),
         ),
         made_by="tirelog.wheel.table:wheel_angle_of",
-        checked_by="tirelog.wheel.table:refuse_stretch",
+        checked_by="tirelog.wheel.table:refuse_every",
         picture="tirelog.plots.tables:wheel_angle_picture",
         driven=False,
+        stretch="own",
     ),
     LogTable(
         "inflation",
-        "Tell strain against inflation pressure in a static test: slope, linearity, leaks at "
-        "stops.",
+        "Strain against inflation pressure in a static test: slope, linearity, leaks at stops.",
         STRAIN_KINDS,
         _revolutions(
             "stretch", "duration_s", "inflation_pressure_Pa", "pressure_change_Pa", "strain",
@@ -364,16 +369,17 @@ _ALL = (
         (
             TableOption(
                 "from_Pa",
-                "--from",
+                "--from-pressure",
                 float,
-                "Pressure at the beginning, Pa, if no channel records it.",
+                "Pressure at the beginning [Pa], if no channel records it.",
             ),
-            TableOption("to_Pa", "--to", float, "Pressure at the end, Pa."),
+            TableOption("to_Pa", "--to-pressure", float, "Pressure at the end [Pa]."),
         ),
         made_by="tirelog.strain.inflation:inflation_of",
         checked_by="tirelog.strain.inflation:refuse_one_end",
         picture="tirelog.plots.tables:inflation_picture",
         driven=False,
+        stretch="none",
     ),
 )  # fmt: skip
 

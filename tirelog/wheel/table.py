@@ -8,7 +8,7 @@ Passages, Calibration --clean, force maps--> columns of the table, words
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -42,28 +42,16 @@ STRETCH_S = 0.1
 MOST_ROWS = 600_000
 
 
-def refuse_stretch(
-    from_s: float | None = None, to_s: float | None = None, every: int | None = None
-) -> None:
-    """UsageError for a stretch that is none."""
+def refuse_every(every: int | None = None) -> None:
+    """UsageError: not even every sample."""
     if every is not None and every < 1:
         raise UsageError(f"--every {every}", allowed="1 or more is allowed", do="correct it")
-    if any(value is not None and not np.isfinite(value) for value in (from_s, to_s)):
-        raise UsageError(
-            "--from or --to is no time", allowed="seconds are allowed", do="correct it"
-        )
-    if from_s is not None and to_s is not None and not to_s > from_s:
-        raise UsageError(
-            f"--from {from_s:g} --to {to_s:g}",
-            allowed="allowed is a stretch that ends after it begins",
-            do="swap them",
-        )
 
 
 def wheel_angle_of(
     recording: Recording,
-    from_s: float | None = None,
-    to_s: float | None = None,
+    start: float | None = None,
+    stop: float | None = None,
     every: int | None = None,
 ) -> Iterator[TableRows]:
     """The wheel's angle at each sample of the encoder, or each `every`-th, of a stretch [s].
@@ -77,8 +65,8 @@ def wheel_angle_of(
     radius = rolling_radius(recording, wheel)
     ends = channel.axis.at(0.0), channel.axis.at(float(channel.size - 1))
     middle = 0.5 * (float(ends[0]) + float(ends[1]))
-    start = from_s if from_s is not None else (middle if to_s is None else to_s - STRETCH_S)
-    stop = to_s if to_s is not None else start + STRETCH_S
+    start = start if start is not None else (middle if stop is None else stop - STRETCH_S)
+    stop = stop if stop is not None else start + STRETCH_S
     first, last = (
         int(np.clip(np.ceil(float(channel.axis.index(time))), 0, channel.size))
         for time in (start, stop)
@@ -246,19 +234,3 @@ def table(p: EdgeTimes, calibration: Calibration | None) -> Mapping[str, object]
         quality = quality | marked(outside, Quality.EXTRAPOLATED)
         quality |= marked(removed & calibration.has_delay, Quality.DELAY_REMOVED)
     return {**columns, "quality": quality_column(quality)}
-
-
-def by_time(parts: Sequence[Mapping[str, object]]) -> dict[str, object]:
-    """The rows of all accelerometers of one log in the order of time.
-
-    As many values per turn as accelerometers (P4, on arrays of sensors).
-    """
-    long = [
-        {
-            name: np.broadcast_to(np.asarray(column), np.asarray(part["time_s"]).shape)
-            for name, column in part.items()
-        }
-        for part in parts
-    ]
-    order = np.argsort(np.concatenate([part["time_s"] for part in long]), kind="stable")
-    return {name: np.concatenate([part[name] for part in long])[order] for name in long[0]}

@@ -339,7 +339,7 @@ def _ground(found: SearchResult, diagnosis: Diagnosis, despite: bool) -> tuple[B
     least = max(SECOND_LEAST * after.floor.square, REST_SHARE * found.before.excess)
     if partial and diagnosis.unexplained["significant"] and after.excess > least:
         return after, ""
-    why = " Add it to the model, or give --despite to have what these data would say without it."
+    why = " Add it to the model, or search with --always for what these data say without it."
     if partial:
         why = " The rest is too small, or does not repeat well enough, to write down."
     return None, diagnosis.sentence + why * bool(diagnosis.selected)
