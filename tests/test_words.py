@@ -1,0 +1,84 @@
+"""Property: texts are in plain words: subject, verb, object, and at most 25 words a sentence.
+
+A text is a docstring, or any string of the package: a message, a line of help, a page. `CLEAN` are
+the folders that are held to it; it grows until it is all of them, and then it goes.
+"""
+
+import ast
+import re
+from collections.abc import Iterator
+
+import pytest
+
+from tests.sources import sources
+
+pytestmark = pytest.mark.xdist_group("sources")  # one worker parses the package, once
+
+CLEAN = ("api", "campaign", "cli", "tables", "vocabulary")
+#: words and turns that a reader from the field does not use so
+FOREIGN = re.compile(r"\b(?:told|said|stands|taken off|as it came|of like|which is no)\b", re.I)
+#: a symbol or the number of an equation, which a terminal does not explain
+SYMBOL = re.compile(r"\bP[1-4] \(\d|\bOmega\b|\bxi\b")
+#: files whose texts are reference, where a formula belongs
+REFERENCE = ("vocabulary/columns.py",)
+MOST_WORDS = 25
+
+
+def texts(file: str, tree: ast.Module) -> Iterator[tuple[str, int, str, bool]]:
+    """(file, line, text, is it a docstring) of every text; X stands for the values in it."""
+    inside: set[ast.AST] = set()
+    docs: set[ast.AST] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            docs.add(node.value)
+        if isinstance(node, ast.JoinedStr):
+            inside |= set(node.values)
+            parts = [str(p.value) if isinstance(p, ast.Constant) else "X" for p in node.values]
+            yield file, node.lineno, "".join(parts), False
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in inside:
+            yield file, node.lineno, node.value, node in docs
+
+
+def held() -> Iterator[tuple[str, int, str, bool]]:
+    """The texts of the clean folders."""
+    for file, (_, tree) in sources().items():
+        if file.split("/")[0] in CLEAN:
+            yield from texts(file, tree)
+
+
+def sentences(text: str) -> Iterator[str]:
+    """The sentences and clauses of a text; each line of a list or of a diagram is one by itself."""
+    for block in re.split(r"\n\s*\n", text):
+        lines = block.strip("\n").splitlines()
+        if any(re.search(r"\S {2,}\S|-->|^-{3,}$", line.strip()) for line in lines):
+            apart = [re.sub(r"\S+ {2,}", "", line.strip()) for line in lines]
+        else:
+            apart = [" ".join(lines)]
+        for part in apart:
+            yield from re.split(r"(?<=[.;:?!])\s", part)
+
+
+def test_texts_have_no_foreign_words() -> None:
+    found = [(file, line, FOREIGN.findall(text)) for file, line, text, _ in held()]
+    assert [one for one in found if one[2]] == []
+
+
+def test_no_sentence_is_long() -> None:
+    long = [
+        (file, line, sentence)
+        for file, line, text, _ in held()
+        for sentence in sentences(text)
+        if len(re.findall(r"[^\W_][\w'./-]*", sentence)) > MOST_WORDS
+    ]
+    assert long == []
+
+
+def test_help_begins_with_what_comes_out() -> None:
+    begins = ("Tell ", "Say ")
+    assert [(f, n, text) for f, n, text, doc in held() if text.startswith(begins)] == []
+
+
+def test_a_terminal_shows_no_symbol() -> None:
+    shown = [(f, n, text) for f, n, text, doc in held() if not doc and f not in REFERENCE]
+    assert [one for one in shown if SYMBOL.search(one[2])] == []
