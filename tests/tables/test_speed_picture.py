@@ -50,7 +50,7 @@ def test_many_passages_are_thinned_and_many_logs_counted():
     figure = drawn(kept)
     assert len(figure.axes) == 16
     assert figure.axes[0].lines[0].get_ydata().size == 20_000
-    assert figure.axes[14].get_title(loc="left").endswith("2 logs more are not drawn")
+    assert figure.axes[14].get_title(loc="left").endswith("2 more logs are not drawn")
 
 
 def test_a_log_without_a_passage_is_an_empty_row():
