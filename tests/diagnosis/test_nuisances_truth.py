@@ -106,7 +106,7 @@ def test_an_effect_is_named_beside_the_wheel(monkeypatch):
     either = conclude(replace(found, alike=(("drift", "viscous_damping"),)), ())
     assert either.verdict == "ambiguous"
     assert either.sentence.startswith(
-        "viscous_damping is missing, or in place of viscous_damping a drift: these data cannot"
+        "viscous_damping is missing, or in place of viscous_damping a drift: these data do not"
     )
     held = conclude(replace(found, alike=(("wheel", "viscous_damping"),)), ())
     assert (held.verdict, held.sentence) == (result.verdict, result.sentence)

@@ -168,7 +168,7 @@ def test_everything_but_the_answer_is_folded(model_page: Path) -> None:
 
 def test_a_page_without_a_model_opens_with_what_was_measured(page_file: Path) -> None:
     text = words(part(page_file, "answer"))
-    assert "No model was held against these logs" in text
+    assert "No model was compared with these logs" in text
     assert re.search(r"Speed [\d.]+ to [\d.]+ m/s", text)
     assert "Contact length, best estimate" in text
     assert "tirelog model new --carcass beam" in text
