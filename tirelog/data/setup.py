@@ -376,7 +376,7 @@ class ChannelSetup(Record):
         return (value - offset) / scale
 
 
-#: what may stand between the cells of a text log; " " stands for runs of blanks
+#: separators of the cells of a text log; " " is any run of blanks
 SEPARATORS = (",", ";", "\t", " ", "|")
 _TEXT_KEYS = ("separator", "decimal", "header_rows", "encoding", "columns")
 

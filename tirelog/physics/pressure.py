@@ -204,7 +204,7 @@ def traction_modes(
     stick = slip * (grip.stiffness_ratio * slip_stiffness(load_N, L, grip.static_friction))
     slide = np.sign(slip) * grip.sliding_friction * gamma
     # int f exp(-i q xi) = exp(-i q xi) (i f / q + f' / q^2 - i f'' / q^3), at the ends of each
-    # piece: what stands at -L, x_s and L, by powers of 1 / q
+    # piece: the terms at -L, x_s and L, by powers of 1 / q
     inverse = radius_m / np.arange(1, MODES)
     square, cube = inverse**2, inverse**3
     at_x_s, at_end = powers(-x_s / radius_m)[:, 1:], powers(-L / radius_m)[:, 1:]

@@ -120,10 +120,10 @@ class Parameter:
 ComplexArray = NDArray[np.complex128]
 
 #: Fourier modes of a waveform, and points of the uniform grid on which it is laid out. Twice as
-#: many take twice as long; an edge of the patch is then told over half of the length.
+#: many take twice as long; an edge of the patch is then resolved over half of the length.
 MODES = 1024
 GRID = 3 * MODES
-#: The grid's angles: GRID points from 0, shape (GRID,); the second half stands for negative angles.
+#: The grid's angles: GRID points from 0, shape (GRID,); the second half is for negative angles.
 STEP = 2.0 * np.pi / GRID
 #: Waveforms that are laid out at once: they stay in the processor's cache. Twice as many leave it.
 BLOCK = 96

@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 #     revolutions (n, m) --transform over the angle--> amplitude of each order (n, k)
 #         --like speeds (or times) together--> a map whose height is the frequency, order x wheel's
 #
-# At constant speed all that repeats stands on orders; where an order crosses a natural frequency of
+# At constant speed all that repeats is on orders; where an order crosses a natural frequency of
 # the tire it grows. With a ring model its modes are drawn as the belt feels them.
 
 
@@ -120,7 +120,7 @@ def map_of(turns: Stack) -> OrderMap:
     speed_m_s, time_s = turns.conditions.speed_m_s, turns.conditions.time_s
     several = np.ptp(speed_m_s) > _ONE_SPEED * np.median(speed_m_s)
     axis = speed_m_s if several else time_s
-    # a moment of its own for each revolution; of like speeds some together
+    # a moment of its own for each revolution; of similar speeds some together
     steps = int(min(_STEPS, max(axis.size // 2, 1) if several else axis.size))
     edges = np.linspace(axis.min(), axis.max() + 1e-9, steps + 1)
     row = np.clip(np.searchsorted(edges, axis, side="right") - 1, 0, steps - 1)
@@ -200,7 +200,7 @@ def mode_lines(
     lines: dict[tuple[str, str], FloatArray] = {}
     for number, speed in enumerate(speeds):
         wheel_Hz = float(speed) / (2.0 * np.pi * radius_m)
-        # where the tire stands, what goes with the rotation and against it is one: just turning
+        # if the tire is at rest, what goes with the rotation and against it is one: just turning
         for mode in natural_modes(tire, speed_m_s=max(float(speed), 1e-3), to_Hz=2.0 * highest_Hz):
             if mode.damping_ratio < _MOST_DAMPED:
                 felt = lines.setdefault((mode.shape, mode.direction), np.full(len(speeds), np.nan))

@@ -171,7 +171,7 @@ def setup_text(scenario: Scenario, sources: dict[str, str], time: str | None = N
     lines += ["", "[conditions]"]
     lines += [f"{key} = {_toml(getattr(scenario.conditions, key))}" for key in _CONDITION_KEYS]
     if scenario.road.kind != "flat":
-        # where the obstacle stands is for the log to say
+        # the place of the obstacle is for the log to show
         road = {key: getattr(scenario.road, key) for key in _ROAD_KEYS}
         lines += [
             "",
@@ -185,7 +185,7 @@ def setup_text(scenario: Scenario, sources: dict[str, str], time: str | None = N
         known = {key: getattr(sensor, key) for key in _CHANNEL_KEYS.get(sensor.kind, ())}
         known |= {"gauge_length_m": sensor.gauge_length_m or None}
         lines += [f"{key} = {_toml(value)}" for key, value in known.items() if value is not None]
-        if several and sensor.kind in STRAIN_KINDS:  # of one nobody asks where it stands
+        if several and sensor.kind in STRAIN_KINDS:  # of one nobody asks where it is
             lines.append(f"angle_deg = {sensor.angle_deg!r}")
     if time is not None:
         rate = next(iter(scenario.channels.values())).sampling_rate_Hz

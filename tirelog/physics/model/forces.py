@@ -61,7 +61,7 @@ from tirelog.physics.spectral import MODES, STEP, grid_angles, to_grid
 from tirelog.vocabulary.arrays import FloatArray
 
 #: slip angles and cambers [deg] of the brush: beyond them a tread does not lie on the road as the
-#: brush has it. Doubling it lets a wheel stand across the road.
+#: brush has it. Doubling it lets a wheel turn across the road.
 WIDEST_DEG = 45.0
 #: hooks by which effects change the pressure that the road gives a tread
 _LEANING = ("tilt", "pressure", "kernel")
@@ -125,7 +125,7 @@ def _of_task(
     slipping, camber = np.radians(slip_angle_deg), np.radians(camber_deg)
     x, y, aligning = brush.forces(load, half, sigma, slipping, camber, R, grip)
     held = brush.transition(slip, site.half_length_m, grip.stiffness_ratio)
-    turning = np.where(speed > 0.0, moment, np.nan)  # a wheel that stands may lean either way
+    turning = np.where(speed > 0.0, moment, np.nan)  # a wheel at rest may lean either way
     belt, approach = _deflections(task)
     hub = hub_forces(task) if task.carcass == "ring" else np.full((2, 1), np.nan)
     across = bool(slip_angle_deg or camber_deg)

@@ -135,7 +135,7 @@ def known_surface(setup: Setup | None) -> str | None:
 
 # ---- What a tire is driven under: beyond it a number is in another unit, and is refused.
 
-#: A tire at less than this [Pa] stands on its rim, and bar, psi and kPa taken for Pa all lie below
+#: A tire at less than this [Pa] rests on its rim, and bar, psi and kPa taken for Pa all lie below
 #: it: a fifth of it would let 1000 (kPa) pass, twice as much is 0.1 bar, which sand and snow are
 #: driven at.
 LEAST_PRESSURE_PA = 5e3

@@ -1,6 +1,6 @@
 """A tire model as a list that a person can read.
 
-A carcass with its numbers, effects with theirs, and nuisances, which stand beside the tire. It is
+A carcass with its numbers, effects with theirs, and nuisances, which are fitted beside the tire. It is
 longer than others: to predict is part of a model, and shares what it computes once.
 """
 
@@ -97,7 +97,7 @@ class ModelEffect:
 
 # ---- What a wheel, its road and the day do beside the tire's physics: words and sizes.
 #
-# A model file's [nuisances] says of each whether it stands beside the model ("on"), never does
+# A model file's [nuisances] says of each whether it is fitted beside the model ("on"), never is
 # ("off"), or does if it earns its place ("auto", the default), and how large it ordinarily is. A
 # size is the standard deviation of an amplitude before anything is measured, not a bound. The
 # tire's form has a table of its own, [form], with its numbers once they are fitted.
@@ -199,7 +199,7 @@ class Model:
     carcass     beam, ring or coupled_ring; contact 'prescribed' (patch_half_length_m), 'flat_road'
                 (rings), or 'point' (the load of P1 (2), on one line across the tread)
     base        parameters of carcass and load; effects with theirs, distinct ids
-    nuisances   what may stand beside the model, with their ordinary sizes
+    nuisances   what may be fitted beside the model, with their ordinary sizes
     document    the TOML it was read from, so that comments survive; path where it lies
     effects_file  the Python file with the user's own effects that it was read with
     """

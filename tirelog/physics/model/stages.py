@@ -157,7 +157,7 @@ STRUCTURE_NAMES = (
     "radius_m",
 )
 FLAT_ROAD_NAMES = (*STRUCTURE_NAMES, "load_N", "tread_stiffness_N_m2")
-#: what is told of the strain along the tread: how many times it is differentiated by xi
+#: quantities of the strain along the tread: how many times it is differentiated by xi
 ALONG_STRAIN: Mapping[str, int] = {"strain_slope": 1, "strain_curvature": 2}
 LOAD_HOOKS, PRESSURE_HOOKS = ("load", "added_load"), ("tilt", "pressure", "kernel", "traction")
 DAMPING_NAMES = ("radial_damping_N_s_m2", "tangential_damping_N_s_m2")

@@ -377,7 +377,7 @@ def _collected(effects: list[Any], origin: object) -> dict[str, Effect]:
 #     name = "proposed"
 #     shape = "empirical"
 #     acts_on = "strain"            # or radial_acceleration, contact_pressure, load
-#     frame = "time_since_exit"     # what the shape stands still in, see FRAMES
+#     frame = "time_since_exit"     # where the shape is fixed, see FRAMES
 #     law = "speed / 20"            # how it grows, over conditions alone; "1" for always the same
 #     nodes = [0.0, 0.002, 0.004]   # ascending, in the frame's unit
 #     values = [0.0, 8e-5, -3e-5]   # at the nodes, straight lines between them, nothing outside

@@ -31,7 +31,7 @@ from tirelog.vocabulary.arrays import FloatArray, Records
 #
 #     `setup.RoadSetup` (a log's [road], or words of a command) --`road_of`--> RoadProfile
 #
-# Heights stand over `x` [m], the distance in the direction of driving, shapes as asked. Every
+# Heights are over `x` [m], the distance in the direction of driving, shapes as asked. Every
 # profile is continuous: a step and a cleat have a ramp, since tread that presses along the road's
 # normal has no answer to a wall. What is steeper than `STEEPEST` is refused, and `check_climbable`
 # refuses what is higher than the tire can climb.
@@ -43,7 +43,7 @@ STEEPEST = 3.0
 #: small ones. Twice as much would double the strain that a linear ring takes for small.
 HIGHEST = 0.2
 #: Ramp [m] of a step or cleat that names none, as far as its length and the steepest slope allow.
-#: Twice as long makes a softer blow: it is said in the road's own words if it matters.
+#: Twice as long makes a softer blow: give it in the road's own words if it matters.
 RAMP = 0.01
 
 
@@ -217,7 +217,7 @@ SEEN = np.dtype([("s_m", "f8"), ("z_m", "f8"), ("depth_m", "f8"), ("call", "f8")
 
 # Where the tread's nodes are, and what the road does to them.
 #
-# Nodes of a stretch, (j,), stand in order of their angle; tables of cos(n theta), sin(n theta),
+# Nodes of a stretch, (j,), are in order of their angle; tables of cos(n theta), sin(n theta),
 # (N - 1, 2 M), go twice around the belt, so that any stretch is one slice from `start`. Sums keep
 # their order whatever the machine.
 
@@ -494,7 +494,7 @@ def steady_rolling(
             )
         on, p, drop, *_ = found
         V = unit[:, on] @ p
-        # the road's force i F stands on the sidewall: k_s a + c_s (0 - i Omega a) = i F, Omega x a
+        # the road's force i F loads the sidewall: k_s a + c_s (0 - i Omega a) = i F, Omega x a
         # = i Omega a in the complex plane
         a = 1j * load_N / complex(tire.k_s, -tire.c_s * omega)
         if speed_m_s:

@@ -238,14 +238,14 @@ class CoupledRing(RingCarcass):
 #     q = (H_s, H_z, C_s, C_z, psi_h, psi, Re V_2, Im V_2, ... Re V_N, Im V_N)
 #
 # G is the gyroscopic part 4 pi R 2 gamma_n Omega (skew), D what the turning dampers push sideways
-# (circulatory). On the road the tread's springs under the standing patch are added to K, sum k_t h
+# (circulatory). On the road the tread's springs under the patch at rest are added to K, sum k_t h
 # g g' with g the gradient of a node's height; and the bristles, which cling (they are far from
 # sliding in free rolling), as states of their own that pass through the patch with the belt:
 #
 #     u_t + Omega u_phi = a . q' + Omega b . q,  u = 0 at the entry,    force on q:  - sum c_x h a u
 #
 # a the gradient of a node's place along the road, b of (w' - v) sin phi. A ring model without
-# bristles stands on a road free of friction: its rotation does not feel the road. Frequencies are
+# bristles is on a road free of friction: its rotation does not feel the road. Frequencies are
 # those that an observer beside the tire hears; on the belt itself a wave of n lobes is n Omega / 2
 # pi away.
 
@@ -261,7 +261,7 @@ _OWN = {
     "c_x": "bristle_stiffness_N_m2",
     "mu": "friction",
 }
-#: coordinates that stand before the belt's: two places each of hub and ring, and their angles
+#: coordinates before the belt's: two places each of hub and ring, and their angles
 _RINGS = 6
 #: Cells of bristles between entry and exit of the patch. Twice as many resolve shorter waves of
 #: the tread's deflection, and make the matrix as much larger.

@@ -159,7 +159,7 @@ def _check(corner: FloatArray, height: FloatArray, radius_m: float) -> None:
             allowed=f"allowed is up to {STEEPEST:g}",
             do="give it a longer ramp",
         )
-    # the highest rise within a window stands in one that begins or ends at a corner
+    # the highest rise is in a window that begins or ends at a corner
     wide = 2.0 * radius_m
     for begin in (*corner, *(corner - wide)):
         first, stop = np.searchsorted(corner, [begin, begin + wide])
@@ -282,7 +282,7 @@ class RollingTire:
         self.belt, self.profile, self.step_s = belt, profile, step_s
         splines, tire, points = belt.splines, belt.tire, belt.splines.elements * POINTS
         self.v = start[0].copy()
-        # standing in space, the belt's material passes through the shape
+        # at rest in space, the belt's material passes through the shape
         spin = speed_m_s / belt.radius_m
         slope = belt.full(splines.gram(0, 1)) @ start[0]
         self.u: FloatArray = np.asarray(

@@ -598,7 +598,7 @@ def scenario_of(
     )
     road = scenario.road
     if road.file:
-        # a profile stands beside its scenario
+        # a profile lies beside its scenario
         profile = Path(str(document.file or "")).parent / road.file
         road = replace(road, file=str(profile.resolve()))
     steps = sorted(scenario.load_steps, key=lambda step: float(step.time_s))

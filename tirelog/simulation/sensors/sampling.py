@@ -145,7 +145,7 @@ PER_SI = {"strain": 1e6, "radial_acceleration": 1.0 / STANDARD_GRAVITY_M_S2}
 #: points around the sample in the angle's interpolation
 ANGLE_POINTS, TIME_POINTS = 6, 4
 #: share of the steepest strain from which on a grating's peak counts as on a flank of the patch,
-#: and the speed below which no slope along the tread is told [m/s]
+#: and the speed below which no slope along the tread is computed [m/s]
 FLANK, SLOWEST_M_S = 0.5, 0.2
 
 

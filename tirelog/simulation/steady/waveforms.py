@@ -568,7 +568,7 @@ class World:
         if self.scenario.planted("splice") is None:
             return 0.0
         riding = [s for s in self.scenario.channels.values() if s.kind in STRAIN_KINDS]
-        if sensor not in riding:  # none of the scenario's stands with the first
+        if sensor not in riding:  # another sensor is at the place of the first
             return 0.0
         return float(np.radians(sensor.angle_deg - riding[0].angle_deg))
 
