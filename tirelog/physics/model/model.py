@@ -1,7 +1,7 @@
 """A tire model as a list that a person can read.
 
-A carcass with its numbers, effects with theirs, and nuisances, which are fitted beside the tire. It is
-longer than others: to predict is part of a model, and shares what it computes once.
+A carcass with its numbers, effects with theirs, and nuisances, which are fitted beside the tire. It
+is longer than others: to predict is part of a model, and shares what it computes once.
 """
 
 from __future__ import annotations
