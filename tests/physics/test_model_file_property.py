@@ -59,7 +59,7 @@ def test_what_is_not_changed_is_written_as_it_stood():
 def test_every_effect_survives_writing_and_reading(carcass):
     model = Model.new(carcass)
     for effect in CATALOGUE:
-        if "strain" in effect.observables and (carcass == "beam" or effect.id != "ring_curvature"):
+        if "strain" in effect.observables and (carcass == "beam" or not effect.beam_only):
             model = model.with_effect(effect)
             model = model.with_values({f"{effect.id}.{p.name}": p.probe for p in effect.parameters})
     again = parse_model(as_toml(model))

@@ -8,14 +8,16 @@ jump at the edges by 1e-4. C = 2 pi R. P_0 C is the force.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.special import spherical_jn
+from scipy.special import ndtr, spherical_jn
 
 from tirelog.data.setup import FORM_DEGREES
-from tirelog.physics.spectral import MODES, ComplexArray, powers
+from tirelog.errors import ModelError
+from tirelog.physics.spectral import MODES, ComplexArray, grid_angles, powers, to_modes
 from tirelog.vocabulary.arrays import FloatArray
 
 _N = np.arange(1, MODES, dtype=np.float64)
@@ -125,6 +127,124 @@ def wedge(
 def smear(length_m: FloatArray, radius_m: float) -> FloatArray:
     """Transfer of the convolution with exp(-|xi| / length) / (2 length), shape (n, K)."""
     return 1.0 / (1.0 + (np.arange(MODES) / radius_m * length_m) ** 2)
+
+
+def _on_grid(
+    load_N: FloatArray, half_length_m: FloatArray, radius_m: float
+) -> tuple[FloatArray, FloatArray]:
+    """(xi [m] of the grid, the parabola P2 (12) there, below zero outside of the patch [N/m])."""
+    xi = radius_m * grid_angles()
+    return xi, 0.75 * load_N / half_length_m**3 * (half_length_m**2 - xi**2)
+
+
+def rough(
+    load_N: FloatArray,
+    half_length_m: FloatArray,
+    radius_m: float,
+    height_m: float,
+    tread_stiffness_N_m2: float,
+) -> ComplexArray:
+    """What a road of Gaussian heights adds to the parabola (Greenwood and Williamson 1966).
+
+    A tread of independent springs k_t meets asperities of rms height h. Where it would lie a depth
+    d = p / k_t below the mean plane it presses, on average, with
+
+        k_t E[max(d - z, 0)] = k_t h (g(d / h) + d / h G(d / h))       g, G: Gauss's law, its sum
+
+    Beside the edge the tread's distance from the road goes on as the parabola does.
+    """
+    flat = _on_grid(load_N, half_length_m, radius_m)[1]
+    depth = flat / (tread_stiffness_N_m2 * height_m)
+    bell_curve = np.exp(-0.5 * depth**2) / math.sqrt(2.0 * math.pi)
+    pressed = tread_stiffness_N_m2 * height_m * (bell_curve + depth * ndtr(depth))
+    # sampled alike, the two differ by nothing where the rounding is narrower than the grid
+    return to_modes(pressed - np.maximum(flat, 0.0))
+
+
+# ---- Water that the tread runs onto: Reynolds' wedge ahead of the entry edge.
+#
+# Tread and road run together at v, and the gap ahead of the edge is h = h_0 + s^2 / 2R, filled up
+# to the depth D. The film h_0 goes through the patch, so that (Grubin's inlet)
+#
+#     -dp/ds = 12 eta v (h - h_0) / h^3,      p = 0 where h = D
+#     p(s) = 12 eta v sqrt(2R) h_0^-3/2 (I(t_D) - I(t)),  tan t = s / sqrt(2R h_0),
+#     I(t) = t / 8 - sin(4t) / 32
+#
+# Per width; the tread presses on water over the width b. At the edge p is what the water holds, and
+# the tread touches the road only where the pressure of the contact is above it.
+
+
+def filled_wedge(
+    speed_m_s: FloatArray, depth_m: FloatArray, width_m: float, film_m: float, radius_m: float
+) -> tuple[FloatArray, FloatArray]:
+    """(Pressure [N/m] per unit of I, the angle t [rad] up to which the gap is filled), columns."""
+    viscosity = 1.0e-3  # of water at 20 degC [Pa s]
+    size = 12.0 * viscosity * width_m * speed_m_s * math.sqrt(2.0 * radius_m) / film_m**1.5
+    return size, np.arctan(np.sqrt(np.maximum(depth_m / film_m - 1.0, 0.0)))
+
+
+def _wedge_integral(angle: FloatArray) -> FloatArray:
+    return np.asarray(angle / 8.0 - np.sin(4.0 * angle) / 32.0)
+
+
+def dry_length(
+    load_N: FloatArray, half_length_m: FloatArray, size_N_m: FloatArray, filled_rad: FloatArray
+) -> FloatArray:
+    """Length [m] of the patch that touches the road behind a `filled_wedge`, column.
+
+    ModelError: at this speed the water carries the tire.
+    """
+    left = 1.0 - size_N_m * _wedge_integral(filled_rad) / (0.75 * load_N / half_length_m)
+    if not np.all(left > 0.0):
+        raise ModelError(
+            "the tire floats: the water's pressure at the entry edge is that of the patch's middle",
+            allowed="a speed below that of full aquaplaning is allowed",
+            do="lower the speed or water_wedge.width_m, or raise water_wedge.film_mm",
+        )
+    return np.asarray(half_length_m * (1.0 + np.sqrt(left)))
+
+
+def water(
+    load_N: FloatArray,
+    half_length_m: FloatArray,
+    radius_m: float,
+    size_N_m: FloatArray,
+    filled_rad: FloatArray,
+    film_m: float,
+) -> ComplexArray:
+    """What a `filled_wedge` adds to the parabola: the pressure ahead of it, and that on the part of
+    the patch that it holds off the road. ModelError as `dry_length`.
+    """
+    L = half_length_m
+    touches = dry_length(load_N, L, size_N_m, filled_rad) - L
+    xi, flat = _on_grid(load_N, L, radius_m)
+    scale = math.sqrt(2.0 * radius_m * film_m)
+    angle = np.arctan(np.maximum(-L - xi, 0.0) / scale)
+    lift = size_N_m * (_wedge_integral(filled_rad) - _wedge_integral(angle))
+    wet = np.where(xi < 0.0, np.maximum(lift - np.maximum(flat, 0.0), 0.0), 0.0)
+    # the slope jumps where the water begins, at the entry edge, and where the tread touches
+    inlet = size_N_m * (np.sin(filled_rad) * np.cos(filled_rad) ** 2) ** 2 / scale
+    begin, slope = -L - scale * np.tan(filled_rad), 1.5 * load_N / L**3
+    kinks = ((begin, inlet), (-L, -slope * L), (-touches, slope * touches))
+    return _kinked(wet, kinks, radius_m)
+
+
+def _kinked(
+    values: FloatArray, kinks: Sequence[tuple[FloatArray, FloatArray]], radius_m: float
+) -> ComplexArray:
+    """Modes of values on the grid (n, GRID) whose slope jumps: (place [m], jump) columns.
+
+    What jumps is taken out of the samples and put back in closed form: as samples it would be off
+    by what the grid's points happen to see of it.
+    """
+    around = 2.0 * math.pi * radius_m
+    spectrum = np.append(around / 12.0, -(radius_m**2) / (around * _N**2))
+    modes = np.zeros((values.shape[0], MODES), np.complex128)
+    for place, jump in kinks:
+        away = np.abs((radius_m * grid_angles() - place + 0.5 * around) % around - 0.5 * around)
+        values = values - jump * (0.5 * away - away**2 / (2.0 * around))
+        modes = modes + jump * spectrum * powers(-place / radius_m)
+    return np.asarray(modes + to_modes(values))
 
 
 # ---- Brush friction with adhesion and slip on a parabolic pressure (P2 3, (13)-(18), with the

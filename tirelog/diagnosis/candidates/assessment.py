@@ -103,7 +103,7 @@ def candidate_effects(
         if effect.id not in held
         and effect.tried == tried
         and model.acted_on_by(effect, beside)
-        and not (effect.id == "ring_curvature" and steady_carcass(model.carcass) == "ring")
+        and not (effect.beam_only and steady_carcass(model.carcass) == "ring")
     ]
 
 

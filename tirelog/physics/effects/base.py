@@ -50,9 +50,11 @@ ENTERS: Mapping[str, tuple[str, str]] = {
     "kernel": _PRESSURE,
     "traction": _PRESSURE,
     "structure": ("structure (foundation_stiffness)", "structure"),
+    "stretch": ("structure", "stretch"),
     "transfer": ("sensor", "sensor"),
     "gain": ("sensor", "sensor"),
     "lever": ("sensor", "lever_arm"),
+    "shortening": ("sensor", "lever_arm"),
     "baseline": ("baseline", "baseline"),
     "strain": ("strain", "strain"),
     "acceleration": ("radial_acceleration", "radial_acceleration"),
@@ -184,7 +186,7 @@ class Effect:
     follows                    the conditions by which it grows, each (field, power of it), ()
                                for none; a text ("speed^2, water depth") is read as such
     acts_on                    the stages it enters
-    reads                      stages that its regressor reads ("load"): if nothing else reads
+    reads                      stages that it reads ("load" of a regressor): if nothing else reads
                                them, an effect on them acts through this one alone
     parameters                 numbers with unit, bounds, start; `strength` names those that are all
                                zero when it is off
@@ -195,6 +197,7 @@ class Effect:
     stands_for                 observable -> conditions that it replaces there: it is not tried
                                where they are measured
     options                    words a model file may choose from, the first by default
+    beam_only                  True for what a ring is already, or does not have
     tried                      False if a diagnosis does not try it by itself, since its shape is
                                nearly another's: whoever knows of it adds it to the model
     source, valid, signature   where it comes from, where it holds, what it looks like in a waveform
@@ -205,10 +208,12 @@ class Effect:
     hooks                      load: relative change of F; added_load [N]; pressure: modes to add
                                [N/m]; tilt: a in p (1 - a xi/L); kernel: transfer of a convolution
                                of p; traction: modes of tau [N/m] and its lever [m]; structure;
+                               stretch: how far tau pulls a beam along, of each mode [m^2/N];
                                baseline [strain]; transfer: sensor's transfer; gain: sensor's
-                               factor; lever: the same of the lever arm, so for strain alone;
-                               strain: added waveform at (drive, site, phi); acceleration [m/s^2]:
-                               likewise; regressor: added to a number per revolution
+                               factor; lever: the same of the lever arm, so for strain alone,
+                               and shortening: what is taken off it [m]; strain: added
+                               waveform at (drive, site, phi); acceleration [m/s^2]: likewise;
+                               regressor: added to a number per revolution
     """
 
     id: str
@@ -229,6 +234,7 @@ class Effect:
     stands_for: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     options: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     observables: tuple[str, ...] = WITHOUT_REGRESSORS
+    beam_only: bool = False
     tried: bool = True
     load: DriveHook | None = None
     added_load: DriveHook | None = None
@@ -237,10 +243,12 @@ class Effect:
     kernel: SiteHook | None = None
     traction: Callable[[Values, Drive, Site], tuple[ComplexArray, float] | None] | None = None
     structure: Callable[[Values, Drive], Structure] | None = None
+    stretch: SiteHook | None = None
     baseline: DriveHook | None = None
     transfer: SiteHook | None = None
     gain: DriveHook | None = None
     lever: DriveHook | None = None
+    shortening: DriveHook | None = None
     strain: Callable[[Values, Drive, Site, FloatArray], FloatArray] | None = None
     acceleration: Callable[[Values, Drive, Site, FloatArray], FloatArray] | None = None
     regressor: Callable[[Values, Drive, Site, str], FloatArray] | None = None
@@ -508,7 +516,7 @@ def effect(
         return Effect(
             id=function.__name__,
             follows=follows,
-            acts_on=tuple(ENTERS[name][0].split()[0] for name in hooks),
+            acts_on=tuple(dict.fromkeys(ENTERS[name][0].split()[0] for name in hooks)),
             parameters=tuple(numbers.values()),
             strength=strength,
             **fields | hooks | texts_of(function),

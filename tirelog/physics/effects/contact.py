@@ -13,15 +13,21 @@ from tirelog.physics.pressure import (
     STATIC_FRICTION,
     Grip,
     bell,
+    filled_wedge,
+    rough,
     saddled_parabola,
     smear,
     traction_modes,
+    water,
     wedge,
 )
 from tirelog.physics.spectral import ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES
 
+#: metres that the neutral axis moves per metre of tread worn off: half, of a section that is of one
+#: material; a stiff belt holds it (0), and the lever arm of a grating on the liner keeps its length
+NEUTRAL_AXIS_SHARE = 0.5
 #: Distance [km] after which the tread counts as worn: A = distance / 40000.
 LIFE_KM = 40000.0
 
@@ -73,6 +79,7 @@ def slip(drive: Drive, slip_per_g: float) -> FloatArray:
 @effect(
     "traction",
     follows=(("acceleration_m_s2", 1),),
+    reads=("stretch",),
     also_at_zero=("ring",),
     valid_range={"slip": (-1.0, 1.0)},
     needs=("acceleration_m_s2",),
@@ -134,6 +141,37 @@ def traction(
 
 
 @effect(
+    "stretch",
+    follows=(("acceleration_m_s2", 1),),
+    needs=("acceleration_m_s2",),
+    instead={"acceleration_m_s2": "slip"},
+    observables=("strain", "dissipation_factor"),
+    beam_only=True,
+    tried=False,
+    compliance_1_N=number(0.0, 0.0, 1e-4, "1/N", "1 / (E A) of the belt", probe=1e-6),
+    tangential_stiffness_N_m2=number(
+        3e5, 1e3, 1e9, "N/m^2", "k_v, of the sidewalls along the tread", free=False
+    ),
+)
+def belt_stretch(
+    drive: Drive, site: Site, *, compliance_1_N: float, tangential_stiffness_N_m2: float
+) -> FloatArray:
+    """A belt that the traction pulls along and stretches, k_v u - E A u'' = tau.
+
+    Signature: follows the traction; tension ahead of a braked patch and compression behind it, the
+        same at every place of the section
+    Valid: beside traction; a beam model only (P3's ring keeps its length); the inertia mu c^2 u'',
+        a thousandth of E A u'', is left out
+    Source: P1 (21), (23), which have u' and u'' and no equation for them
+
+    u' is the strain of the neutral axis, for which P1 (27) is exact. A diagnosis does not try it:
+    beside traction's lever it is odd in the slip too.
+    """
+    c = compliance_1_N
+    return c / (c * tangential_stiffness_N_m2 + site.q**2)
+
+
+@effect(
     "pressure",
     follows=(("speed_m_s", 1),),
     options={"speed_law": ("linear", "squared")},
@@ -184,6 +222,32 @@ def rough_contact(drive: Drive, site: Site, *, length: float) -> FloatArray:
 
 @effect(
     "pressure",
+    follows=(("load_N", 1),),
+    tried=False,
+    strength=("height_m",),
+    height_m=number(1e-4, 0.0, 5e-3, "m", "h, rms height of the asperities", probe=2e-4),
+    tread_stiffness_N_m2=number(
+        8.75e7, 1e6, 1e10, "N/m^2", "k_t, radial stiffness of the tread", free=False
+    ),
+)
+def asperities(
+    drive: Drive, site: Site, *, height_m: float, tread_stiffness_N_m2: float
+) -> ComplexArray:
+    """Independent springs of the tread on asperities of Gaussian height.
+
+    Signature: even; rounds the pressure at both edges, over k_t h L^2 / (1.5 F): less at high load
+    Valid: heights well below the tread's compression in the middle of the patch; the parabola
+    Source: Greenwood and Williamson, Proc. R. Soc. A 295, 1966; P1, P2, outlook (ii)
+
+    Only k_t h is told by a log. A diagnosis does not try it: it is like rough_contact, which
+    smears by a share of the patch whatever the load.
+    """
+    place = site.load_N, site.half_length_m, site.radius_m
+    return rough(*place, abs(height_m), tread_stiffness_N_m2)  # a step of a fit may be below zero
+
+
+@effect(
+    "pressure",
     follows=(("speed_m_s", 2), ("water_depth_mm", 1)),
     needs=("water_depth_mm",),
     amplitude=number(
@@ -200,6 +264,35 @@ def water_film(drive: Drive, site: Site, *, amplitude: float, length: float) -> 
     """
     height = amplitude * site.mean_pressure * (drive.speed_m_s / 20.0) ** 2 * drive.water_depth_mm
     return wedge(height, -site.half_length_m, length * site.half_length_m, site.radius_m)
+
+
+@effect(
+    "pressure",
+    follows=(("speed_m_s", 1), ("water_depth_mm", 1)),
+    needs=("water_depth_mm",),
+    tried=False,
+    width_m=number(0.0, 0.0, 2.0, "m", "b, width of the tread that runs onto water", probe=0.1),
+    film_mm=number(
+        0.1, 0.01, 5.0, "mm", "h_0, film that the road's texture lets through", free=False
+    ),
+)
+def water_wedge(drive: Drive, site: Site, *, width_m: float, film_mm: float) -> ComplexArray:
+    """A wedge of water ahead of the entry edge, which holds the patch's first part off the road.
+
+    Signature: lift ahead of the entry edge in proportion to speed, that fills up with water depth;
+        the patch that touches is shorter (`dry_length_m` of `model forces`)
+    Valid: thin films, 0.1 to 1 mm, below full aquaplaning; the parabola; a gap of radius R
+    Source: Reynolds 1886 with Grubin's inlet, 1949; P1, P2, outlook (iv)
+
+    The momentum of deep water, with the square of the speed, is water_film's. A diagnosis does not
+    try it: it is like water_film.
+    """
+    film = 1e-3 * film_mm
+    depth = 1e-3 * drive.water_depth_mm
+    # a step of a fit may go below zero
+    wedged = filled_wedge(drive.speed_m_s, depth, abs(width_m), film, site.radius_m)
+    lift = water(site.load_N, site.half_length_m, site.radius_m, *wedged, film)
+    return np.sign(width_m) * lift
 
 
 def _worn_lever(drive: Drive, *, lever_loss: float) -> FloatArray:
@@ -237,6 +330,37 @@ def wear(
     height = amplitude * (drive.distance_km / LIFE_KM) * site.mean_pressure
     half = site.half_length_m
     return bell(height, position * half, width * half, site.radius_m)
+
+
+@effect(
+    "shortening",
+    follows=(("distance_km", 1),),
+    needs=("distance_km",),
+    tried=False,
+    strength=("worn_mm",),
+    worn_mm=number(0.0, -10.0, 50.0, "mm", "rubber worn off in 40000 km, evenly", probe=1.0),
+    neutral_axis_share=number(
+        NEUTRAL_AXIS_SHARE,
+        0.01,
+        1.0,
+        "1",
+        "metres that the neutral axis moves per metre worn off",
+        free=False,
+    ),
+)
+def tread_depth(drive: Drive, *, worn_mm: float, neutral_axis_share: float) -> FloatArray:
+    """Tread worn off with the distance, from which the neutral axis withdraws.
+
+    Signature: the whole waveform of a grating on the liner shrinks from log to log, in proportion
+        to the distance
+    Valid: logs of one tire at several distances; wear that is even; the depth left is the new one
+        less worn_mm distance / 40000 km
+    Source: P3 (wear, no equation is given there); section of one material (errata)
+
+    It is what `tirelog model worn` does to the lever arm, by the logs' own distances. A
+    diagnosis does not try it: `wear` has it as lever_loss, beside the pressure's form.
+    """
+    return 1e-3 * worn_mm * neutral_axis_share * (drive.distance_km / LIFE_KM)
 
 
 @effect(

@@ -236,6 +236,7 @@ def stiffening(drive: Drive, *, cubic_1_m2: float, law: str) -> Structure:
 
 @effect(
     "structure",
+    beam_only=True,
     strength=("fraction",),
     fraction=number(1.0, 0.0, 1.0, "1", "share of the ring's response: 0 the beam, 1 the ring"),
     tangential_stiffness_N_m2=number(

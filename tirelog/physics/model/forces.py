@@ -43,6 +43,7 @@ from tirelog.errors import ModelError, UsageError
 from tirelog.physics import pressure as brush
 from tirelog.physics.carcass import structures
 from tirelog.physics.effects import BY_ID
+from tirelog.physics.effects.contact import NEUTRAL_AXIS_SHARE
 from tirelog.physics.effects.contact import slip as brush_slip
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.stages import (
@@ -53,10 +54,12 @@ from tirelog.physics.model.stages import (
     load_on_carcass,
     loaded_site,
     pressure,
+    pulled_along,
     response,
     structure,
     tangential,
 )
+from tirelog.physics.pressure import dry_length, filled_wedge
 from tirelog.physics.spectral import MODES, STEP, grid_angles, to_grid
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -118,7 +121,7 @@ def _of_task(
     slip = _slip(task)
     carcass, moment = _balance(task)
     none = np.full((1, 1), np.nan)
-    bending, strip = _section_power(task, section) if section is not None else (none, none)
+    bending, stretching, strip = _section_power(task, section) if section else (none,) * 3
     v = _traction(task)
     grip = brush.Grip(v["static_friction"], v["sliding_friction"], v["slip_stiffness_ratio"])
     load, half, sigma = np.broadcast_arrays(site.load_N, site.half_length_m, slip)
@@ -136,6 +139,7 @@ def _of_task(
         "acceleration_m_s2": task.drive.acceleration_m_s2,
         "slip": slip,
         "patch_length_m": 2.0 * site.half_length_m,
+        "dry_length_m": _dry_length(task),
         "belt_deflection_m": belt,
         "hub_approach_m": approach,
         "speed_ratio": speed / _critical(task),
@@ -155,6 +159,7 @@ def _of_task(
         "rolling_resistance_coefficient": turning / R / site.load_N,
         "rolling_resistance_moment_N_m": turning,
         "bending_power_W": bending,
+        "stretching_power_W": stretching,
         "strip_power_W": strip,
     }
     return {name: np.broadcast_to(column, (n, 1))[:, 0] for name, column in found.items()}
@@ -239,18 +244,34 @@ def _deflections(task: Task) -> tuple[FloatArray, FloatArray]:
     return belt.max(axis=1, keepdims=True), approach
 
 
-def _section_power(task: Task, section: StripSection) -> tuple[FloatArray, FloatArray]:
-    """Losses in bending and in stretching [W], each (n or 1, 1).
+def _section_power(task: Task, section: StripSection) -> tuple[FloatArray, ...]:
+    """Losses in bending, in stretching and by P1 (27) [W], each (n or 1, 1).
 
-    P1 (25) is eta J c^2 int w'''^2 ds, P1 (27) is eta A c^2 int eps'^2 ds.
+    eta J c^2 int w'''^2 ds and eta A c^2 int u''^2 ds, the sum of which is P1 (25), and eta A c^2
+    int eps'^2 ds of (27), for a grating on the inner surface: without a lever that is the second.
     """
     R, lever = task.base["radius_m"], task.base["lever_arm_m"]
-    curved = hardened(task) * response(task).curvature
-    slopes = (_N / R) ** 2 * (curved.real**2 + curved.imag**2)
-    integral = 4.0 * np.pi * R * slopes.sum(axis=1, keepdims=True)
-    rate = section.viscosity_Pa_s * task.drive.speed_m_s**2 * integral
+    curved, along = hardened(task) * response(task).curvature, pulled_along(task)
+    stretched = np.zeros((1, MODES)) if along is None else 1j * (_N / R) * along
+    powers = []
+    for strain in (curved, stretched, lever * curved + stretched):
+        slopes = (_N / R) ** 2 * (strain.real**2 + strain.imag**2)
+        integral = 4.0 * np.pi * R * slopes.sum(axis=1, keepdims=True)
+        powers.append(section.viscosity_Pa_s * task.drive.speed_m_s**2 * integral)
     area = section.height_m * section.width_m
-    return rate * area * section.height_m**2 / 12.0, rate * area * lever**2
+    return powers[0] * area * section.height_m**2 / 12.0, powers[1] * area, powers[2] * area
+
+
+def _dry_length(task: Task) -> FloatArray:
+    """Length [m] of the patch that touches the road behind the effect `water_wedge`, else all."""
+    site = loaded_site(task)[0]
+    for active in task.active:
+        if active.effect.id == "water_wedge":
+            film, width = 1e-3 * active.values["film_mm"], active.values["width_m"]
+            depth = 1e-3 * task.drive.water_depth_mm
+            wedged = filled_wedge(task.drive.speed_m_s, depth, width, film, site.radius_m)
+            return dry_length(site.load_N, site.half_length_m, *wedged)
+    return 2.0 * site.half_length_m
 
 
 def _traction(task: Task) -> dict[str, float]:
@@ -309,9 +330,6 @@ def carcass_facts(model: Model) -> dict[str, tuple[float, str, str]]:
 
 #: parameters that are in proportion to 1 / depth: the tread across the road, and along it
 STIFF = ("tread_stiffness_N_m2", "bristle_stiffness_N_m2", "traction.slip_stiffness_ratio")
-#: metres that the neutral axis moves per metre of tread worn off: half, of a section that is of one
-#: material; a stiff belt holds it (0), and the lever arm of a grating on the liner keeps its length
-NEUTRAL_AXIS_SHARE = 0.5
 #: depths of a tread [m]: beyond them a number is in millimetres; twice as much lets 60 and 80 mm
 #: of a tread pass, which no tire has
 DEEPEST_M = 0.05

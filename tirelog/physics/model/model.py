@@ -387,9 +387,9 @@ class Model:
                 "remove the numbers, or take another use",
             ),
             (
-                added.id == "ring_curvature" and steady_carcass(self.carcass) == "ring",
-                "the carcass is a ring already",
-                'ring_curvature is for carcass = "beam"',
+                added.effect.beam_only and steady_carcass(self.carcass) == "ring",
+                f"{added.id}: the carcass is a ring already, which keeps its length",
+                f'{added.id} is for carcass = "beam"',
                 "leave it out",
             ),
         ):

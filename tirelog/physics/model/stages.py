@@ -506,26 +506,41 @@ def waveform(
     if observable == "strain":
         few, rows = distinct(task)
         modes = hardened(few) * (lever_m * response(few).curvature)
-        sheared = response(few).shear
+        sheared, q = response(few).shear, np.arange(MODES) / task.base["radius_m"]
         if np.any(sheared):  # the cross-section turns by less than the slope
-            modes = modes / (1.0 + sheared * (np.arange(MODES) / task.base["radius_m"]) ** 2)
-        modes = sensed(task, of_rows(modes, rows))
+            modes = modes / (1.0 + sheared * q**2)
+        modes = of_rows(modes, rows)
         for lever in task.hooks(lambda effect: effect.lever).values():
             modes = modes * lever()
-        return modes * gain(task), baseline(task)
+        for taken in task.hooks(lambda effect: effect.shortening).values():
+            modes = modes * (1.0 - taken() / (abs(lever_m) or np.inf))
+        along = pulled_along(few)
+        if along is not None:
+            modes = modes + 1j * q * of_rows(along, rows)
+        return sensed(task, modes) * gain(task), baseline(task)
     spin, curved = task.drive.speed_m_s**2, bending(task)
     factor, seen = gain(task), sensed(task, curved * spin + frame_acceleration(task))
     return accelerometer(task, seen) * factor, turning_level(task) * factor
+
+
+def pulled_along(task: Task) -> ComplexArray | None:
+    """Modes (n or 1, K) of u [m], by which the traction pulls a beam along; None if not at all."""
+    yields = [own(loaded_site(task)[0]) for own in task.hooks(lambda e: e.stretch).values()]
+    if not yields:
+        return None
+    traction = pressure(task).traction
+    return np.zeros((1, MODES), np.complex128) if traction is None else traction * yields[0]
 
 
 def tangential(task: Task) -> ComplexArray:
     """Modes (n or 1, K) of v [m] of a ring, which its inextensible belt has: w = -dv/d theta (P3).
 
     Inward W_n = i n V_n; the mean is the wind-up of the traction on k_v, Z_0 (errata). Of a beam
-    it is not known, NaN.
+    what the traction pulls it along by, if it stretches; else it is not known, NaN.
     """
     if task.carcass != "ring":
-        return np.full((1, MODES), np.nan, np.complex128)
+        along = pulled_along(task)
+        return np.full((1, MODES), np.nan, np.complex128) if along is None else along
     inward = hardened(task) * response(task).displacement
     v = np.zeros(inward.shape, np.complex128)
     v[:, 1:] = inward[:, 1:] / (1j * np.arange(1, MODES))
