@@ -13,6 +13,7 @@ speed that comes late by d is a slip of -d a / v, which the same turns tell and 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -28,15 +29,18 @@ from tirelog.strain.passages.find import trusted_passages
 from tirelog.strain.passages.passage_flags import TURN_RAD
 from tirelog.strain.speed import speed_channels, speed_columns, turns_around
 from tirelog.vocabulary.arrays import FloatArray, TableRows
+from tirelog.vocabulary.columns import TABLES
 from tirelog.vocabulary.quality import OK, Quality, marked, quality_column
-from tirelog.wheel.angle import encoder_of, rolling_radius
+from tirelog.wheel.angle import encoder_of, means_between, rolling_radius
+from tirelog.wheel.calibration import least_squares
 from tirelog.wheel.rolling import FREE_M_S2, LEAST_TURNS, Rolling, WheelTurns, rolling
 
 
-def slip_of(recording: Recording) -> Iterator[TableRows]:
-    """The slip of every turn.
+def slip_of(recording: Recording, fit: bool = False) -> Iterator[TableRows]:
+    """The slip of every turn; with `fit` what it says of the road's friction, a row per channel.
 
-    UsageError: no vehicle speed, nothing that tells the turns, or no radius to go by.
+    UsageError: no vehicle speed, nothing that tells the turns, or no radius to go by; with `fit`
+    also no longitudinal force, or no load.
     """
     references = recording.of_kind("vehicle_speed")
     if not references:
@@ -47,7 +51,8 @@ def slip_of(recording: Recording) -> Iterator[TableRows]:
             file=recording.log,
         )
     for columns, wheel, remarks in _turns(recording):
-        yield _slip(recording, references[0], columns, wheel, remarks)
+        found = _slip(recording, references[0], columns, wheel, remarks)
+        yield _friction_of(recording, found, wheel) if fit else found
 
 
 def _turns(recording: Recording) -> Iterator[tuple[Mapping[str, Any], WheelTurns, Sequence[str]]]:
@@ -135,6 +140,88 @@ def _radius(
         f"slip against {reference.name} by the setup's rolling radius, for want of free rolling: "
         "a radius off by 1 % is a slip of 0.01",
     )
+
+
+# ---- The table `slip --fit`: the road's friction from how slip grows with the force (P3).
+#
+#     slip sigma, mu = -F_x / F_z of each turn
+#         --least squares--> sigma = mu / k + b mu |mu| + c + d v^2
+#
+# k is the slip slope by which Gustafsson tells roads apart (Automatica 33, 1997). Of a brush whose
+# tread is as stiff as P2 (17) has it, k = 3 f_s: a road of other friction has another slope. A tire
+# is some ten times stiffer, and then k says how the friction of two roads compares.
+
+
+def slip_slope(
+    mu: FloatArray, slip: FloatArray, se: FloatArray, speed: FloatArray, late: FloatArray
+) -> dict[str, float]:
+    """k and the friction by it, with standard errors.
+
+    mu positive in braking, slip and its standard error, speed, and the slip that one standard error
+    of the delay of the vehicle's speed makes, (n,), one turn after the other. By the speed squared
+    goes what of the slip the rolling radius has taken for a belt that grows: drag is force too.
+    All is NaN if no line is told.
+    """
+    # five turns at a time: the force's noise flattens the line by what it is of the force's range;
+    # with twice as many, gentle manoeuvres are lost between others
+    size = mu.size // 5 * 5
+    one = np.stack([slip, se / math.sqrt(5.0), mu, mu * np.abs(mu), speed**2, late])
+    slip, se, *columns = one[:, :size].reshape(6, -1, 5).mean(axis=2)
+    design = np.stack([*columns, np.ones(slip.size)], axis=1)
+    known = np.eye(5)[3:4]  # the delay's error is one of its own, as by one turn more
+    solved, covariance, _ = least_squares(
+        np.vstack([design, known]), np.append(slip, 0.0), np.append(se, 1.0)
+    )
+    k, k_se = 1.0 / solved[0], math.sqrt(covariance[0, 0]) / solved[0] ** 2
+    if not k > 3.0 * k_se:
+        k = k_se = float("nan")
+    return {
+        "slip_slope": k,
+        "slip_slope_se": k_se,
+        "friction_by_slope": k / 3.0,
+        "friction_by_slope_se": k_se / 3.0,
+    }
+
+
+def _friction_of(recording: Recording, found: TableRows, wheel: WheelTurns) -> TableRows:
+    """The row of the table `slip-fit` from the rows of the table `slip`."""
+    forces, load = recording.of_kind("longitudinal_force"), recording.setup.conditions.load_N
+    loads = recording.of_kind("vertical_load")
+    if not forces or (not loads and load is None):
+        raise UsageError(
+            "slip --fit needs the wheel's longitudinal force and its load",
+            allowed="allowed is a log with channels of kind longitudinal_force and vertical_load, "
+            "the latter or load_N in [conditions]",
+            do="add them to the setup",
+            file=recording.log,
+        )
+    pull = means_between(forces[0], wheel.begin_s, wheel.end_s)
+    press = means_between(loads[0], wheel.begin_s, wheel.end_s) if loads else load
+    table = found.columns
+    names = ("slip", "slip_se", "speed_m_s", "slip_delay_se")
+    mu, slip, se, speed, late = (
+        np.asarray(x, float) for x in (-pull / press, *(table[name] for name in names))
+    )
+    late = np.copysign(late, wheel.acceleration_m_s2)
+    with np.errstate(invalid="ignore"):
+        # of a brush with f_s = 0.8 the slope is then right to 1 %, of one with 0.4 to 8 %; twice as
+        # much of mu would be off by as much on a dry road
+        used = (np.asarray(table["quality"]) == OK) & (np.abs(mu) < 0.2) & (se > 0.0)
+    used &= np.isfinite(slip + mu + speed + late)
+    # a line with a bend and a delay through fewer turns, or through hardly any force, is chance
+    if used.sum() < 40 or np.ptp(mu[used]) < 0.05:
+        remark = f"{used.sum()} turns of known slip and force: too few, or hardly any force"
+        return TableRows({name: [] for name in TABLES["slip-fit"]}, (*found.remarks, remark))
+    row = slip_slope(*(x[used] for x in (mu, slip, se, speed, late)))
+    remark = (
+        "friction_by_slope is P2 (17)'s, k / 3: divide it by the tread's stiffness over that of "
+        "(17), or compare roads of one tire by it"
+    )
+    whole = {
+        "log": table["log"], "channel": table["channel"], "turns": int(used.sum()), **row
+    }  # fmt: skip
+    columns = {name: np.atleast_1d(whole[name])[:1] for name in TABLES["slip-fit"]}
+    return TableRows(columns, (*found.remarks, remark))
 
 
 # ---- The table `grip`: how much of the patch still adheres, and what friction that is (P2 3, 4.2).

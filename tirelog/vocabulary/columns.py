@@ -124,6 +124,18 @@ _ALL = [
         own=dict.fromkeys(_MODEL_TABLES, "1 - omega R / V (P2 (14))"),
     ),
     TableColumn("slip_se", "1", "float", "standard error of the slip", 1e-6, 1e-3),
+    TableColumn("slip_slope", "1", "float", "force over load per slip, at small slip", 1e-6, 1e-3),
+    TableColumn("slip_slope_se", "1", "float", "its standard error", 1e-6, 1e-2),
+    TableColumn(
+        "friction_by_slope",
+        "1",
+        "float",
+        "f_s of P2 (17) by the slope, of its stiffness",
+        1e-6,
+        1e-3,
+    ),
+    TableColumn("friction_by_slope_se", "1", "float", "its standard error", 1e-6, 1e-2),
+    _integer("turns", "turns of the wheel that the line goes through"),
     TableColumn(
         "slip_delay_se",
         "1",
@@ -745,6 +757,10 @@ TABLES: dict[str, tuple[str, ...]] = {
         "slope_lower", "slope_upper", "scatter", "rows", "stretches", "points", "speeds",
         "degrees_of_freedom", "slowest_m_s", "fastest_m_s", "miss", "miss_sigmas", "curvature",
         "curvature_se", "judgement",
+    ),
+    "slip-fit": (
+        "log", "channel", "turns", "slip_slope", "slip_slope_se", "friction_by_slope",
+        "friction_by_slope_se",
     ),
     "predict": (
         "xi_m", "phi_deg", "displacement_m", "strain", "radial_acceleration_m_s2",

@@ -292,6 +292,15 @@ _ALL = (
         "Longitudinal slip of each turn of the wheel, from the vehicle's speed.",
         ("vehicle_speed",),
         _revolutions("vehicle_speed_m_s", "slip", "slip_se", "slip_delay_se"),
+        views=(
+            TableOption(
+                "fit",
+                "--fit",
+                bool,
+                "The slope of slip over force, and the road's friction by it, instead.",
+                gives="slip-fit",
+            ),
+        ),
         made_by="tirelog.strain.slip:slip_of",
         driven=False,
     ),

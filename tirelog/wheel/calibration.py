@@ -94,7 +94,7 @@ def fit_force(
     bent = int(errors[1] < 0.98 * errors[0])
     # the scatter is above a thousandth of a newton, and tells the errors
     se = np.full(x.size, 1e-3)
-    solved, covariance, _ = _least_squares(designs[bent], y, se, wild=np.inf)
+    solved, covariance, _ = least_squares(designs[bent], y, se, wild=np.inf)
     return ForceMap(centre, solved, covariance, float(x.min()), float(x.max()), float(errors[bent]))
 
 
@@ -330,14 +330,14 @@ def _speed_map(
         design, y = np.vstack([design, known]), np.append(y, WIND_UP_DEG)
         se = np.append(se, WIND_UP_SD_DEG)
     at = len(columns) - 2
-    solved, covariance, residual = _least_squares(design, y, se)
+    solved, covariance, residual = least_squares(design, y, se)
     return SpeedMap(
         float(solved[at]), float(solved[at + 1]), covariance[at : at + 2, at : at + 2],
         float(v.min()), float(v.max()), float(np.std(residual)), int(v.size),
     )  # fmt: skip
 
 
-def _least_squares(
+def least_squares(
     design: FloatArray, y: FloatArray, se: FloatArray, wild: float = 5.0
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(solution, covariance, residuals) of weighted least squares.
