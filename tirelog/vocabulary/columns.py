@@ -126,14 +126,7 @@ _ALL = [
     TableColumn("slip_se", "1", "float", "standard error of the slip", 1e-6, 1e-3),
     TableColumn("slip_slope", "1", "float", "force over load per slip, at small slip", 1e-6, 1e-3),
     TableColumn("slip_slope_se", "1", "float", "its standard error", 1e-6, 1e-2),
-    TableColumn(
-        "friction_by_slope",
-        "1",
-        "float",
-        "f_s of P2 (17) by the slope, of its stiffness",
-        1e-6,
-        1e-3,
-    ),
+    TableColumn("friction_by_slope", "1", "float", "f_s of P2 (17) by the slope", 1e-6, 1e-3),
     TableColumn("friction_by_slope_se", "1", "float", "its standard error", 1e-6, 1e-2),
     _integer("turns", "turns of the wheel that the line goes through"),
     TableColumn(
@@ -654,20 +647,10 @@ _ALL = [
         0.0,
         1e-5,
     ),
+    TableColumn("contact_width_deg", "deg", "float", "angle of the patch itself", 1e-6),
+    TableColumn("stretching_power_W", "W", "float", "the same in stretching (P1 (27))", 0.0, 1e-5),
     TableColumn(
-        "stretching_power_W",
-        "W",
-        "float",
-        "the same as the traction stretches the belt (P1 (27) with the membrane strain alone)",
-        0.0,
-        1e-5,
-    ),
-    TableColumn(
-        "dry_length_m",
-        "m",
-        "float",
-        "what of the patch touches the road behind a wedge of water",
-        1e-6,
+        "dry_length_m", "m", "float", "length of the patch less what floats on water", 1e-6
     ),
     # model predict over a road
     TableColumn(
@@ -774,12 +757,13 @@ TABLES: dict[str, tuple[str, ...]] = {
     ),
     "forces": (
         "speed_m_s", "load_N", "inflation_pressure_Pa", "acceleration_m_s2", "slip",
-        "patch_length_m", "dry_length_m", "belt_deflection_m", "hub_approach_m", "speed_ratio",
-        "damping_ratio", "hub_longitudinal_N", "hub_vertical_N", "road_longitudinal_N",
-        "road_lateral_N", "aligning_moment_N_m", "adhesion_share", "pressure_centre_m",
-        "dissipated_power_W", "carcass_power_W", "tread_power_W", "sliding_power_W",
-        "rolling_resistance_N", "rolling_resistance_coefficient", "rolling_resistance_moment_N_m",
-        "bending_power_W", "stretching_power_W", "strip_power_W",
+        "patch_length_m", "dry_length_m", "contact_width_deg", "patch_width_deg",
+        "belt_deflection_m", "hub_approach_m", "speed_ratio", "damping_ratio", "hub_longitudinal_N",
+        "hub_vertical_N", "road_longitudinal_N", "road_lateral_N", "aligning_moment_N_m",
+        "adhesion_share", "pressure_centre_m", "dissipated_power_W", "carcass_power_W",
+        "tread_power_W", "sliding_power_W", "rolling_resistance_N",
+        "rolling_resistance_coefficient", "rolling_resistance_moment_N_m", "bending_power_W",
+        "stretching_power_W", "strip_power_W",
     ),
     "predict-numbers": (
         "speed_m_s", "load_N", "inflation_pressure_Pa", "acceleration_m_s2", "slip",

@@ -45,6 +45,7 @@ from tirelog.physics.carcass import structures
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.effects.contact import NEUTRAL_AXIS_SHARE
 from tirelog.physics.effects.contact import slip as brush_slip
+from tirelog.physics.model.laws import between_half_levels
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.stages import (
     Active,
@@ -130,7 +131,8 @@ def _of_task(
     held = brush.transition(slip, site.half_length_m, grip.stiffness_ratio)
     turning = np.where(speed > 0.0, moment, np.nan)  # a wheel at rest may lean either way
     belt, approach = _deflections(task)
-    hub = hub_forces(task) if task.carcass == "ring" else np.full((2, 1), np.nan)
+    ring = task.carcass == "ring"
+    hub = hub_forces(task) if ring else np.full((2, 1), np.nan)
     across = bool(slip_angle_deg or camber_deg)
     found = {
         "speed_m_s": speed,
@@ -140,6 +142,8 @@ def _of_task(
         "slip": slip,
         "patch_length_m": 2.0 * site.half_length_m,
         "dry_length_m": _dry_length(task),
+        "contact_width_deg": np.degrees(2.0 * site.half_length_m / R),
+        "patch_width_deg": np.degrees(between_half_levels(task)) if ring else none,
         "belt_deflection_m": belt,
         "hub_approach_m": approach,
         "speed_ratio": speed / _critical(task),

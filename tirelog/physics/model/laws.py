@@ -71,7 +71,7 @@ def patch_width(task: Task, lever_m: float) -> FloatArray:
     """
     if task.carcass == "ring":
         usual = _under_own_load(task)
-        between = _between_half_levels(usual) - _between_steepest(usual) + _between_steepest(task)
+        between = between_half_levels(usual) - _between_steepest(usual) + _between_steepest(task)
         return _with_regressors(task, "patch_width", between)
     site = loaded_site(task)[0]
     return _with_regressors(task, "patch_width", 2.0 * site.half_length_m / site.radius_m)
@@ -86,7 +86,7 @@ def _under_own_load(task: Task) -> Task:
     return replace(task, drive=unknown, active=active, memo={}, near=near)
 
 
-def _between_half_levels(task: Task) -> FloatArray:
+def between_half_levels(task: Task) -> FloatArray:
     """Angle (n or 1, 1) between the places where the reading is half of its level beside the patch.
 
     The reading is 1 - R times what the belt is less curved by than a circle, over its size on a
