@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from tests.wheel.phase_truth import DYNAMIC, RAMP, Drive, Encoder, Tread, recording
+from tirelog.simulation.scenario.schema import scenario_of
+from tirelog.simulation.simulate import simulate, to_recording
 from tirelog.wheel.calibration import calibrate, clean_passages
 from tirelog.wheel.phase_shift import measure_phase_shift
 
@@ -192,3 +194,30 @@ def test_without_equation_3_the_front_wheel_would_seem_driven(calibration):
     driving = within(passages, "accelerating")
     assert np.mean(cleaned["shift_deg"][driving]) > 0.08
     assert abs(np.mean(cleaned["corrected_deg"][driving])) < 0.03
+
+
+@pytest.mark.parametrize("road_noise", [0.0, 10.0])
+def test_what_the_road_makes_of_it_is_noisier_at_the_higher_speed(road_noise):
+    """Section V, of a simulated ring: the width and the shift scatter more at 22 m/s than at 10 if
+    the road shakes the sensor, and not by the sensor's own noise.
+    """
+    steps = [(24.0, 10.0), (5.0, 22.0), (10.0, 22.0)]
+    scenario = scenario_of(
+        {
+            "seed": 4, "truth": "ring",
+            "manoeuvres": [{"duration_s": t, "speed_m_s": v} for t, v in steps],
+            "channels": {
+                "a": {
+                    "kind": "radial_acceleration", "source": "a", "sampling_rate_Hz": 1e4,
+                    "noise": 1.2, "road_noise": road_noise,
+                },
+                "e": {"kind": "wheel_encoder", "source": "e", "sampling_rate_Hz": 1e4},
+            },
+        }
+    )  # fmt: skip
+    (passages,) = measure_phase_shift(to_recording(simulate(scenario)))
+    low, high = (
+        passages.good & (np.abs(passages.speed_m_s - speed) < 0.1) for speed in (10.0, 22.0)
+    )
+    for values in (passages.width_deg, passages.shift_deg):
+        assert (np.std(values[high]) > 1.15 * np.std(values[low])) == (road_noise > 0.0)

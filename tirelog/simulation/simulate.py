@@ -100,6 +100,9 @@ def simulate(scenario: Scenario) -> Simulated:
         if values is None:
             values = vehicle_values(world, sensor, time, tables.get(name))
         told = in_source_units(world, sensor, time, coupled(sensor, values))
+        if sensor.road_noise:  # an acceleration of the road's height, that is passed at v
+            share = (world.drive.speed_at(time) / 20.0) ** 2
+            told = told + sensor.road_noise * share * random.standard_normal(time.size)
         channels[name] = spoiled(sensor, told, flanks(world, sensor, time, told), random)
     return Simulated(scenario, channels, stamps, world, known)
 

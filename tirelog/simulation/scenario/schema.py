@@ -416,7 +416,8 @@ Sensor = _record(
     One instrument channel. `noise` and `quantisation` are in the unit that the file holds (nm,
     microstrain, g, V, m/s, ...). The noise is white, or forgets its last sample by
     `noise_correlation` (first order, the same size); `hum` is the amplitude of a sine at `hum_Hz`,
-    with half of it at the double; `flicker` the standard deviation over the log of 1/f noise.
+    with half of it at the double; `flicker` the standard deviation over the log of 1/f noise;
+    `road_noise` that of white noise at 20 m/s, which the road makes and grows with speed squared.
     `angle_deg` is the place on the wheel. `lost_fraction` of the samples is blank, in runs of
     `lost_run` on average; a grating also loses the share `lost_at_flanks` of the samples at which
     strain changes along the tread by more than half of the most. `jitter_s` moves the moment of
@@ -436,6 +437,7 @@ Sensor = _record(
     hum=(number(0.0, 1e6), 0.0),
     hum_Hz=(number(0.1, 1e5), 50.0),
     flicker=(number(0.0, 1e6), 0.0),
+    road_noise=(number(0.0, 1e6), 0.0),
     quantisation=(number(0.0, 1e6), 0.0),
     lost_fraction=(number(0.0, 0.9), 0.0),
     lost_run=(number(1.0, 1e4), 1.0),
