@@ -5,6 +5,7 @@ The P1 factors stand beside a beam of finite differences that is not the product
 
 from __future__ import annotations
 
+import csv
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import pytest
 import tirelog
 from tests.strain.strain_truth import Beam
 from tirelog.api.models import forces, revolutions
+from tirelog.cli import run
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
 from tirelog.physics.model.forces import worn_model
@@ -105,6 +107,23 @@ def test_p2_fig_13_s_maxima():
     step = x[1] - x[0]
     assert 1e3 * deepest == pytest.approx([-0.8, -3.0, -6.8, -11.4], abs=1e3 * step)
     assert 1e3 * least == pytest.approx([0.4, 0.1, -4.2, -13.3], abs=1e3 * step)
+
+
+def test_p2_fig_11_s_first_derivative_turns_at_the_onset(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At -36.8 and 34.9 mm of a beam solved apart, on the angles that `--all` takes by itself."""
+    monkeypatch.chdir(tmp_path)
+    for words in (
+        "model new --preset P2 -o p2.toml --quiet",
+        "model add p2.toml traction -o brush.toml --set lever_m=0.018 --quiet",
+        "model predict brush.toml --speed 11.11 --slip 0.15 --all -o along.csv --quiet",
+    ):
+        assert run(words.split()) == 0
+    with Path("along.csv").open() as file:
+        rows = [(float(r["xi_m"]), float(r["strain_slope_1_m"])) for r in csv.DictReader(file)]
+    place, slope = 1e3 * np.array(rows).T[0], np.array(rows).T[1]
+    assert [place[slope.argmin()], place[slope.argmax()]] == pytest.approx([-36.8, 34.9], abs=0.7)
 
 
 def test_p2_fig_14_s_second_derivative_marks_edges_or_the_onset():

@@ -28,6 +28,8 @@ WITHOUT_LOG = (
     "coasting.toml",
     "low_grip.toml",
     "thermal_drift.toml",
+    "road_friction.toml",
+    "road_noise.toml",
 )
 TABLE = re.findall(
     r"^\| (\S+) \| (\d+) \| `([0-9a-f]{64})` \|$",
