@@ -197,6 +197,31 @@ def test_lost_samples_before_the_last_stamps_are_a_gap():
     tells(fit((k + 0.02 * noise(21)) / 2500.0), first=(0, N - 2), gaps=1, lost_samples=7)
 
 
+@pytest.mark.parametrize("rate", [200.0, 1234.5, 2000.0, 10_000.0])
+@pytest.mark.parametrize(("kind", "origin"), [("f2", 0.0), ("f4", 1e5), ("f4", 1e7), ("f4", 1e8)])
+@pytest.mark.parametrize("seconds", [10.0, 30.0, 60.0])
+def test_stamps_of_few_bits_tell_the_rate_to_their_step_over_the_span(rate, kind, origin, seconds):
+    true = np.arange(int(rate * seconds)) / rate
+    stamps = (origin + true).astype(kind).astype(float) - origin
+    made = ClockFit()
+    made.add(stamps, None, true.size)
+    if origin == 1e8 and seconds == 10.0:  # steps of 8 s
+        with pytest.raises(ReadError, match="rise once"):
+            _ = made.axis
+        return
+    axis, ends = made.axis, np.array([0, true.size - 1])
+    assert axis.explicit is None
+    span = np.ptp([axis.at(int(end)) for end in ends])
+    assert abs(span / true[-1] - 1.0) < max(1e-4, axis.rate_error)
+
+
+def test_a_rate_that_stamps_tell_to_more_than_a_hundredth_is_refused():
+    stamps = np.floor((np.arange(100) + 0.5) / 30.0)  # three seconds of 30 samples
+    with pytest.raises(ReadError, match=r"stamps of 1 s that tell the rate to 2% alone"):
+        _ = fit(stamps, resolution_s=1.0).axis
+    assert fit(stamps, resolution_s=1.0, setup_rate_Hz=30.0).axis.rate_Hz == 30.0
+
+
 def test_stamps_that_are_all_equal_tell_no_rate():
     made = fit(np.full(N, 1.0), setup_rate_Hz=2500.0, resolution_s=0.1)
     np.testing.assert_allclose(made.axis.time(), row / 2500.0, rtol=0, atol=1e-9)

@@ -206,8 +206,8 @@ _EVEN = 0.3
 #: rounding; with twice the share, on stamps that tremble
 _HIDES, _SELDOM = 1.2, 1e-3
 #: the error of a rate that tables hold, as a share; half of it is below that of most radii, twice
-#: as much is as large as that of a good speed
-_VAGUE = 1e-4
+#: as much is as large as that of a good speed; what is refused is a hundred times as much
+_VAGUE, _MOST_VAGUE = 1e-4, 1e-2
 #: lines are one if they leave each other by less than this share of the last digit; half or twice
 #: as much is both far below what stamps tell
 _SAME_LINE = 1e-3
@@ -245,6 +245,7 @@ class ClockFit:
         self.setup_rate_Hz, self.file_rate_Hz = setup_rate_Hz, file_rate_Hz
         self.resolution_s, self.counted, self.edges = resolution_s, counted, edges
         self.start_s, self.time_example, self.size = start_s, time_example, 0
+        self._least_tick_s = 0.0
         self.repairs: dict[str, int] = {}
         self.flags: list[Doubt] = []
         self.remarks: list[str] = []
@@ -336,6 +337,8 @@ class ClockFit:
             return self._by_rate(declared)
         if self.edges:
             return self._explicit(stamps)
+        self._least_tick_s, tick_s = stamps.ticks()
+        self.resolution_s = max(self.resolution_s, tick_s)
         ticks = int(stamps.clock_index(last) - stamps.clock_index(first))
         period, digit = (end - start) / ticks, max(self.resolution_s, 1e-9)
         # the line runs through two stamps, each off by up to half a digit, and every other stamp is
@@ -352,7 +355,8 @@ class ClockFit:
             level = (
                 level if high - 0.51 * digit <= level <= low + 0.51 * digit else 0.5 * (low + high)
             )
-            return self._pieces(settled, [Piece(0, 1, 0.0, level)])
+            axis = self._pieces(settled, [Piece(0, 1, 0.0, level)])
+            return self._with_rate_error(axis, settled, 1.02 * digit / (ticks * settled))
         # with a stamp unknown, fewer than three are no stretch that tells a period
         return self._fitted(stamps, declared, period if self.size < _FEW else 0.0)
 
@@ -411,7 +415,7 @@ class ClockFit:
         # sample
         hidden = 2.0 * period if self.resolution_s >= period else 0.51 * self.resolution_s
         tolerance = max(4.0 * error, hidden / ticks)
-        period = self._settled(period, tolerance)
+        fitted, period = period, self._settled(period, tolerance)
         self._count("stamps_repaired", sum(stop - start for start, stop in passing))
         if coarse and abs(pieces[0].level(period)) <= max(self.resolution_s, period):
             shift = pieces[0].level(
@@ -421,10 +425,16 @@ class ClockFit:
         axis = self._pieces(period, self._continued(pieces, period))
         if coarse:
             self._count_against_stamps(stamps, period)
-            share = max(error / period, 1.0 / stamps.reach(rough))
+            reach = stamps.reach(rough, passing)
+            # the first stamp of a tick is half a tick early or late, the same all along or not
+            grown = max(self.resolution_s - self._least_tick_s, 0.0) if self._least_tick_s else 0.0
+            share = max(error / period, 1.0 / reach, grown / (reach * period))
             given = declared is not None and period == 1.0 / declared
-            axis = replace(axis, rate_error=share if share > _VAGUE and not given else 0.0)
-        elif rounding and period < _HIDES * rounding:
+            if share > _MOST_VAGUE and not given and self.size >= _FEW:
+                seen = f"stamps of {self.resolution_s:g} s that tell the rate to {share:.0%} alone"
+                return self._by_rate(declared, seen)
+            return replace(axis, rate_error=share if share > _VAGUE and not given else 0.0)
+        if rounding and period < _HIDES * rounding:
             # a sample may lack that stamps of so few digits cannot tell from a drift
             up, down, first = stamps.leaps(rough, rounding)
             if up > down and up + down <= _SELDOM * self.size:
@@ -433,7 +443,19 @@ class ClockFit:
                     f"samples (first: {first}): one was lost at each, or a clock drifts; no gap "
                     "was made of it, and times may be off by as many samples"
                 )
-        return axis
+        return self._with_rate_error(
+            axis, period, (tolerance if period != fitted else error) / period
+        )
+
+    def _with_rate_error(self, axis: TimeAxis, period: float, share: float) -> TimeAxis:
+        """The axis with the share by which its rate may be off.
+
+        None if it was declared, or is a round number of three digits.
+        """
+        rates = [1.0 / period, self.setup_rate_Hz, self.file_rate_Hz]
+        rates[0] = float(f"{rates[0]:.3g}")
+        known = any(rate and period == 1.0 / rate for rate in rates)
+        return replace(axis, rate_error=share if share > _VAGUE and not known else 0.0)
 
     def _settled(self, period: float, tolerance: float) -> float:
         """The period in which rate and stamps agree, else that of the stamps.

@@ -59,6 +59,13 @@ _FEW, _MANY = 5, 60
 #: share of all steps is more; with twice the first a lost sample hides where a period has two
 #: digits; with twice the share logs that lose one sample of a hundred count as rounded
 _ROUNDED, _JUMPING = 1.1, 0.005
+#: stretches of so many stamps, of each of which a tick is told; twice as many find no more
+_STRETCHES, _STRETCH = 32, 256
+#: ticks show where this share of the stamps is that of the sample before; with half as many, some
+#: rows that stand twice make one of the sample period
+_ALIKE = 0.05
+#: steps are whole ticks to this share of one, and stamps stay this near their line [ticks]
+_WHOLE_TICKS, _BOUND = 1e-3, 1.2
 #: a pause is told if samples without a clock leave out this many usual steps; twice as many leave
 #: pauses of up to twenty steps unsaid
 _PAUSE = 10.0
@@ -131,10 +138,28 @@ class Stamps:
             if index.size:
                 yield index, self.clock_index(index), stamps
 
-    def reach(self, period: float) -> int:
-        """Ticks of the sample clock from the first point to the last, 1 at least."""
-        at = [int(k[end]) for _, k, _ in self.points(period) for end in (0, -1)]
-        return max(at[-1] - at[0], 1) if at else 1
+    def reach(self, period: float, passing: list[tuple[int, int]]) -> int:
+        """Ticks of the sample clock from the first point to the last, 1 at least.
+
+        Of those that are in no range [start, stop) of stamps that left the clock.
+        """
+        edges = np.array(passing, np.int64).reshape(-1)
+        ends = [0, 0]
+        for index, k, _ in self.points(period):
+            own = k[np.searchsorted(edges, index, side="right") % 2 == 0]
+            if own.size:
+                ends = [ends[0] or int(own[0]), int(own[-1])]
+        return max(ends[1] - ends[0], 1)
+
+    def ticks(self) -> tuple[float, float]:
+        """(least, largest) step [s] that the stamps themselves show; (0, 0) if they show none.
+
+        Of floats of few bits it grows along the log.
+        """
+        firsts = np.linspace(0, max(self.spool.size - _STRETCH, 0), _STRETCHES).astype(np.int64)
+        found = [_tick(self.spool.read(first, first + _STRETCH)) for first in np.unique(firsts)]
+        ticks = [tick for tick in found if tick]
+        return (min(ticks), max(ticks)) if len(ticks) > 1 else (0.0, 0.0)
 
     def ends(self) -> tuple[tuple[int, float], tuple[int, float]] | None:
         """(index, stamp) of the first and of the last known stamp; None below two."""
@@ -359,6 +384,19 @@ class Stamps:
             medians.append(step)
             highest, done, held = float(times[whole - 1]), done + whole, held[whole:]
         return out, repaired, float(np.median(medians[1:] or medians)), far
+
+
+def _tick(stamps: FloatArray) -> float:
+    """The step [s] that stamps (n,) in a row are rounded to, 0 if none shows."""
+    steps = np.diff(stamps)
+    if steps.size < _FEW or not np.isfinite(steps).all() or np.mean(steps == 0.0) < _ALIKE:
+        return 0.0
+    tick = float(steps.min(initial=np.inf, where=steps > 0.0))
+    off = np.abs(steps / tick - np.rint(steps / tick))
+    k = np.arange(stamps.size) - 0.5 * (stamps.size - 1)
+    residual = stamps - k * float(k @ stamps) / float(k @ k)
+    even = np.isfinite(tick) and off.max() < _WHOLE_TICKS and np.ptp(residual) < _BOUND * tick
+    return tick if even else 0.0
 
 
 def _clusters(residual: FloatArray, threshold: float, window: int) -> list[tuple[int, int]]:
