@@ -304,13 +304,83 @@ def _headers() -> Iterator[Case]:
         both_k,
         truth=BOTH,
     )
-    turns = (f"{x},a,{a}\n{x},b,{b}\n" for x, a, b in zip(t, A, B, strict=True))
+    some = [f"{x:,.2f}".translate({44: ".", 46: ","}) for x in np.where(T < 8.0, 900.0, 1234.5)]
     yield case(
-        "one signal below the other, by name",
-        "time,name,value\n" + "".join(turns),
+        "groups of three digits in the last rows alone",
+        "time;a;b\n" + table([[x.replace(".", ",") for x in t], some, some], ";"),
         both_k,
-        refused="2 signals one after the other, by column 'name': a, b",
-    )  # fmt: skip
+        truth=dict.fromkeys("ab", np.where(T < 8.0, 900.0, 1234.5)),
+    )
+    lvm = "LabVIEW Measurement\n***End_of_Header***\nChannels\t2\nSamples\t{}\t{}\t\n"
+    lvm += "***End_of_Header***\nX_Value\ta (degC)\tb\n" + table([t, A, B], "\t")
+    yield case("LabVIEW: as many samples as it says", lvm.replace("{}", str(ROWS)))
+    yield case("LabVIEW: fewer samples than it says", lvm.replace("{}", "51200"),
+               said="promises 51200 samples and 900 are there")  # fmt: skip
+
+
+def _long_tables() -> Iterator[Case]:
+    """Tables of a time, a name and a value, in turns and sorted by name."""
+    t = [f"{x:.2f}" for x in T]
+    for name, cells in (("name", ("a", "b")), ("channel", ("3", "7"))):
+        turns = [f"{x},{c},{v}\n" for x, *vs in zip(t, A, B, strict=True)
+                 for c, v in zip(cells, vs, strict=True)]  # fmt: skip
+        short = sorted(turns, key=lambda row: row.split(",")[1])
+        one = [row for row in short if row.split(",")[1] == cells[0]]
+        said = f"2 signals one after the other, by column {name!r}: {', '.join(cells)}"
+        for layout, rows in (
+            ("in turns", turns),
+            ("sorted", short),
+            ("sorted, long", 20 * one + short),
+        ):
+            yield text_case(
+                "long tables", f"{name} of each row, {layout}",
+                f"time,{name},value\n" + "".join(rows),
+                setup("value"), refused=said,
+            )  # fmt: skip
+        yield text_case("long tables", f"{name} of each row, one signal",
+                        f"time,{name},value\n" + "".join(one), setup("value"))  # fmt: skip
+    for kind in ("object", "category"):
+        columns = {
+            "time": np.tile(T, 2),
+            "name": np.repeat(["a", "b"], ROWS),
+            "value": V[:2].ravel(),
+        }
+        frame = pd.DataFrame(columns).astype({"name": kind})
+        yield Case("long tables", f"Parquet, sorted, names of type {kind}", "log.parquet",
+                   frame.to_parquet, setup("value"), refused="by column 'name': a, b")  # fmt: skip
+
+
+#: names under which a quantity may rise as evenly as a time, and is none
+_OTHERS = ("Distance", "dist_m", "lat", "Odometer", "TreadTemp", "GPS Longitude", "angle (deg)")
+
+
+def _other_quantities() -> Iterator[Case]:
+    """What rises evenly beside the signals, under a name of its own, is no time."""
+    for format in _WITH_TIMES:
+        file, needs, write, source = FORMATS[format]
+        if format == "a MATLAB matrix":
+            continue
+        for name in _OTHERS[: 5 if format == "MATLAB 5" else None]:
+            for log, more in (
+                ("", {"refused": "no stamps and no rate"}),
+                ("sampling_rate_Hz = 100.0\n", {"truth": BOTH}),
+            ):
+                yield Case(
+                    format,
+                    f"{name!r} that rises, {'a rate in the setup' if log else 'no rate'}",
+                    file,
+                    lambda path, write=write, name=name: write(
+                        path, {"a": V[0], "b": V[1]}, T, name
+                    ),
+                    setup(source(0, "a"), source(1, "b"), log=log),
+                    needs=needs,
+                    **more,
+                )
+    seconds = [f"{x:.2f}" for x in T]
+    for name, began, behind in (("Lap Time", 1.0, "Lap"), ("GPS Time", 1234.0, "GPS Speed")):
+        rows = table([seconds, A, [f"{x + began:.2f}" for x in T], range(ROWS), B])
+        text = f"Time,a,{name},{behind},b\n{rows}"
+        yield text_case("text", f"{name} beside Time", text, setup("a", "b"), BOTH)
 
 
 def _no_rate() -> Iterator[Case]:
@@ -343,4 +413,6 @@ def cases() -> Iterator[Case]:
     yield from _times()
     yield from _starts()
     yield from _headers()
+    yield from _long_tables()
+    yield from _other_quantities()
     yield from _no_rate()

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+import scipy.io
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tirelog.drafts.setup import _ALONG, _QUANTITIES, _SIZES, _WORDS, guessed
+from tirelog.drafts.setup import _ALONG, _QUANTITIES, _SIZES, _WORDS, contents, guessed
 from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.units import UNITS
 
@@ -79,3 +80,15 @@ def test_a_unit_does_not_tell_the_direction(name: str, unit: str, size: float, k
 def test_every_kind_that_is_guessed_has_its_sizes() -> None:
     kinds = {kind for _, kind in _WORDS} | set(_QUANTITIES.values())
     assert kinds <= set(_SIZES) <= set(KINDS)
+
+
+def test_the_name_of_a_matrix_that_holds_the_time_is_not_that_of_its_rows(tmp_path) -> None:
+    t = np.arange(2000) / 2000.0
+    rows = np.vstack([t, np.sin(40.0 * t), np.cos(40.0 * t)])
+    scipy.io.savemat(tmp_path / "log.mat", {"accel": rows})
+    found = contents(str(tmp_path / "log.mat"))
+    assert found.time == "/accel[0]"
+    assert {one.guess.kind for one in found.found} == {"signal"}
+    scipy.io.savemat(tmp_path / "log.mat", {"accel": rows[1:]})
+    kinds = {one.guess.kind for one in contents(str(tmp_path / "log.mat")).found}
+    assert kinds == {"radial_acceleration"}

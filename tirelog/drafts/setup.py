@@ -336,7 +336,10 @@ def _read(log: str, reader: LogReader, names: dict[str, Series], time: str) -> C
             one, unit = names[name], reader.setup.channels[name].unit or ""
             samples = np.concatenate([np.zeros(0), *parts[name]])
             if samples.size:
-                guess = guessed(one.source, unit, samples)
+                # of a matrix that holds the time too, the name is not that of each row
+                matrix, index, _ = time.partition("[")
+                of_all = index and one.source.startswith(matrix + index)
+                guess = guessed("" if of_all else one.source, unit, samples)
                 found.append(FoundSeries(one, unit, rate, duration, samples, guess))
     order = {one: k for k, one in enumerate(names.values())}
     found.sort(key=lambda one: order[one.series])

@@ -263,6 +263,17 @@ _TIMES = {"xvalue", "ms", "us", "ns", "msec", "usec"}
 _UNIT_WORDS = {"msec": "ms", "millis": "ms", "milliseconds": "ms", "usec": "us", "micros": "us",
                "microseconds": "us", "nanos": "ns", "nanoseconds": "ns"}  # fmt: skip
 _TIME_UNITS = {"s", "sec", "ms", "us", "µs", "μs", "ns", "min", "h"}
+#: words in names of what may rise as evenly as a time does, and is none
+_OTHER_WORDS = {
+    *("distance", "dist", "odometer", "odo", "mileage", "km", "strecke", "weg", "position", "pos"),
+    *("lat", "latitude", "lon", "lng", "long", "longitude", "alt", "altitude", "height", "depth"),
+    *("angle", "winkel", "heading", "azimuth", "yaw", "pitch", "roll", "turns", "revolutions"),
+    *("speed", "velocity", "rpm", "drehzahl", "acc", "accel", "acceleration", "force", "kraft"),
+    *("load", "torque", "moment", "strain", "stress", "pressure", "druck", "wavelength", "level"),
+    *("temp", "temperature", "temperatur", "volume", "mass", "weight", "fuel", "flow", "energy"),
+    *("power", "charge", "voltage", "current", "frequency", "sample", "samples", "index", "idx"),
+    *("row", "record", "frame", "packet", "line", "number", "count", "counter", "id"),
+}
 #: times whose unit is known from the instrument alone: Xsens sensors count microseconds
 _KNOWN_UNITS = {"sampletimefine": "us"}
 #: dates begin here, in 1990; smaller stamps count from some start
@@ -285,12 +296,12 @@ _DAYS = (
 )
 
 
-def bare(name: str) -> str:
+def name_without_unit(name: str) -> str:
     """A name without the unit in brackets behind it."""
     return re.sub(r"\s*[\[(][^\[\]()]*[\])]\s*$", "", name).strip()
 
 
-def loose(name: str) -> str:
+def joined_words(name: str) -> str:
     """A name in lower case, without blanks, underscores, points and hyphens."""
     return re.sub(r"[\s_.\-]+", "", name).lower()
 
@@ -302,19 +313,32 @@ def words(name: str) -> list[str]:
 
 def is_time_name(name: str) -> bool:
     """True for the names of times, as programs join their words."""
-    plain = bare(name).lstrip("#%/ ")
+    plain = name_without_unit(name).lstrip("#%/ ")
     return bool(
         TIME_NAMES.fullmatch(plain)
         or _TIME_WORDS.intersection(words(plain))
-        or loose(plain) in _TIMES
+        or joined_words(plain) in _TIMES
     )
+
+
+def is_of_other_quantity(name: str, unit: str) -> bool:
+    """True if a name, its last word, or the unit beside it ('' if none is) is of anything but time.
+
+    A name that says nothing, such as Channel_1, may be one of a time.
+    """
+    own = words(name_without_unit(name))
+    named = units.canonical(unit) if unit else None
+    if named is None and len(own) > 1 and not own[-1].isdigit():
+        named = units.canonical(own[-1])
+    other = named is not None and units.UNITS[named][0] != "time"
+    return other or bool(_OTHER_WORDS.intersection(own))
 
 
 def stated_time_unit(name: str, unit: str) -> str | None:
     """The unit of time that is stated beside a name ('' if none is), or in it; else None."""
     if not unit:
         last = words(name)[-1:] or [""]
-        unit = _KNOWN_UNITS.get(loose(name)) or _UNIT_WORDS.get(last[0], "")
+        unit = _KNOWN_UNITS.get(joined_words(name)) or _UNIT_WORDS.get(last[0], "")
         unit = unit or (last[0] if last[0] in _TIME_UNITS else "")
     known = units.canonical(unit) if unit else None
     return known if known and units.UNITS[known][0] == "time" else None

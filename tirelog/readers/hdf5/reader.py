@@ -38,6 +38,7 @@ from tirelog.readers.base import (
     Series,
     SeriesList,
     date_of,
+    is_of_other_quantity,
     is_time_name,
     rises_as_time,
     runs,
@@ -291,25 +292,31 @@ def rising_time(file: h5py.File, found: SourceColumn) -> str:
     """The source of what rises beside the column as nothing but a time does, or ''.
 
     The first column of its matrix; a dataset of its length beside it that has a name of time and
-    rises, else the only one that rises in even steps.
+    rises, else the only one that rises in even steps and whose name is of no other quantity.
     """
     path = found.dataset.name
     if found.dataset.ndim == 2 and min(found.dataset.shape) > 1 and found.field is None:
-        return f"{path}[0]" if _rises(file, f"{path}[0]", len(found), np.inf) else ""
+        return f"{path}[0]" if _rises(file, f"{path}[0]", len(found), True) else ""
     group = found.dataset.parent
     base = "" if group.name == "/" else group.name
     beside = [f"{base}/{name}" for name, _ in zip(group, range(_MOST_BESIDE), strict=False)]
     named = [one for one in beside if is_time_name(one.rsplit("/", 1)[-1])]
-    rising = [one for one in named if _rises(file, one, len(found), np.inf)]
-    even = [one for one in beside if not rising and _rises(file, one, len(found), 0.0)]
+    rising = [one for one in named if _rises(file, one, len(found), True)]
+    even = [one for one in beside if not rising and _rises(file, one, len(found), False)]
     return next(iter(rising), "") or (even[0] if len(even) == 1 else "")
 
 
-def _rises(file: h5py.File, source: str, size: int, slack: float) -> bool:
-    """Whether some numbers at the begin and at the end of a column rise as a time does."""
+def _rises(file: h5py.File, source: str, size: int, known: bool) -> bool:
+    """Whether some numbers at the begin and at the end of a column rise as a time does.
+
+    In even steps, and under a name of no other quantity, unless its place or name makes it `known`.
+    """
     try:
         stamps = find_columns(file, source)
         if len(stamps) != size or stamps.dtype.kind not in "iuf":
+            return False
+        name, unit = split_unit(source.rsplit("/", 1)[-1])
+        if not known and is_of_other_quantity(name, unit or unit_of(stamps) or ""):
             return False
         firsts = {max(min(first, size - _LOOKED_AT), 0) for first in (0, size)}
         parts = [stamps.read(first, first + _LOOKED_AT) for first in firsts]
@@ -322,7 +329,7 @@ def _rises(file: h5py.File, source: str, size: int, slack: float) -> bool:
             digit = max(digit, float(np.spacing(np.abs(part).max())))
         if (numbers == np.rint(numbers)).all():
             digit = 1.0
-        if not rises_as_time(numbers, digit, slack):
+        if not rises_as_time(numbers, digit, np.inf if known else 0.0):
             return False
     return True
 
@@ -407,6 +414,17 @@ def _stamps(stamps: SourceColumn, time_unit: str | None) -> TimeColumn:
         raise ReadError(f"time {stamps.path}: {problem.message}") from None
     unit = units.canonical(unit) or unit
     return TimeColumn(stamps, step, unit, since=since[2] if since else None)
+
+
+def _float_step_s(time: TimeColumn | None) -> float:
+    """The step [s] of the last stamps if they are floats of few bits, else 0."""
+    if time is None or time.column.dtype not in (np.float16, np.float32):
+        return 0.0
+    try:
+        last = np.abs(time.column.read(len(time.column) - 1, len(time.column)))
+    except (ReadError, *LIBRARY_ERRORS):
+        return 0.0
+    return float(np.nan_to_num(np.spacing(last).max(), posinf=0.0)) * time.step_s
 
 
 # ---- A log.
@@ -593,6 +611,7 @@ class Hdf5Log:
                 f"clock_{number}",
                 tuple(decimals),
                 rate,
+                stamp_resolution_s=_float_step_s(time),
                 start_s=begin_s,
                 decimals=decimals,
                 time_example='"/PATH" (its dataset)',

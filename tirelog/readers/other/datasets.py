@@ -191,7 +191,10 @@ def start_arrow() -> None:
 
 
 def convert_arrow(source: Path, target: Path, answer: ReadReport) -> None:
-    """Writes the columns of numbers and of times to `target`.  NoNumbers: it has none."""
+    """Writes the columns of numbers and of times to `target`.  NoNumbers: it has none.
+
+    Of a table of three columns or two also the words: they may say whose the numbers are.
+    """
     import pyarrow as pa
     from pyarrow import csv
 
@@ -202,6 +205,9 @@ def convert_arrow(source: Path, target: Path, answer: ReadReport) -> None:
     kept = pa.schema([(name, kind) for name, kind in kinds.items() if kind is not None])
     if not kept.names:
         raise NoNumbers("the table has no column of numbers")
+    words = [field.name for field in schema if _is_text(field.type)]
+    if len(words) == 1 and len(kept) <= 2:
+        kept = kept.append(pa.field(words[0], pa.string()))
     left_out = [one_line(name) for name, kind in kinds.items() if kind is None]
     if left_out:
         answer.remarks.append(
@@ -257,6 +263,13 @@ def _written_kind(kind: Any) -> Any:
         return int64()
     times = types.is_timestamp(kind) or types.is_date(kind) or types.is_time(kind)
     return kind if types.is_integer(kind) or types.is_decimal(kind) or times else None
+
+
+def _is_text(kind: Any) -> bool:
+    from pyarrow import types
+
+    kind = kind.value_type if types.is_dictionary(kind) else kind
+    return bool(types.is_string(kind) or types.is_large_string(kind))
 
 
 def _titles(schema: Any, names: list[str]) -> Iterator[str]:

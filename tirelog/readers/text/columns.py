@@ -11,7 +11,6 @@ blanks and underscores are forgiven if that leaves one column), or `#3`, the thi
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -22,10 +21,11 @@ from tirelog.data.setup import ChannelSetup, Setup
 from tirelog.errors import ReadError, SetupError, nearest
 from tirelog.readers.base import (
     TIME_NAMES,
-    bare,
     date_of,
+    is_of_other_quantity,
     is_time_name,
-    loose,
+    joined_words,
+    name_without_unit,
     rises_as_time,
     stated_time_unit,
     unit_by_size,
@@ -49,9 +49,9 @@ def find_column(layout: Layout, source: str) -> int | None:
     for same in (
         str,
         str.strip,
-        bare,
-        lambda text: loose(bare(text)),
-        lambda text: loose(bare(text.lstrip("#%/ "))),
+        name_without_unit,
+        lambda text: joined_words(name_without_unit(text)),
+        lambda text: joined_words(name_without_unit(text.lstrip("#%/ "))),
     ):
         hits = [k for k, text in enumerate(layout.names) if same(text) == same(source)]
         if len(hits) == 1 or (hits and same is str):
@@ -150,14 +150,17 @@ def times_alike(layout: Layout) -> list[int]:
 
     None adjoins another; empty if there are fewer than two.
     """
-    families: dict[str, list[int]] = {}
-    for k, name in enumerate(layout.names[: layout.width]):
+    families: dict[tuple[str, bool], list[int]] = {}
+    # pandas writes a name for the second time with .1
+    names = [re.sub(r"\.\d+$", "", name) for name in layout.names[: layout.width]]
+    for k, name in enumerate(names):
         if layout.kinds[k] == "number" and is_time_name(name) and ascending(layout, k):
-            behind = layout.names[k + 1] if k + 1 < len(layout.names) else ""
-            first = bare(re.sub(r"\.\d+$", "", name))  # pandas writes a name for the second time so
-            plain = [word for word in words(first) if word not in words(bare(behind))]
+            behind = names[k + 1] if k + 1 < len(names) else ""
+            own = words(name_without_unit(name))
+            plain = [word for word in own if word not in words(name_without_unit(behind))]
             family = " ".join(word for word in plain if not word.isdigit())
-            families.setdefault(family, []).append(k)
+            # `Lap Time` before `Lap` has another start than `Time`, and no clock of its own
+            families.setdefault((family, plain == own), []).append(k)
     found = max(families.values(), key=len, default=[])
     apart = len(found) > 1 and min(b - a for a, b in pairwise(found)) > 1
     return found if apart and not (layout.ragged or layout.counts) else []
@@ -189,13 +192,17 @@ def _leading(layout: Layout) -> int:
 def _ramps(layout: Layout, taken: set[int]) -> list[int]:
     """Columns that rise as nothing but a time does, the likeliest first.
 
-    In steps that are not whole: the first column, in even ones if it has a name, whatever that is;
-    then any without a name whose steps are nearly equal.
+    In steps that are not whole: the first column, in even ones if it has a name, unless that is of
+    another quantity; then any without a name whose steps are nearly equal.
     """
     leading, found = _leading(layout), []
     for k in range(layout.counts_at if layout.counts else layout.width):
-        named = k < len(layout.names) and layout.names[k] != ""
+        name = layout.names[k] if k < len(layout.names) else ""
+        unit = layout.units[k] if k < len(layout.units) else ""
+        named = name != ""
         if layout.kinds[k] != "number" or k in taken or (named and k != leading):
+            continue
+        if is_of_other_quantity(name, unit):
             continue
         cells = layout.cells(k)
         digit = 10.0 ** -most_decimals(cells, layout.decimal)
@@ -314,6 +321,11 @@ _REMARKS = re.compile(r"comments?|remarks?|notes?|kommentare?|bemerkung(en)?", r
 MOST_DECIMALS = 22
 #: words of names of columns of error codes: Error status, CH1_error, FaultBits
 _ERROR_WORDS = {"error", "errors", "errorcode", "errorcodes", "errorstatus", "fault", "faults"}
+#: words of names of columns that say which signal a row is of
+_SIGNAL_WORDS = {
+    *("name", "channel", "kanal", "signal", "sensor", "variable", "parameter", "tag", "topic"),
+    *("measurement", "quantity", "metric", "id"),
+}
 #: a bracket behind a name that holds letters, so that it may be meant for a unit
 _STRANGE_UNIT = re.compile(r"\S\s*[\[(]\s*([^\[\]()]*[^\W\d_%][^\[\]()]*|%)\s*[\])]$")
 
@@ -396,21 +408,60 @@ def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
 
 def refuse_long_form(layout: Layout, name: str) -> None:
     """ReadError: the rows hold one signal after the other, named in a column of words."""
-    kinds = layout.kinds[: layout.width]
-    named = [k for k, kind in enumerate(kinds) if kind == "text"]
-    cells = layout.cells(named[0])[: len(layout.rows) // 2] if len(named) == 1 else []
-    seen = Counter(cells)
-    in_turn = sum(a != b for a, b in pairwise(cells)) > 0.5 * len(cells)
-    if kinds.count("number") > 2 or not in_turn or not 2 <= len(seen) <= 0.3 * len(cells):
+    named = _signal_column(layout)
+    if named is None:
         return
-    signals, names = ", ".join(sorted(seen)[:5]), layout.names
-    column = names[named[0]] if named[0] < len(names) else f"#{named[0] + 1}"
-    raise ReadError(
-        f"its rows hold {len(seen)} signals one after the other, by column {column!r}: {signals}",
+    cells = layout.cells(named)
+    half = cells[: len(cells) // 2]
+    in_turn = sum(a != b for a, b in pairwise(half)) > 0.5 * len(half)
+    seen = {*half} if in_turn else {*cells} - {""}
+    many = 2 <= len(seen) <= 0.3 * len(half)
+    if many and (in_turn or _is_signal_name(layout, named)):
+        raise several_signals(layout, named, seen, name)
+
+
+def one_signal(layout: Layout) -> tuple[int, str] | None:
+    """The column that names the signal of each row, and its one name in the sample rows, or None.
+
+    Rows of another signal may follow, in a table that is sorted by it.
+    """
+    named = _signal_column(layout)
+    if named is None or not _is_signal_name(layout, named):
+        return None
+    seen = {*layout.cells(named)}
+    return (named, seen.pop()) if len(seen) == 1 else None
+
+
+def several_signals(layout: Layout, column: int, signals: Collection[str], log: str) -> ReadError:
+    """What to say of rows that hold some signals one after the other, by a column of names."""
+    header = layout.names[column] if column < len(layout.names) else f"#{column + 1}"
+    return ReadError(
+        f"its rows hold {len(signals)} signals one after the other, by column {header!r}: "
+        f"{', '.join(sorted(signals)[:5])}",
         allowed="allowed is a column per signal",
         do="pivot it first, e.g. with pandas: table.pivot(index=TIME, columns=NAME, values=VALUE)",
-        file=name,
+        file=log,
     )
+
+
+def _signal_column(layout: Layout) -> int | None:
+    """The column of a long table that may name signals: of words alone, or of numbers by its name.
+
+    None if there are more columns than a time, a name and a value.
+    """
+    kinds = layout.kinds[: layout.width]
+    named = [k for k, kind in enumerate(kinds) if kind == "text"]
+    if not named:
+        named = [
+            k for k, kind in enumerate(kinds) if kind == "number" and _is_signal_name(layout, k)
+        ]
+    others = sum(kind == "number" for k, kind in enumerate(kinds) if k not in named)
+    return named[0] if len(named) == 1 and others <= 2 else None
+
+
+def _is_signal_name(layout: Layout, column: int) -> bool:
+    names = layout.names
+    return column < len(names) and bool(_SIGNAL_WORDS.intersection(words(names[column])))
 
 
 def clock_columns(layout: Layout, setup: Setup) -> tuple[set[int], str]:
@@ -485,7 +536,7 @@ def placed(layout: Layout) -> Layout:
     behind = layout.kinds[len(names) : layout.width]
     if behind and all(kind == "blank" for kind in behind):  # separators behind the last cell
         return layout
-    if len(names) == layout.width + 1 and _REMARKS.fullmatch(bare(names[-1])):
+    if len(names) == layout.width + 1 and _REMARKS.fullmatch(name_without_unit(names[-1])):
         return replace(layout, width=len(names), kinds=(*layout.kinds[: layout.width], "blank"))
     if len(names) == layout.width - blank - 1 and _is_row_number(layout):
         more = ("",) * blank
@@ -520,7 +571,7 @@ def _is_row_number(layout: Layout) -> bool:
 
     The name that would be its own is that of the second one, as far as can be told.
     """
-    first, kinds = bare(layout.names[0]), layout.kinds
+    first, kinds = name_without_unit(layout.names[0]), layout.kinds
     if not _whole_and_rising(layout, 0) or _NUMBER_NAMES.fullmatch(first):
         return False
     steps = steps_of(layout, 0)
@@ -589,7 +640,11 @@ def _keeps_places(layout: Layout) -> bool:
 def _sample_number(layout: Layout, taken: set[int | None]) -> int | None:
     """The column of sample numbers: whole numbers under such a name that rise by one step."""
     for k, text in enumerate(layout.names[: layout.width]):
-        if k in taken or layout.kinds[k] != "number" or not _NUMBER_NAMES.fullmatch(bare(text)):
+        if (
+            k in taken
+            or layout.kinds[k] != "number"
+            or not _NUMBER_NAMES.fullmatch(name_without_unit(text))
+        ):
             continue
         cells = layout.cells(k)
         if not all(re.fullmatch(r"\d+", cell) for cell in cells):

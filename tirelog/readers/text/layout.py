@@ -94,6 +94,8 @@ _GROUPINGS = (
     (",", "."),
     *((sign, decimal) for sign in "'\u2019\u00a0\u202f" for decimal in ".,"),
 )
+#: a number whose digits may stand in groups of three
+_GROUPED = re.compile(r"\d[.,'\u2019\u00a0\u202f]\d{3}(?!\d)")
 #: groups are looked for if less than this share of the cells can be read
 _READABLE = 0.9
 
@@ -187,7 +189,9 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
             do="check the recording",
             file=name,
         )
-    grouping = _grouping([clean[i] for i in full[-_TAILS[2] :]], given)
+    # numbers of four digits may be rare: in the patch alone
+    in_groups = [clean[i] for i in full[len(full) // 2 :] if _GROUPED.search(clean[i])]
+    grouping = _grouping(in_groups[-_TAILS[2] :], given)
     clean = [ungrouped(line, *grouping) for line in clean] if grouping else clean
     first = None
     for tail in (
@@ -354,7 +358,7 @@ def _kind(cell: str, decimal: str) -> str:
 
 def _grouping(sample: list[str], given: LogSetup) -> tuple[str, str] | None:
     """What stands between groups of three digits, if nothing else makes the cells numbers."""
-    readable = _separator(sample, False, given)[0]
+    readable = _separator(sample, False, given)[0] if sample else 1.0
     if readable > _READABLE:
         return None
     found = None

@@ -14,8 +14,9 @@ marks as lost are NaN and counted.
 from __future__ import annotations
 
 import math
+import re
 from collections import deque
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, suppress
 from dataclasses import replace
@@ -50,9 +51,11 @@ from tirelog.readers.text.columns import (
     decimals,
     most_decimals,
     name_of_column,
+    one_signal,
     placed,
     refuse_long_form,
     resolution_s,
+    several_signals,
     start_iso,
     stated_unit,
     stated_units,
@@ -140,6 +143,7 @@ class TextReader:
         self._last_ns: int | None = None
         self._bad: dict[str, list[tuple[int, str]]] = {"row": [], "cell": []}
         self._seen: set[str] = set()
+        self._signal = one_signal(self.layout)
 
     def _groups(self, channels: list[str]) -> tuple[Group, ...]:
         """All channels, or those of each clock if their columns have several."""
@@ -214,11 +218,26 @@ class TextReader:
         waiting: deque[Future[Parsed]] = deque()
         with ThreadPoolExecutor(_THREADS, "tirelog-text") as pool:
             for block in self._source.blocks(self.layout.skip, returns=self.layout.returns):
+                if self._signal:
+                    self._check_signal(block, *self._signal)
                 waiting.append(pool.submit(parse_block, self._plan, self._whole(block)))
                 if len(waiting) == _AHEAD:
                     yield waiting.popleft().result()
             while waiting:
                 yield waiting.popleft().result()
+
+    def _check_signal(self, block: bytes, column: int, signal: str) -> None:
+        """ReadError: a row is not of the signal that the first rows name."""
+        layout = self.layout
+        spelt = re.escape(signal).encode(layout.encoding, "replace")
+        cell = re.compile(rb"(?:^|[,;|\s])[\"' ]*" + spelt + rb"[\"' ]*(?=[,;|\s]|$)", re.MULTILINE)
+        if len(cell.findall(block)) >= block.count(b"\n"):
+            return
+        for line in block.decode(layout.encoding, "replace").splitlines():
+            cells = split_cells(line.replace(layout.quote, '"'), layout.separator, layout.timed)
+            other = cells[column] if len(cells) == layout.width else ""
+            if other not in ("", signal, *layout.names[column : column + 1]):
+                raise several_signals(layout, column, {signal, other}, self.name)
 
     def _whole(self, block: bytes) -> bytes:
         """The block without a last row that is cut off."""
@@ -328,6 +347,12 @@ class TextReader:
                 report.losses.append(
                     f"{len(bad)} {sentence} (first in line {min(bad)[0]}: {min(bad)[1]})"
                 )
+        promised = rows_promised(self.layout.preamble)
+        if rows < promised and not self.columns.clocks:
+            report.losses.append(
+                f"the header promises {promised} samples and {rows} are there: the file is cut "
+                "off; copy it again"
+            )
         if self._source.endless:
             report.losses.append(
                 f"line {line} has no end within {LONGEST_LINE_BYTES >> 20} MB; the rest was not "
@@ -387,6 +412,20 @@ def _about_time(reader: TextReader) -> list[str]:
         f"column #{time + 1}{f' {name!r}' if name else ''} rises in even steps and is taken for "
         f"the time in {unit}; if it is none, name another as time under [log] in the setup"
     ]
+
+
+#: a line of a preamble that says how many samples follow, of each channel
+_PROMISE = re.compile(
+    r"[#%/\" ]*(?:samples|(?:number|no\.?|count) of (?:samples|points|rows|records|data points)"
+    r"|num_?samples|sample count|record length)\"?\s*[:=,;\t](?P<cells>[\d\s,;\"]+)",
+    re.I,
+)
+
+
+def rows_promised(preamble: Iterable[str]) -> int:
+    """How many samples a preamble says that follow; 0 if it says nothing."""
+    found = (match for line in preamble if (match := _PROMISE.fullmatch(line)))
+    return max((int(n) for match in found for n in re.findall(r"\d+", match["cells"])), default=0)
 
 
 def cut_off(layout: Layout, line: str) -> bool:
