@@ -412,21 +412,23 @@ def refuse_long_form(layout: Layout, name: str) -> None:
     if named is None:
         return
     cells = layout.cells(named)
-    half = cells[: len(cells) // 2]
-    in_turn = sum(a != b for a, b in pairwise(half)) > 0.5 * len(half)
-    seen = {*half} if in_turn else {*cells} - {""}
-    many = 2 <= len(seen) <= 0.3 * len(half)
-    if many and (in_turn or _is_signal_name(layout, named)):
+    first, seen = cells[: len(cells) // 2], {*cells} - {""}
+    many = len(seen)
+    if layout.kinds[named] == "number":  # one by one, or sorted: else they are what is measured
+        long_form = first[many:] == first[:-many] or cells == sorted(cells)
+    elif not (long_form := _is_signal_name(layout, named)):
+        long_form = sum(a != b for a, b in pairwise(first)) > 0.5 * len(first)
+    if long_form and 2 <= many <= 0.3 * len(first):
         raise several_signals(layout, named, seen, name)
 
 
 def one_signal(layout: Layout) -> tuple[int, str] | None:
-    """The column that names the signal of each row, and its one name in the sample rows, or None.
+    """The column of words that names the signal of each row, and its one name in the sample rows.
 
-    Rows of another signal may follow, in a table that is sorted by it.
+    None if there is none. Rows of another signal may follow, in a table that is sorted by it.
     """
     named = _signal_column(layout)
-    if named is None or not _is_signal_name(layout, named):
+    if named is None or layout.kinds[named] != "text" or not _is_signal_name(layout, named):
         return None
     seen = {*layout.cells(named)}
     return (named, seen.pop()) if len(seen) == 1 else None
@@ -460,8 +462,9 @@ def _signal_column(layout: Layout) -> int | None:
 
 
 def _is_signal_name(layout: Layout, column: int) -> bool:
-    names = layout.names
-    return column < len(names) and bool(_SIGNAL_WORDS.intersection(words(names[column])))
+    """True if a column's name holds nothing but words for a signal's name."""
+    own = {*words(layout.names[column])} if column < len(layout.names) else set()
+    return bool(own) and own <= _SIGNAL_WORDS
 
 
 def clock_columns(layout: Layout, setup: Setup) -> tuple[set[int], str]:
