@@ -265,3 +265,20 @@ def test_text_in_a_table_is_handed_to_nobody(tmp_path: Path) -> None:
     data = parquet(words=words, time=np.arange(N) / 100.0, a=A)
     np.testing.assert_array_equal(read(data, tmp_path)[0], A)
     assert "no column 'words'" in refusal(data, tmp_path, "words")
+
+
+@pytest.mark.parametrize(
+    ("start", "said"),
+    [
+        (b"<hCNF\0\x3c\xa5\0", "AiM (.xrk); "),
+        (b"@\0\0\0\0\0\0\0", "MoTeC (.ld); "),
+        (b"ULog\x01\x12\x35\x01", "PX4 (.ulg); "),
+        (b"LOGG\x90\0\0\0", "Vector (.blf); "),
+        (b"|CF,2,1,1;", "imc; "),
+        (b"CDF\x01\0\0\0\0", "a classic netCDF file; "),
+    ],
+)
+def test_a_log_of_another_vendor_is_named_with_its_export(tmp_path, start, said):
+    sentence = refusal(start + bytes(range(256)) * 40, tmp_path)
+    assert said in sentence
+    assert "convert it first: " in sentence
