@@ -13,7 +13,7 @@ axis from the stamps (`tirelog.runs.clock`) and writes the run.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -332,6 +332,26 @@ def is_of_other_quantity(name: str, unit: str) -> bool:
         named = units.canonical(own[-1])
     other = named is not None and units.UNITS[named][0] != "time"
     return other or bool(_OTHER_WORDS.intersection(own))
+
+
+#: words of names of columns that say which signal a row is of
+_SIGNAL_WORDS = {
+    *("name", "channel", "kanal", "signal", "sensor", "variable", "parameter", "tag", "topic"),
+    *("measurement", "quantity", "metric", "series", "id"),
+}
+
+
+def is_signal_name(name: str) -> bool:
+    """True if a name holds nothing but words for the name of a signal."""
+    return bool(own := {*words(name)}) and own <= _SIGNAL_WORDS
+
+
+def several_signals(signals: Collection[str], column: str) -> str:
+    """What is wrong with rows that hold some signals one after the other, named in a column."""
+    return (
+        f"its rows hold {len(signals)} signals one after the other, by column {column!r}: "
+        f"{', '.join(sorted(signals)[:5])}"
+    )
 
 
 def stated_time_unit(name: str, unit: str) -> str | None:

@@ -245,7 +245,7 @@ class ClockFit:
         self.setup_rate_Hz, self.file_rate_Hz = setup_rate_Hz, file_rate_Hz
         self.resolution_s, self.counted, self.edges = resolution_s, counted, edges
         self.start_s, self.time_example, self.size = start_s, time_example, 0
-        self._least_tick_s = 0.0
+        self._grown_s = 0.0  # how much longer the last ticks of the stamps are than the first
         self.repairs: dict[str, int] = {}
         self.flags: list[Doubt] = []
         self.remarks: list[str] = []
@@ -337,8 +337,8 @@ class ClockFit:
             return self._by_rate(declared)
         if self.edges:
             return self._explicit(stamps)
-        self._least_tick_s, tick_s = stamps.ticks()
-        self.resolution_s = max(self.resolution_s, tick_s)
+        least_s, tick_s = stamps.ticks()
+        self.resolution_s, self._grown_s = max(self.resolution_s, tick_s), tick_s - least_s
         ticks = int(stamps.clock_index(last) - stamps.clock_index(first))
         period, digit = (end - start) / ticks, max(self.resolution_s, 1e-9)
         # the line runs through two stamps, each off by up to half a digit, and every other stamp is
@@ -427,8 +427,7 @@ class ClockFit:
             self._count_against_stamps(stamps, period)
             reach = stamps.reach(rough, passing)
             # the first stamp of a tick is half a tick early or late, the same all along or not
-            grown = max(self.resolution_s - self._least_tick_s, 0.0) if self._least_tick_s else 0.0
-            share = max(error / period, 1.0 / reach, grown / (reach * period))
+            share = max(error / period, 1.0 / reach, self._grown_s / (reach * period))
             given = declared is not None and period == 1.0 / declared
             if share > _MOST_VAGUE and not given and self.size >= _FEW:
                 seen = f"stamps of {self.resolution_s:g} s that tell the rate to {share:.0%} alone"

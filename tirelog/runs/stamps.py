@@ -59,13 +59,10 @@ _FEW, _MANY = 5, 60
 #: share of all steps is more; with twice the first a lost sample hides where a period has two
 #: digits; with twice the share logs that lose one sample of a hundred count as rounded
 _ROUNDED, _JUMPING = 1.1, 0.005
-#: stretches of so many stamps, of each of which a tick is told; twice as many find no more
-_STRETCHES, _STRETCH = 32, 256
-#: ticks show where this share of the stamps is that of the sample before; with half as many, some
-#: rows that stand twice make one of the sample period
-_ALIKE = 0.05
-#: steps are whole ticks to this share of one, and stamps stay this near their line [ticks]
-_WHOLE_TICKS, _BOUND = 1e-3, 1.2
+#: stretches of so many stamps, of each of which a tick is told; ticks show where fewer steps than
+#: this share are one number of them, as rows that stand twice or lack show where more are; steps
+#: are whole ticks to this share of one, and stamps stay this near their line [ticks]
+_STRETCHES, _STRETCH, _ALIKE, _WHOLE, _BOUND = 32, 256, 0.97, 1e-3, 1.2
 #: a pause is told if samples without a clock leave out this many usual steps; twice as many leave
 #: pauses of up to twenty steps unsaid
 _PAUSE = 10.0
@@ -389,14 +386,17 @@ class Stamps:
 def _tick(stamps: FloatArray) -> float:
     """The step [s] that stamps (n,) in a row are rounded to, 0 if none shows."""
     steps = np.diff(stamps)
-    if steps.size < _FEW or not np.isfinite(steps).all() or np.mean(steps == 0.0) < _ALIKE:
-        return 0.0
     tick = float(steps.min(initial=np.inf, where=steps > 0.0))
-    off = np.abs(steps / tick - np.rint(steps / tick))
-    k = np.arange(stamps.size) - 0.5 * (stamps.size - 1)
-    residual = stamps - k * float(k @ stamps) / float(k @ k)
-    even = np.isfinite(tick) and off.max() < _WHOLE_TICKS and np.ptp(residual) < _BOUND * tick
-    return tick if even else 0.0
+    if steps.size < _FEW or not np.isfinite(steps.sum() + tick):
+        return 0.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        many = np.rint(steps / tick)
+        k = np.arange(stamps.size) - 0.5 * (stamps.size - 1)
+        strays = np.ptp(stamps - k * (k @ stamps) / (k @ k)) > _BOUND * tick
+        whole = np.abs(steps / tick - many).max() < _WHOLE
+    usual = float(np.median(many))
+    alike = usual > 0.0 and np.count_nonzero(many == usual) > _ALIKE * steps.size
+    return 0.0 if alike or strays or not whole else tick
 
 
 def _clusters(residual: FloatArray, threshold: float, window: int) -> list[tuple[int, int]]:

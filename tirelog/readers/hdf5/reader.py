@@ -416,17 +416,6 @@ def _stamps(stamps: SourceColumn, time_unit: str | None) -> TimeColumn:
     return TimeColumn(stamps, step, unit, since=since[2] if since else None)
 
 
-def _float_step_s(time: TimeColumn | None) -> float:
-    """The step [s] of the last stamps if they are floats of few bits, else 0."""
-    if time is None or time.column.dtype not in (np.float16, np.float32):
-        return 0.0
-    try:
-        last = np.abs(time.column.read(len(time.column) - 1, len(time.column)))
-    except (ReadError, *LIBRARY_ERRORS):
-        return 0.0
-    return float(np.nan_to_num(np.spacing(last).max(), posinf=0.0)) * time.step_s
-
-
 # ---- A log.
 
 
@@ -611,7 +600,6 @@ class Hdf5Log:
                 f"clock_{number}",
                 tuple(decimals),
                 rate,
-                stamp_resolution_s=_float_step_s(time),
                 start_s=begin_s,
                 decimals=decimals,
                 time_example='"/PATH" (its dataset)',

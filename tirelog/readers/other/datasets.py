@@ -20,7 +20,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.readers.base import ReadReport, split_unit
+from tirelog.readers.base import ReadReport, is_signal_name, several_signals, split_unit
 from tirelog.readers.other.conversion import MEMORY_BYTES, NoNumbers, one_line
 
 # ---- An HDF5 file of columns, which a converter fills piece by piece.
@@ -173,6 +173,8 @@ def _text(cell: object) -> str:
 
 #: rows decoded at once
 _ROWS = 1 << 14
+#: arrow's names of types of words
+_WORDS = re.compile(r"(dictionary<values=)?(large_)?string")
 
 
 def start_arrow() -> None:
@@ -191,9 +193,9 @@ def start_arrow() -> None:
 
 
 def convert_arrow(source: Path, target: Path, answer: ReadReport) -> None:
-    """Writes the columns of numbers and of times to `target`.  NoNumbers: it has none.
+    """Writes the columns of numbers and of times to `target`.
 
-    Of a table of three columns or two also the words: they may say whose the numbers are.
+    NoNumbers: it has none, or a column of words says that they are of several signals.
     """
     import pyarrow as pa
     from pyarrow import csv
@@ -205,9 +207,8 @@ def convert_arrow(source: Path, target: Path, answer: ReadReport) -> None:
     kept = pa.schema([(name, kind) for name, kind in kinds.items() if kind is not None])
     if not kept.names:
         raise NoNumbers("the table has no column of numbers")
-    words = [field.name for field in schema if _is_text(field.type)]
-    if len(words) == 1 and len(kept) <= 2:
-        kept = kept.append(pa.field(words[0], pa.string()))
+    words = [field.name for field in schema if _WORDS.match(str(field.type))]
+    named, signals = [name for name in words if is_signal_name(name)], set[str]()
     left_out = [one_line(name) for name, kind in kinds.items() if kind is None]
     if left_out:
         answer.remarks.append(
@@ -220,6 +221,10 @@ def convert_arrow(source: Path, target: Path, answer: ReadReport) -> None:
         made.write(("\t".join(_titles(schema, kept.names)) + "\n").encode())
         try:
             for batch in batches:
+                if len(named) == 1 and len(kept) <= 2:
+                    signals.update(filter(None, batch.column(named[0]).unique().to_pylist()))
+                if len(signals) > 1:
+                    raise NoNumbers(several_signals(signals, named[0]))
                 some = batch.select(kept.names)
                 some.validate(full=True)
                 writer.write_batch(some.cast(kept))
@@ -263,13 +268,6 @@ def _written_kind(kind: Any) -> Any:
         return int64()
     times = types.is_timestamp(kind) or types.is_date(kind) or types.is_time(kind)
     return kind if types.is_integer(kind) or types.is_decimal(kind) or times else None
-
-
-def _is_text(kind: Any) -> bool:
-    from pyarrow import types
-
-    kind = kind.value_type if types.is_dictionary(kind) else kind
-    return bool(types.is_string(kind) or types.is_large_string(kind))
 
 
 def _titles(schema: Any, names: list[str]) -> Iterator[str]:

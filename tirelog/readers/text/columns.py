@@ -23,10 +23,12 @@ from tirelog.readers.base import (
     TIME_NAMES,
     date_of,
     is_of_other_quantity,
+    is_signal_name,
     is_time_name,
     joined_words,
     name_without_unit,
     rises_as_time,
+    several_signals,
     stated_time_unit,
     unit_by_size,
     words,
@@ -197,12 +199,10 @@ def _ramps(layout: Layout, taken: set[int]) -> list[int]:
     """
     leading, found = _leading(layout), []
     for k in range(layout.counts_at if layout.counts else layout.width):
-        name = layout.names[k] if k < len(layout.names) else ""
-        unit = layout.units[k] if k < len(layout.units) else ""
-        named = name != ""
+        named = layout.name(k) != ""
         if layout.kinds[k] != "number" or k in taken or (named and k != leading):
             continue
-        if is_of_other_quantity(name, unit):
+        if is_of_other_quantity(layout.name(k), layout.unit(k)):
             continue
         cells = layout.cells(k)
         digit = 10.0 ** -most_decimals(cells, layout.decimal)
@@ -291,8 +291,7 @@ def time_unit(layout: Layout, setup: Setup, column: int) -> str:
 
 def stated_unit(layout: Layout, column: int) -> str | None:
     """The unit of time that a column's header or name tells, or None."""
-    unit = layout.units[column] if column < len(layout.units) else ""
-    return stated_time_unit(layout.names[column] if column < len(layout.names) else "", unit)
+    return stated_time_unit(layout.name(column), layout.unit(column))
 
 
 def most_decimals(cells: Sequence[str], decimal: str) -> int:
@@ -321,11 +320,6 @@ _REMARKS = re.compile(r"comments?|remarks?|notes?|kommentare?|bemerkung(en)?", r
 MOST_DECIMALS = 22
 #: words of names of columns of error codes: Error status, CH1_error, FaultBits
 _ERROR_WORDS = {"error", "errors", "errorcode", "errorcodes", "errorstatus", "fault", "faults"}
-#: words of names of columns that say which signal a row is of
-_SIGNAL_WORDS = {
-    *("name", "channel", "kanal", "signal", "sensor", "variable", "parameter", "tag", "topic"),
-    *("measurement", "quantity", "metric", "id"),
-}
 #: a bracket behind a name that holds letters, so that it may be meant for a unit
 _STRANGE_UNIT = re.compile(r"\S\s*[\[(]\s*([^\[\]()]*[^\W\d_%][^\[\]()]*|%)\s*[\])]$")
 
@@ -411,15 +405,24 @@ def refuse_long_form(layout: Layout, name: str) -> None:
     named = _signal_column(layout)
     if named is None:
         return
-    cells = layout.cells(named)
+    cells, by_name = layout.cells(named), is_signal_name(layout.name(named))
     first, seen = cells[: len(cells) // 2], {*cells} - {""}
     many = len(seen)
-    if layout.kinds[named] == "number":  # one by one, or sorted: else they are what is measured
-        long_form = first[many:] == first[:-many] or cells == sorted(cells)
-    elif not (long_form := _is_signal_name(layout, named)):
-        long_form = sum(a != b for a, b in pairwise(first)) > 0.5 * len(first)
-    if long_form and 2 <= many <= 0.3 * len(first):
-        raise several_signals(layout, named, seen, name)
+    if layout.kinds[named] == "number":  # in turns, or sorted: else they are what is measured
+        by_name = first[many:] == first[:-many] or cells == sorted(cells)
+    in_turn = sum(a != b for a, b in pairwise(first)) > 0.5 * len(first)
+    if (by_name or (in_turn and layout.kinds[named] == "text")) and 2 <= many <= 0.3 * len(first):
+        raise long_form(layout, named, seen, name)
+
+
+def long_form(layout: Layout, column: int, signals: Collection[str], log: str) -> ReadError:
+    """What to say of rows that hold some signals one after the other, named in a column."""
+    return ReadError(
+        several_signals(signals, layout.name(column) or f"#{column + 1}"),
+        allowed="allowed is a column per signal",
+        do="pivot it first, e.g. with pandas: table.pivot(index=TIME, columns=NAME, values=VALUE)",
+        file=log,
+    )
 
 
 def one_signal(layout: Layout) -> tuple[int, str] | None:
@@ -428,22 +431,9 @@ def one_signal(layout: Layout) -> tuple[int, str] | None:
     None if there is none. Rows of another signal may follow, in a table that is sorted by it.
     """
     named = _signal_column(layout)
-    if named is None or layout.kinds[named] != "text" or not _is_signal_name(layout, named):
-        return None
-    seen = {*layout.cells(named)}
-    return (named, seen.pop()) if len(seen) == 1 else None
-
-
-def several_signals(layout: Layout, column: int, signals: Collection[str], log: str) -> ReadError:
-    """What to say of rows that hold some signals one after the other, by a column of names."""
-    header = layout.names[column] if column < len(layout.names) else f"#{column + 1}"
-    return ReadError(
-        f"its rows hold {len(signals)} signals one after the other, by column {header!r}: "
-        f"{', '.join(sorted(signals)[:5])}",
-        allowed="allowed is a column per signal",
-        do="pivot it first, e.g. with pandas: table.pivot(index=TIME, columns=NAME, values=VALUE)",
-        file=log,
-    )
+    seen = {*layout.cells(named)} if named is not None and layout.kinds[named] == "text" else set()
+    by_name = len(seen) == 1 and is_signal_name(layout.name(named or 0))
+    return (named or 0, seen.pop()) if by_name else None
 
 
 def _signal_column(layout: Layout) -> int | None:
@@ -452,19 +442,11 @@ def _signal_column(layout: Layout) -> int | None:
     None if there are more columns than a time, a name and a value.
     """
     kinds = layout.kinds[: layout.width]
+    numbers = [k for k, kind in enumerate(kinds) if kind == "number"]
     named = [k for k, kind in enumerate(kinds) if kind == "text"]
-    if not named:
-        named = [
-            k for k, kind in enumerate(kinds) if kind == "number" and _is_signal_name(layout, k)
-        ]
-    others = sum(kind == "number" for k, kind in enumerate(kinds) if k not in named)
+    named = named or [k for k in numbers if is_signal_name(layout.name(k))]
+    others = len({*numbers} - {*named})
     return named[0] if len(named) == 1 and others <= 2 else None
-
-
-def _is_signal_name(layout: Layout, column: int) -> bool:
-    """True if a column's name holds nothing but words for a signal's name."""
-    own = {*words(layout.names[column])} if column < len(layout.names) else set()
-    return bool(own) and own <= _SIGNAL_WORDS
 
 
 def clock_columns(layout: Layout, setup: Setup) -> tuple[set[int], str]:
@@ -483,7 +465,7 @@ def clock_columns(layout: Layout, setup: Setup) -> tuple[set[int], str]:
 
 def name_of_column(layout: Layout, column: int) -> str:
     """How a setup names a column: by its header if that is the only such, else #1, #2, ..."""
-    name = layout.names[column] if column < len(layout.names) else ""
+    name = layout.name(column)
     return name if name and find_column(layout, name) == column else f"#{column + 1}"
 
 
@@ -596,8 +578,7 @@ def stated_units(layout: Layout, columns: Columns) -> dict[str, str]:
     """What the header says about the unit of each channel, as it is spelt there."""
     stated = {}
     for channel, column in columns.values.items():
-        name = layout.names[column] if column < len(layout.names) else ""
-        unit = layout.units[column] if column < len(layout.units) else ""
+        name, unit = layout.name(column), layout.unit(column)
         unknown = _STRANGE_UNIT.search(name)  # a unit that is known has been taken off the name
         if unit or unknown:
             stated[channel] = unit or (unknown[1] if unknown else "")

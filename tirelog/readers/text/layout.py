@@ -163,6 +163,14 @@ class Layout:
     enclosed: bool = False
     grouping: tuple[str, str] | None = None
 
+    def name(self, column: int) -> str:
+        """The column's name, '' if it has none."""
+        return self.names[column] if column < len(self.names) else ""
+
+    def unit(self, column: int) -> str:
+        """The unit that the header gives the column, '' if it gives none."""
+        return self.units[column] if column < len(self.units) else ""
+
     def cells(self, column: int) -> list[str]:
         """The column's cells in the sample rows that have it."""
         return [row[column] for row in self.rows if len(row) > column]

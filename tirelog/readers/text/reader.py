@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 import re
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, suppress
 from dataclasses import replace
@@ -49,13 +49,13 @@ from tirelog.readers.text.columns import (
     assign_columns,
     clock_columns,
     decimals,
+    long_form,
     most_decimals,
     name_of_column,
     one_signal,
     placed,
     refuse_long_form,
     resolution_s,
-    several_signals,
     start_iso,
     stated_unit,
     stated_units,
@@ -237,7 +237,7 @@ class TextReader:
             cells = split_cells(line.replace(layout.quote, '"'), layout.separator, layout.timed)
             other = cells[column] if len(cells) == layout.width else ""
             if other not in ("", signal, *layout.names[column : column + 1]):
-                raise several_signals(layout, column, {signal, other}, self.name)
+                raise long_form(layout, column, {signal, other}, self.name)
 
     def _whole(self, block: bytes) -> bytes:
         """The block without a last row that is cut off."""
@@ -347,7 +347,8 @@ class TextReader:
                 report.losses.append(
                     f"{len(bad)} {sentence} (first in line {min(bad)[0]}: {min(bad)[1]})"
                 )
-        promised = rows_promised(self.layout.preamble)
+        said = filter(None, map(_PROMISE.fullmatch, self.layout.preamble))
+        promised = max((int(n) for one in said for n in re.findall(r"\d+", one[1])), default=0)
         if rows < promised and not self.columns.clocks:
             report.losses.append(
                 f"the header promises {promised} samples and {rows} are there: the file is cut "
@@ -397,7 +398,7 @@ def _about_time(reader: TextReader) -> list[str]:
     time, layout, log = reader.columns.time, reader.layout, reader.setup.log
     if time is None:
         return []
-    name = layout.names[time] if time < len(layout.names) else ""
+    name = layout.name(time)
     by_size = log.time_unit is None and stated_unit(layout, time) is None
     since = days_since(successive(layout, time)[0])
     if reader.columns.form == "number" and by_size and since:
@@ -417,15 +418,9 @@ def _about_time(reader: TextReader) -> list[str]:
 #: a line of a preamble that says how many samples follow, of each channel
 _PROMISE = re.compile(
     r"[#%/\" ]*(?:samples|(?:number|no\.?|count) of (?:samples|points|rows|records|data points)"
-    r"|num_?samples|sample count|record length)\"?\s*[:=,;\t](?P<cells>[\d\s,;\"]+)",
+    r"|num_?samples|sample count|record length)\"?\s*[:=,;\t]([\d\s,;\"]+)",
     re.I,
 )
-
-
-def rows_promised(preamble: Iterable[str]) -> int:
-    """How many samples a preamble says that follow; 0 if it says nothing."""
-    found = (match for line in preamble if (match := _PROMISE.fullmatch(line)))
-    return max((int(n) for match in found for n in re.findall(r"\d+", match["cells"])), default=0)
 
 
 def cut_off(layout: Layout, line: str) -> bool:
