@@ -1,60 +1,62 @@
-"""`python -m benchmarks.fuzz.guided CORPUS [SECONDS]`: inputs that reach new lines of the readers.
+"""`python -m benchmarks.fuzz.guided [FOLDER] [SECONDS]`: inputs that reach new lines of readers.
 
-Coverage-guided fuzzing by atheris (`pip install atheris`), from small files of a folder, to which
-it adds those that reach what none did. A reader may refuse a file, and nothing else: another
-exception, a hang or much memory ends the run, and its input is kept beside the corpus.
+Coverage-guided fuzzing by atheris (`pip install atheris`), from the inputs of
+`tests/faults/corpus.zip` in FOLDER, to which it adds those that reach what none did. A reader may
+refuse a file, and nothing else: another exception, a hang or much memory ends the run, and its
+input is kept beside FOLDER. A test reads the corpus each time.
 """
 
 from __future__ import annotations
 
 import sys
 import tempfile
+import zipfile
+from importlib import import_module
 from pathlib import Path
 
-import atheris
-
-# imported before, and so not watched: what has compiled kernels
-import tirelog.data.plausibility
-import tirelog.readers.mcap.records
-import tirelog.readers.text.kernels
-import tirelog.runs.store
-
-with atheris.instrument_imports(include=["tirelog.readers", "tirelog.runs"]):
-    from tirelog.data.setup import parse_setup
-    from tirelog.errors import TirelogError
-    from tirelog.readers.hdf5 import reader as _hdf5
-    from tirelog.readers.mcap import reader as _mcap
-    from tirelog.readers.text import reader as _text
-    from tirelog.runs.ingest import open_recording
-
-#: no unit, so that what a log states is looked at
-SETUP = parse_setup(
-    "".join(
-        f'[channels.c{k}]\nkind = "signal"\nsource = "{source}"\n'
-        for k, source in enumerate(("a", "#2", "/t:a", "/a"))
-    ),
-    "setup.toml",
+CORPUS = Path(__file__).parents[2] / "tests" / "faults" / "corpus.zip"
+#: modules with compiled kernels, which must not be watched
+WITH_KERNELS = ("data.setup", "readers.text.kernels", "readers.mcap.records", "runs.store")
+SOURCES = ("a", "#2", "/t:a", "/a")
+#: no units, so that what a log states is looked at
+SETUP = "".join(
+    f'[channels.c{k}]\nkind = "signal"\nsource = "{source}"\n' for k, source in enumerate(SOURCES)
 )
 
 
 def read(data: bytes) -> None:
     """Reads a log of these bytes, whatever it is.  Raises what no reader may raise."""
+    from tirelog.data.setup import parse_setup
+    from tirelog.errors import TirelogError
+    from tirelog.runs.ingest import open_recording
+
     with tempfile.NamedTemporaryFile() as file:
         file.write(data)
         file.flush()
         try:
-            with open_recording(file.name, SETUP) as recording:
+            with open_recording(file.name, parse_setup(SETUP, "setup.toml")) as recording:
                 for channel in recording.channels.values():
-                    channel.read(), channel.axis.time()
+                    channel.read()
+                    channel.axis.time()
         except TirelogError:
             pass
 
 
-def main(corpus: str, seconds: str = "60") -> None:
+def main(folder: str = "fuzz_corpus", seconds: str = "60") -> None:
     """Runs until the time is over or something is wrong."""
-    kept = Path(corpus).resolve().parent
-    limits = [f"-max_total_time={seconds}", "-max_len=4096", "-timeout=20", "-rss_limit_mb=2000"]
-    atheris.Setup([sys.argv[0], corpus, f"-artifact_prefix={kept}/", *limits], read)
+    import atheris
+
+    for name in WITH_KERNELS:
+        import_module(f"tirelog.{name}")
+    with atheris.instrument_imports(include=["tirelog.readers", "tirelog.runs"]):
+        for name in ("readers.text.reader", "readers.mcap.reader", "readers.hdf5.reader"):
+            import_module(f"tirelog.{name}")
+        import_module("tirelog.runs.ingest")
+    if not Path(folder).exists():
+        zipfile.ZipFile(CORPUS).extractall(folder)
+    beside = f"-artifact_prefix={Path(folder).resolve().parent}/"
+    limits = [f"-max_total_time={seconds}", "-max_len=8192", "-timeout=20", "-rss_limit_mb=2000"]
+    atheris.Setup([sys.argv[0], folder, beside, *limits], read)
     atheris.Fuzz()
 
 
