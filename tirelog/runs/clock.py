@@ -430,8 +430,10 @@ class ClockFit:
             share = max(error / period, 1.0 / reach, self._grown_s / (reach * period))
             given = declared is not None and period == 1.0 / declared
             if share > _MOST_VAGUE and not given and self.size >= _FEW:
-                seen = f"stamps of {self.resolution_s:g} s that tell the rate to {share:.0%} alone"
-                return self._by_rate(declared, seen)
+                coarse_stamps = (
+                    f"stamps of {self.resolution_s:g} s that tell the rate to {share:.0%} alone"
+                )
+                return self._by_rate(declared, coarse_stamps)
             return replace(axis, rate_error=share if share > _VAGUE and not given else 0.0)
         if rounding and period < _HIDES * rounding:
             # a sample may lack that stamps of so few digits cannot tell from a drift

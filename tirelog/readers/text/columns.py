@@ -161,7 +161,7 @@ def times_alike(layout: Layout) -> list[int]:
             own = words(name_without_unit(name))
             plain = [word for word in own if word not in words(name_without_unit(behind))]
             family = " ".join(word for word in plain if not word.isdigit())
-            # `Lap Time` before `Lap` has another start than `Time`, and no clock of its own
+            # a lap time before a lap has another start than the time, and no clock of its own
             families.setdefault((family, plain == own), []).append(k)
     found = max(families.values(), key=len, default=[])
     apart = len(found) > 1 and min(b - a for a, b in pairwise(found)) > 1
