@@ -138,6 +138,10 @@ def _times() -> Iterator[Case]:
                     needs=needs,
                 )
 
+    spans = pd.DataFrame({"a": V[0], "b": V[1]}, index=pd.to_timedelta(T, unit="s"))
+    yield Case("Parquet", "an index of spans, without a name", "log.parquet", spans.to_parquet,
+               setup("a", "b"), BOTH)  # fmt: skip
+
 
 def _starts() -> Iterator[Case]:
     """Channels with clocks and beginnings of their own."""

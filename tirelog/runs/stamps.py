@@ -24,8 +24,8 @@ import numpy as np
 
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: values kept in memory before they go to a file
-_IN_MEMORY = 1 << 18
+#: values kept in memory before they go to a file, and stamps looked at at once
+_IN_MEMORY, _CHUNK = 1 << 18, 1 << 18
 
 
 class Spool:
@@ -47,8 +47,6 @@ class Spool:
         return np.frombuffer(self._file.read(8 * max(stop - start, 0)), np.float64)
 
 
-#: stamps looked at at once
-_CHUNK = 1 << 18
 #: a step below this share of the mean one belongs to the bunch before it; with that many of them
 #: the stamps come in bunches; twice the first joins steps of up to 0.6 of the mean one to a bunch
 _SAME, _BUNCHED = 0.3, 0.45

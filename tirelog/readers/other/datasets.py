@@ -276,8 +276,10 @@ def _titles(schema: Any, names: list[str]) -> Iterator[str]:
 
     for name in names:
         kind = schema.field(name).type
-        unit = f" [{kind.unit}]" if types.is_duration(kind) else ""
-        yield " ".join(name.split()).replace('"', "'") + unit
+        span = types.is_duration(kind)
+        if span and name.startswith("__index_level_"):  # as pandas calls an index without a name
+            name = "index time"
+        yield " ".join(name.split()).replace('"', "'") + (f" [{kind.unit}]" if span else "")
 
 
 # ---- ROS bags as MCAP.
