@@ -379,6 +379,8 @@ def _other_quantities() -> Iterator[Case]:
                     **more,
                 )
     seconds = [f"{x:.2f}" for x in T]
+    yield text_case("text", "samples in seconds", "Sample (s),a,b\n" + table([seconds, A, B]),
+                    setup("a", "b"), BOTH)  # fmt: skip
     for name, began, behind in (("Lap Time", 1.0, "Lap"), ("GPS Time", 1234.0, "GPS Speed")):
         rows = table([seconds, A, [f"{x + began:.2f}" for x in T], range(ROWS), B])
         text = f"Time,a,{name},{behind},b\n{rows}"

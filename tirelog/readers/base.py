@@ -322,16 +322,17 @@ def is_time_name(name: str) -> bool:
 
 
 def is_of_other_quantity(name: str, unit: str) -> bool:
-    """True if a name, its last word, or the unit beside it ('' if none is) is of anything but time.
+    """True if a name is of anything but time: by the unit beside it ('' if none is), or its words.
 
-    A name that says nothing, such as Channel_1, may be one of a time.
+    Its last word may be the unit. A name that says nothing, such as Channel_1, may be of a time.
     """
     own = words(name_without_unit(name))
     named = units.canonical(unit) if unit else None
     if named is None and len(own) > 1 and not own[-1].isdigit():
         named = units.canonical(own[-1])
-    other = named is not None and units.UNITS[named][0] != "time"
-    return other or bool(_OTHER_WORDS.intersection(own))
+    if named is not None:
+        return units.UNITS[named][0] != "time"
+    return bool(_OTHER_WORDS.intersection(own))
 
 
 #: words of names of columns that say which signal a row is of
