@@ -318,8 +318,12 @@ def _headers() -> Iterator[Case]:
     lvm = "LabVIEW Measurement\n***End_of_Header***\nChannels\t2\nSamples\t{}\t{}\t\n"
     lvm += "***End_of_Header***\nX_Value\ta (degC)\tb\n" + table([t, A, B], "\t")
     yield case("LabVIEW: as many samples as it says", lvm.replace("{}", str(ROWS)))
-    yield case("LabVIEW: fewer samples than it says", lvm.replace("{}", "51200"),
-               said="promises 51200 samples and 900 are there")  # fmt: skip
+    head, twice = lvm.partition("X_Value")[0], [f"{x:.2f}" for x in 2.0 * T]
+    rows = "X_Value\ta (degC)\tX_Value\tb\n" + table([t, A, twice, B], "\t")
+    cut_off = "promises 51200 samples and 900 are there"
+    yield case("LabVIEW: fewer samples than it says, two times", head.replace("{}", "51200") + rows,
+               said=cut_off, own_times_s={"b": 2.0 * T})  # fmt: skip
+    yield case("LabVIEW: fewer samples than it says", lvm.replace("{}", "51200"), said=cut_off)
 
 
 def _long_tables() -> Iterator[Case]:
