@@ -119,6 +119,7 @@ class WheelAngle:
 
     `angle`: the function of time; `pitch`: the learnt table; `backward` (n,) knots at which the
     wheel rolls back; `untold` (stretches,) True if nothing shows the direction after a standstill;
+    `uneven_s` (m,) times of teeth beside which the count was mended, or may have lost teeth;
     `remarks`: sentences on the whole log.
     """
 
@@ -129,6 +130,7 @@ class WheelAngle:
     pitch: PitchTable
     backward: np.ndarray
     untold: np.ndarray
+    uneven_s: FloatArray
     remarks: tuple[str, ...]
 
     def speed_rad_s(self, time_s: FloatArray) -> FloatArray:
@@ -187,12 +189,15 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
         pieces = (counted[at : at + PIECE] for at in range(0, counted.size, PIECE))
     learner, builder = PitchLearner(turn), KnotBuilder(turn)
     passages, missing, extra, sample = 0, 0, 0, np.zeros(0, TEETH)
+    uneven = [np.zeros(0)]
     for teeth in pieces:
         learner.add(teeth)
         builder.add(teeth)
         passages += teeth.size
         missing += int(teeth["missing"].sum())
         extra += int(teeth["extra"].sum())
+        mended = teeth["uneven"] | (teeth["missing"] > 0) | (teeth["extra"] > 0)
+        uneven.append(teeth["time_s"][mended])
         sample = max(sample, teeth, key=len)
     if passages < (16 if found.form == "counter" else 4 * steps):
         raise _too_few(channel, found.form, passages, steps)
@@ -212,8 +217,9 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
         )
     remarks += _pitch_remarks(channel, found.form, steps, pitch, sample, edge_s)
     return WheelAngle(
-        channel.name, steps, found.form, function, pitch, backward, untold, tuple(remarks)
-    )
+        channel.name, steps, found.form, function, pitch, backward, untold,
+        np.concatenate(uneven), tuple(remarks),
+    )  # fmt: skip
 
 
 def _noise(found: Probe, steps: int) -> float:
@@ -255,7 +261,9 @@ def _by_angle(channel: Channel, steps: int) -> WheelAngle:
     function = AngleFunction(time, turns, 2 * np.pi, rate, np.zeros(time.size, np.int32), noise)
     backward, untold = np.diff(turns, prepend=turns[0]) < 0, np.zeros(1, bool)
     pitch = PitchTable.zero(2 * steps)
-    return WheelAngle(channel.name, steps, "angle", function, pitch, backward, untold, ())
+    return WheelAngle(
+        channel.name, steps, "angle", function, pitch, backward, untold, np.zeros(0), ()
+    )
 
 
 def _scatter(turns: FloatArray) -> float:

@@ -20,7 +20,7 @@ import numpy as np
 
 from tirelog.data.plausibility import implausible
 from tirelog.data.recording import Channel, Recording
-from tirelog.dsp.filters import runs, sliding_median, unlike_neighbours
+from tirelog.dsp.filters import runs, unlike_neighbours
 from tirelog.dsp.teeth import crossings, probe
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.runs.in_memory import without_spikes
@@ -334,8 +334,8 @@ def _passages(
         | marked(~found, Quality.LOST_PEAK)
     )
     reading = np.where(found, middle, np.nan)
-    turn, moved, strange = _one_turn(reading, wheel, time, good(quality, Use.FRONTS))
-    quality |= marked(strange, Quality.REVERSING)
+    turn, moved, strange, unclear = _one_turn(reading, wheel, time, good(quality, Use.FRONTS))
+    quality |= marked(strange, Quality.REVERSING) | marked(unclear, Quality.IMPLAUSIBLE)
     width = (leave - entry) * DEG
     # degrees by which one turn alone may differ from those around, in shift or width
     for column in (turn, width):
@@ -385,39 +385,52 @@ def _example(channel: Channel, wheel: WheelAngle, fronts: Records, clean: np.nda
     return np.stack([(wheel.angle.at(at) - middle) * DEG, channel.read(first, last) / level, both])
 
 
-#: passages before one whose median says where the patch is; forces move it less in so many
-BEFORE = 5
+#: passages on either side of a place where the count may have lost teeth, whose medians say where
+#: the patch is; forces move it less in so many
+BESIDE = 3
+#: hard braking moves the patch by less than this within so many turns [deg]: a move beyond it is of
+#: the count.  Twice as much leaves lost teeth of 48 steps in
+MOST_MOVED_DEG = 3.0
 
 
 def _one_turn(
     middle: FloatArray, wheel: WheelAngle, time: FloatArray, sound: np.ndarray
-) -> tuple[FloatArray, int, np.ndarray]:
-    """(middles within one turn [deg], times that whole teeth were given back, passages).
+) -> tuple[FloatArray, int, np.ndarray, np.ndarray]:
+    """(middles within one turn [deg], times that whole teeth were given back, passages, others).
 
-    The passages are those of stretches in which the patch is elsewhere.
+    The passages are those of stretches in which the patch is elsewhere, the others those before
+    which either the count lost teeth or a force moved the patch.
 
-    After a standstill, a hole or samples that were held, the count may have lost whole teeth. The
-    patch cannot have moved by half a tooth, so its place against the passages before gives them
-    back; those that are not `sound` (n,) tell nothing. If the place of a stretch lies between two
-    teeth the wheel must have rolled the other way.
+    After a standstill, a hole or samples that were held, the count may have lost whole teeth; the
+    patch's place against the passages before, of which those that are not `sound` (n,) tell
+    nothing, gives them back. Where the teeth are even no tooth is lost, and a move is the patch's.
+    If the place of a stretch lies between two teeth the wheel must have rolled the other way.
     """
     tooth = 360.0 / wheel.steps
     known = np.isfinite(middle)
+    strange, unclear = np.zeros((2, middle.size), bool)
     if not known.any():
-        return middle, 0, np.zeros(middle.size, bool)
+        return middle, 0, strange, unclear
     usual = float(np.angle(np.exp(1j * middle[known]).sum()))
     turn = np.angle(np.exp(1j * (middle - usual))) * DEG
     stretch = wheel.angle.stretch_at(time)
-    order, strange = np.flatnonzero(known), np.zeros(middle.size, bool)
-    first = float(np.median(turn[order[:BEFORE]]))
-    before, lost = [first], np.zeros(order.size)
-    for number, row in enumerate(order.tolist()):
-        lost[number] = round((turn[row] - sorted(before)[len(before) // 2]) / tooth) * tooth
-        turn[row] -= lost[number]
-        before = [*before[1 - BEFORE :], turn[row]] if sound[row] else before
-    # one passage that is read elsewhere is no lost count, nor are those beside a hole
-    lost = lost[sound[order]]
-    moved = int(np.count_nonzero(np.diff(sliding_median(lost, 3)))) if lost.size else 0
+    order = np.flatnonzero(known)
+    parts = np.split(
+        order, 1 + np.flatnonzero(np.diff(np.searchsorted(wheel.uneven_s, time[order])))
+    )
+    lost, moved, doubt, before = 0.0, 0, False, np.zeros(0)
+    for rows in parts:
+        own = rows[sound[rows]]
+        if own.size and before.size:
+            move = float(np.median(turn[own[:BESIDE]]) - np.median(before))
+            teeth = round(move / tooth) * tooth
+            doubt = teeth != 0.0 and abs(move) <= MOST_MOVED_DEG
+            moved += not doubt and teeth != lost
+            lost = lost if doubt else teeth
+        turn[rows] -= lost
+        unclear[rows] = doubt
+        before = before if doubt else np.append(before, turn[own])[-BESIDE:]
+    first = float(np.median(turn[order[: 2 * BESIDE]]))
     for number in np.unique(stretch[known]):
         rows = known & (stretch == number)
         # forces do not move the patch's usual place by more than this after a standstill; twice as
@@ -426,7 +439,7 @@ def _one_turn(
     centre = np.mod(usual * DEG + float(np.median(turn[known])), 360.0) - float(
         np.median(turn[known])
     )
-    return turn + centre, moved, strange
+    return turn + centre, moved, strange, unclear
 
 
 def steady_passages(speed: FloatArray, clean: np.ndarray) -> IntArray:
