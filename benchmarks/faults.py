@@ -6,7 +6,8 @@
 
 `python -m benchmarks.faults [--suite tuning|reporting] [--logs N] [--seed S] [--only FAULT]
 [--both N] [--keep FILE.csv]`. A number is wrong if it is off by more than five of its errors and by
-more than its table's least (1 % of a speed, a length, a factor; 0.002 of a slip; 0.1 degrees). A
+more than its table's least (1 % of a speed, a length, a factor; 0.002 of a slip; 0.1 degrees of a
+phase shift, whose zero is a convention: what the rows of a log are off alike counts for nothing). A
 row is found by its time; one that is no passage of the truth is wrong as well. The suites differ in
 tires, drives and seeds.
 """
@@ -464,24 +465,44 @@ def _written(log: Log, folder: Path) -> Path:
 
 # ---- What comes of it.
 
-#: kind of log: table -> number, its error columns, its name in the truth, its least error that
-#: counts, and whether that is a share of the truth
-TABLES: dict[str, dict[str, tuple[str, tuple[str, ...], str, float, bool]]] = {
+
+@dataclass(frozen=True)
+class Meaning:
+    """What a table's number is: its column, its error columns, its name in the truth, its least
+    error that counts, and whether that is a share of the truth.
+
+    `anywhere`: rows need not be passages of the truth; `relative_to_zero`: what all rows are off
+    alike is a convention.
+    """
+
+    number: str
+    errors: tuple[str, ...]
+    truth: str
+    least: float
+    is_share: bool = True
+    anywhere: bool = False
+    relative_to_zero: bool = False
+
+
+_SPEED = Meaning("speed_m_s", ("speed_se_m_s",), "speed_m_s", 0.01)
+_FACTOR = "dissipation_factor_1_m"
+#: kind of log: table -> what its number is
+TABLES: dict[str, dict[str, Meaning]] = {
     "strain": {
-        "speed": ("speed_m_s", ("speed_se_m_s",), "speed_m_s", 0.01, True),
-        "footprint": (
-            "length_m", ("length_se_m", "length_form_se_m"), "contact_length_m", 0.01, True,
+        "speed": _SPEED,
+        "footprint": Meaning(
+            "length_m", ("length_se_m", "length_form_se_m"), "contact_length_m", 0.01
         ),
-        "dissipation": (
-            "dissipation_factor_1_m", ("dissipation_factor_se_1_m",), "dissipation_factor_1_m",
-            0.01, True,
-        ),
-        "slip": ("slip", ("slip_se",), "slip", 0.002, False),
+        "dissipation": Meaning(_FACTOR, ("dissipation_factor_se_1_m",), _FACTOR, 0.01),
+        "slip": Meaning("slip", ("slip_se",), "slip", 0.002, is_share=False),
     },
     "wheel": {
-        "speed": ("speed_m_s", ("speed_se_m_s",), "speed_m_s", 0.01, True),
-        "phase_shift": (
-            "phase_shift_deg", ("phase_shift_se_deg",), "phase_shift_deg", 0.1, False,
+        # an encoder's turns begin anywhere, and lie between the passages
+        "speed": replace(_SPEED, anywhere=True),
+        # a log's zero is its first low constant speed, another one if a fault lies there
+        "phase_shift": Meaning(
+            "phase_shift_deg", ("phase_shift_se_deg",), "phase_shift_deg", 0.1,
+            is_share=False, relative_to_zero=True,
         ),
     },
 }  # fmt: skip
@@ -509,16 +530,10 @@ class Count:
         self.worst = max(self.worst, other.worst)
 
 
-def judged(
-    log: Log,
-    rows: pd.DataFrame,
-    truth: dict[str, FloatArray],
-    table: tuple[str, tuple[str, ...], str, float, bool],
-) -> Count:
+def judged(log: Log, rows: pd.DataFrame, truth: dict[str, FloatArray], table: Meaning) -> Count:
     """One table of a log beside the truth."""
-    number, errors, name, least, relative = table
     count = Count(passages=truth["time_s"].size)
-    values = rows[number].to_numpy(float)
+    values = rows[table.number].to_numpy(float)
     ok = (rows["quality"] == "ok").to_numpy() & np.isfinite(values)
     count.ok, count.marked = int(ok.sum()), int((~ok).sum())
     if not ok.any():
@@ -529,16 +544,17 @@ def judged(
     after = np.clip(np.searchsorted(truth["time_s"], time), 1, truth["time_s"].size - 1)
     nearer = time - truth["time_s"][after - 1] < truth["time_s"][after] - time
     at = after - nearer
-    # an encoder's rows are its turns, which lie between the passages
-    right = (
-        np.interp(time, truth["time_s"], truth[name]) if name == "speed_m_s" else truth[name][at]
-    )
-    se = np.sqrt(sum(np.nan_to_num(rows[e].to_numpy(float)[ok]) ** 2 for e in errors if e in rows))
-    off = np.abs(values[ok] - right)
-    unit = least * (np.abs(right) if relative else 1.0)
-    # a row half a turn from any passage is no passage
-    away = np.abs(time - truth["time_s"][at]) > 0.3 * np.median(np.diff(truth["time_s"]))
-    wrong = ((off > MOST_SIGMAS * se) & (off > unit)) | away
+    right = truth[table.truth][at]
+    if table.anywhere:
+        right = np.interp(time, truth["time_s"], truth[table.truth])
+    errors = [rows[e].to_numpy(float)[ok] for e in table.errors if e in rows]
+    se = np.sqrt(sum(np.nan_to_num(error) ** 2 for error in errors))
+    off = values[ok] - right
+    off = np.abs(off - np.median(off) if table.relative_to_zero else off)
+    unit = table.least * (np.abs(right) if table.is_share else 1.0)
+    wrong = (off > MOST_SIGMAS * se) & (off > unit)
+    if not table.anywhere:  # a row half a turn from any passage is no passage
+        wrong |= np.abs(time - truth["time_s"][at]) > 0.3 * np.median(np.diff(truth["time_s"]))
     count.wrong = int(wrong.sum())
     count.worst = float((off / unit)[wrong].max(initial=0.0))
     return count
@@ -551,12 +567,6 @@ def _run(kind: str, number: int, reporting: bool, names: list[str], seed: int) -
     passages = simulated.truth["channels"][STRAIN if kind == "strain" else ACCELERATION]["passages"]
     truth = {key: np.array(value, float) for key, value in passages.items()}
     log, out = log_of(simulated), []
-    if kind == "wheel":
-        # a log's zero of the shift is what its low constant speed has
-        with tempfile.TemporaryDirectory(prefix="faults-") as folder:
-            clean = tirelog.phase_shift(_written(log, Path(folder)))
-        own = np.interp(clean["time_s"], truth["time_s"], truth["phase_shift_deg"])
-        truth["phase_shift_deg"] += float(np.nanmedian(clean["phase_shift_deg"] - own))
     for name in names:
         random = np.random.default_rng([seed, number, sum(map(ord, name))])
         faulty = log
