@@ -273,11 +273,13 @@ def _measured(signal: Signal, radius_m: float, pulses: Records) -> Passages:
         np.where(alone, found[name] * blind, motion[name])
         for name in ("omega_rad_s", "omega_se_rad_s")
     )
+    fast = passage_flags.too_fast_to_stop(speed, radius_m) | np.isnan(speed)
+    stood = passage_flags.stood_between(motion["omega_rad_s"], found["omega_rad_s"], fast)
     # fewer samples in a window are too few for a waveform; twice as many mark fast passages of slow
     # loggers
     quality = (
         passage_flags.window_quality(channel, found, index, window_rad / omega * rate)
-        | marked(standing, Quality.STANDSTILL)
+        | marked(standing | stood, Quality.STANDSTILL)
         | marked(backwards, Quality.REVERSING)
         | marked((found["used"] < 6) & (template is not None), Quality.FEW_SAMPLES)
     )

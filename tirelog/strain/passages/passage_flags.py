@@ -281,11 +281,42 @@ def _touched(begin: FloatArray, end: FloatArray, low: FloatArray, high: FloatArr
 
 def rolled_on(omega: FloatArray, radius_m: float) -> BoolArray:
     """Whether the wheel was too fast to stop between each passage and the next, (n - 1,)."""
-    slower = radius_m * np.minimum(omega[1:], omega[:-1])
+    return too_fast_to_stop(np.minimum(omega[1:], omega[:-1]), radius_m)
+
+
+def too_fast_to_stop(omega: FloatArray, radius_m: float) -> BoolArray:
+    """Whether a wheel of these speeds cannot stop within a turn, (n,)."""
     # deceleration [m/s^2] at which a wheel that rolls on may stop within a turn (a car's: from 7.8
     # m/s), half as much again as a dry road allows; faster ones did not stop between two passages.
     # Twice as much takes for a stop what was not found at 11 m/s
-    return np.asarray(slower > np.sqrt(2.0 * 16.0 * TURN_RAD * radius_m))
+    return np.asarray(radius_m * omega > np.sqrt(2.0 * 16.0 * TURN_RAD * radius_m))
+
+
+#: a turn's speed and the one that its passage's own stretch tells go together within this
+#: (logarithm), which no load makes of a patch; half of it marks kerbs, twice as much leaves speeds
+#: half as large as they are
+UNLIKE_STRETCH = 0.25
+#: usual difference of the two from which a log's slow turns are no turns at all, and the rows that
+#: it takes to tell; of drives in town it is 0.01
+UNEVEN, LEAST_SLOW = 0.06, 5
+
+
+def stood_between(of_turns: FloatArray, own: FloatArray, rolled: BoolArray) -> BoolArray:
+    """Whether the wheel may have stood between passages that seem to be one turn apart, (n,).
+
+    The speed `of_turns` is then not the passage's `own`, by the stretch of its pulse, or neither
+    can be known; NaN: not known. A wheel that is too fast for it `rolled` on (n,).
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.log(of_turns / own)
+    known = np.isfinite(share)
+    if known.sum() < LEAST_SLOW:
+        return ~rolled
+    slow = known & ~rolled
+    some = slow if slow.sum() >= LEAST_SLOW else known
+    off = np.abs(share - np.median(share[some]))
+    uneven = np.median(off[some]) > UNEVEN
+    return np.asarray(~rolled & (uneven | (off > UNLIKE_STRETCH)))
 
 
 def whole_turns(time_s: FloatArray, linked: BoolArray, rolled: BoolArray) -> IntArray:
