@@ -6,8 +6,10 @@ import h5py
 import numpy as np
 import pytest
 
+from tirelog.data.recording import Channel, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.runs.ingest import open_recording
+from tirelog.wheel.angle import wheel_angle
 from tirelog.wheel.table import encoder_speed
 
 RATE_HZ, RADIUS_M = 10_000.0, 0.3
@@ -49,3 +51,20 @@ def test_pulses_tell_the_speed(
     assert np.abs(np.mean(error)) < 2e-4
     assert not any("repaired" in remark for remark in remarks)
     assert any("edges of one kind" in said for said in remarks) == (not 0.25 < duty < 0.75)
+
+
+@pytest.mark.parametrize("duty", [0.34, 0.5, 0.66])
+@pytest.mark.parametrize("hole_s", [0.0, 0.009])
+def test_no_tooth_is_lost_of_uneven_pulses(duty: float, hole_s: float) -> None:
+    """Neither where a long log is cut into pieces, nor in a hole of some teeth."""
+    time = np.arange(150_000) / RATE_HZ
+    angle = 10.45 * time
+    signal = 5.0 * ((100 * angle + 0.3) % 1.0 < duty)
+    signal[(time > 5.0) & (time < 5.0 + hole_s)] = np.nan
+    axis = TimeAxis.uniform(time.size, RATE_HZ)
+    tone = {"settings": {"steps": 100}}
+    wheel = wheel_angle(Channel.of_array("e", "wheel_encoder", signal, axis, **tone))
+    some = time[1000:-1000:50]
+    some = some[np.abs(some - 5.0) > 0.05]
+    off = wheel.angle.at(some) / (2.0 * np.pi) - 10.45 * some
+    assert np.ptp(off) < 0.3 / 100

@@ -23,10 +23,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
-from tirelog.dsp.filters import runs, sliding_mean, sliding_median
+from tirelog.dsp.filters import runs, sliding_mean
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
 
 #: whole numbers of whatever size
@@ -490,9 +491,9 @@ SLOW_S = 0.06
 #: slow intervals within so many of each other are one place; a car does not roll backwards faster
 #: than so many turns per second
 SAME_PLACE, FASTEST_BACK_Hz = 12, 4.0
-#: intervals on each side that say how long one should be; twice as many reach to where a speed
-#: that changes is another
-NEIGHBOURS = 3
+#: half teeth on each side that say how long one should be: edges between samples tell it to 2 %;
+#: twice as many reach to where a speed that changes is another
+NEIGHBOURS = 16
 #: an interval outside of these shares of its neighbours' median is not a single half tooth (pitch
 #: errors of 0.5 degree stay inside)
 SHORT, LONG = 0.65, 1.5
@@ -585,13 +586,23 @@ def _bridge(halves: Integers, intervals: FloatArray, still: Integers, rolling: f
     no turn is lost.
     """
     for at in still.tolist():
-        before, after = (
-            intervals[max(at - NEIGHBOURS, 0) : at],
-            intervals[at + 1 : at + 1 + NEIGHBOURS],
-        )
-        if before.size and after.size and max(np.median(before), np.median(after)) < rolling:
-            length = intervals[at] * 0.5 * (1 / np.median(before) + 1 / np.median(after))
+        before, after = _beside(intervals, at, at + 1, halves > 1)
+        if before.size and after.size and max(np.mean(before), np.mean(after)) < rolling:
+            length = intervals[at] * 0.5 * (1 / np.mean(before) + 1 / np.mean(after))
             halves[at] = min(2 * round((length - 1) / 2) + 1, np.iinfo(halves.dtype).max)
+
+
+def _beside(
+    intervals: FloatArray, start: int, stop: int, odd: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """The `intervals` (n,) before `start` and from `stop` on that are not `odd`, of whole teeth."""
+    first = max(start - NEIGHBOURS, 0)
+    bad = np.flatnonzero(odd[first:start]) + first
+    left = intervals[bad[-1] + 1 if bad.size else first : start]
+    bad = np.flatnonzero(odd[stop : stop + NEIGHBOURS])
+    right = intervals[stop:][: bad[0] if bad.size else NEIGHBOURS]
+    # half teeth may be unlike in pairs; one alone is better than none
+    return left[-max(left.size // 2 * 2, 1) :], right[: max(right.size // 2 * 2, 1)]
 
 
 def _directions(
@@ -627,12 +638,14 @@ def _regular(teeth: Records, slowest: float) -> Records:
     """
     steps = np.diff(teeth["index"])
     teeth["halves"] = 1
-    if steps.size < 4 * NEIGHBOURS:
+    if steps.size < 12:
         teeth["uneven"] = True
         return teeth
     if _all_regular(steps):
         return teeth
-    ratio = steps / sliding_median(steps, 9)
+    # half teeth may be unlike in pairs: each is held against the two before and after of its kind
+    around = sliding_window_view(np.pad(steps, 4, mode="reflect"), 9)[:, ::2]
+    ratio = steps / np.median(around, axis=1)
     odd = ratio < SHORT
     odd[1:] |= ratio[:-1] < SHORT  # the tooth beside a glitch lost what the glitch took
     odd[:-1] |= ratio[1:] < SHORT
@@ -641,11 +654,11 @@ def _regular(teeth: Records, slowest: float) -> Records:
     odd &= steps < slowest
     keep = np.ones(teeth.size, bool)
     for start, stop in zip(*runs(odd), strict=True):
-        before, after = steps[max(start - NEIGHBOURS, 0) : start], steps[stop : stop + NEIGHBOURS]
+        before, after = _beside(steps, start, stop, odd)
         taken = float(teeth["index"][stop] - teeth["index"][start])
         if before.size == 0 or after.size == 0 or taken > 2 * slowest:
             continue
-        left, right = float(np.median(before)), float(np.median(after))
+        left, right = float(np.mean(before)), float(np.mean(after))
         if max(left, right) > 1.6 * min(left, right):
             continue
         n = stop - start
