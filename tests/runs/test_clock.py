@@ -309,7 +309,8 @@ def test_irregular_stamps_of_a_long_log_are_read_in_pieces(monkeypatch):
     times, good = made.axis.time(), ~np.isnan(stamps)
     np.testing.assert_array_equal(times[good], stamps[good])
     assert (np.diff(times) > 0).all()
-    assert made.axis.rate_Hz == pytest.approx(1 / np.median(np.diff(stamps[good])), rel=0.05)
+    steps = np.diff(stamps[good])
+    assert made.axis.rate_Hz == pytest.approx(1 / np.mean(steps[steps < 3.0]), rel=0.02)
     assert (12_344, 12_346, Quality.GAP) in made.flags
 
 

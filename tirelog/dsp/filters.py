@@ -18,7 +18,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from tirelog.data.recording import Channel
+from tirelog.data.recording import Channel, TimeAxis
 from tirelog.errors import UsageError
 from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray
@@ -326,6 +326,70 @@ class SampleNoise:
         """
         finite = [sigma for sigma in self._sigmas if np.isfinite(sigma)]
         return max(float(np.median(finite)), self._rounding) if finite else float("nan")
+
+
+# ---- Whether stamps that scatter are those of the samples.
+#
+#     stamps and values of steep places
+#         --both less the cubic through their neighbours--> do values follow the stamps' scatter?
+#
+# A logger that stamps late and early what an instrument samples evenly makes a patch shorter.
+
+
+#: share of the stamps' scatter that values of scattered samples follow is one, of even ones none;
+#: it must be known to so many of its errors
+FOLLOWED, SURE = 0.5, 5.0
+#: samples that means of the stamps may leave their line by, of an even clock without a gap
+OFF_LINE = 1.0
+
+
+def even_axis(channel: Channel) -> TimeAxis | None:
+    """The even time axis of a channel whose stamps scatter and whose samples do not.
+
+    None if it has no stamps of its own, the values follow them, or they leave their line.
+    """
+    axis, size = channel.axis, channel.size
+    if axis.explicit is None or size < 2 * PIECE_SAMPLES:
+        return None
+    starts = np.linspace(0, size - PIECE_SAMPLES, PIECES).astype(np.int64)
+    pieces = [(s, axis.time(s, s + PIECE_SAMPLES)) for s in starts.tolist()]
+    middles = starts + 0.5 * (PIECE_SAMPLES - 1.0)
+    means = np.array([float(np.mean(time)) for _, time in pieces])
+    period, begin = np.polyfit(middles, means, 1)
+    if not period > 0.0 or np.ptp(means - begin - period * middles) > OFF_LINE * period:
+        return None
+    follows, moved, left = [], [], []
+    for first, time in pieces:
+        values = channel.read(first, first + PIECE_SAMPLES)
+        slope = 0.25 * (values[4:] - values[:-4])
+        late, off = slope * _off_cubic(time / period), _off_cubic(values)
+        known = np.isfinite(late + off)
+        follows.append(float(late[known] @ off[known]))
+        moved.append(float(late[known] @ late[known]))
+        left.append(white_noise(values))
+    squares = sum(moved)
+    error = float(np.nanmedian(left)) * OFF_CUBIC_GAIN
+    if FOLLOWED * np.sqrt(squares) < SURE * error or sum(follows) > FOLLOWED * squares:
+        return None
+    return TimeAxis.uniform(size, float(1.0 / period), float(begin))
+
+
+def stamp_scatter(axis: TimeAxis) -> float:
+    """Standard deviation of a sample's time about an even clock, in periods; 0 of an even axis."""
+    if axis.explicit is None:
+        return 0.0
+    starts = np.linspace(0, max(axis.size - PIECE_SAMPLES, 0), PIECES).astype(np.int64).tolist()
+    sigmas = [white_noise(axis.time(s, s + PIECE_SAMPLES)) for s in starts]
+    return float(np.median(sigmas)) * axis.rate_Hz
+
+
+#: standard deviation of white noise less the cubic through its neighbours
+OFF_CUBIC_GAIN = (70.0 / 36.0) ** 0.5
+
+
+def _off_cubic(values: FloatArray) -> FloatArray:
+    """What `values` (n,) leave of the cubic through their four neighbours, (n - 4,)."""
+    return np.asarray(np.diff(values, 4) / 6.0)
 
 
 # ---- Means and medians over sliding windows: x (n,), width --> (n,), the array reflected at its

@@ -356,7 +356,10 @@ class Stamps:
             if not whole:
                 continue
             at, known = good, held[good]
-            step = float(np.median(np.diff(known) / np.diff(at))) if good.size > 1 else medians[-1]
+            # over some samples, as stamps that tremble have short steps and few long ones
+            lag = min(64, max(good.size // 2, 1))
+            steps = (known[lag:] - known[:-lag]) / (at[lag:] - at[:-lag])
+            step = float(np.median(steps)) if steps.size else medians[-1]
             if (
                 last and good.size and good[-1] < held.size - 1
             ):  # nothing comes behind: at the usual step

@@ -44,6 +44,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel, Recording, Scaled, TimeAxis
 from tirelog.data.setup import ChannelSetup, Setup, parse_setup
+from tirelog.dsp.filters import even_axis
 from tirelog.errors import ReadError, SetupError, printable
 from tirelog.readers.base import LOST_COUNT
 from tirelog.readers.hdf5.source import (
@@ -61,7 +62,7 @@ from tirelog.runs.in_memory import without_codes, without_repeats
 from tirelog.runs.temporary import CHUNK, Run, Stored, check_open, scaled_to_si
 from tirelog.storage.whole import LARGEST_BYTES, json_of
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.kinds import KINDS, SLOW_KINDS
+from tirelog.vocabulary.kinds import KINDS, SLOW_KINDS, STRAIN_KINDS
 from tirelog.vocabulary.quality import Doubt, Quality, flag_of
 
 #: of the run's layout; another one is refused
@@ -334,6 +335,11 @@ def recording_of(run: Run, log: str, setup: Setup | None = None) -> Recording:
             channels[name] = _compensated(
                 channels[name], channels[twin], used.thermal_expansion_1_K
             )
+    for name, channel in channels.items():
+        even = even_axis(channel) if channel.kind in STRAIN_KINDS else None
+        if even is not None:
+            channels[name] = replace(channel, axis=even)
+            said.append(f"{name}: its samples are even, the stamps scatter about their times")
     if run.foreign:
         some = sorted(run.foreign)[:MOST_WORDS]
         shown = ", ".join(printable(word[:MOST_LETTERS]) for word in some)

@@ -25,7 +25,14 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
-from tirelog.dsp.filters import bridged, differentiator, outliers, rounding, sliding_median
+from tirelog.dsp.filters import (
+    bridged,
+    differentiator,
+    outliers,
+    rounding,
+    sliding_median,
+    stamp_scatter,
+)
 from tirelog.kernels import compiled
 from tirelog.runs.in_memory import released
 from tirelog.strain.passages.find import Passages
@@ -70,6 +77,9 @@ PASS = 20.0
 #: and at most this share of the Nyquist frequency; below LEAST the derivative itself is lost;
 #: nearer to one, the filter needs many more coefficients
 SHARE_OF_NYQUIST, LEAST = 0.8, 6.0
+#: scatter of the samples' times about even ones, in periods, beyond which slopes from sample to
+#: sample are wrong: a tenth makes 1 %
+MOST_UNEVEN = 0.05
 #: the patch with its shoulders, in half windows of the passages
 SHOULDERS = 1.6
 #: a gap in the patch with its shoulders is bridged up to so many means, half a period of the pass
@@ -111,7 +121,7 @@ def _filter(channel: Channel, passages: Passages) -> tuple[FloatArray, int, bool
     """The differentiator for the fastest passage: coefficients, averaged samples, limited.
 
     The coefficients hold on means of so many samples; limited: the sampling is too coarse for the
-    patch.
+    patch, or uneven.
     """
     rate = channel.axis.rate_Hz
     half_width = passages.template.half_width_rad if passages.template is not None else 0.12
@@ -121,7 +131,8 @@ def _filter(channel: Channel, passages: Passages) -> tuple[FloatArray, int, bool
     # many take twice as long and change what the filter passes no more
     averaged = int(2 ** np.floor(np.log2(max(rate / (4.0 * wanted), 1.0))))
     edge = min(wanted, SHARE_OF_NYQUIST * 0.5 * rate / averaged)
-    return differentiator(rate / averaged, edge, averaged), averaged, edge < LEAST / PASS * wanted
+    limited = edge < LEAST / PASS * wanted or stamp_scatter(channel.axis) > MOST_UNEVEN
+    return differentiator(rate / averaged, edge, averaged), averaged, limited
 
 
 class _Filled:

@@ -79,7 +79,7 @@ class Quality(IntFlag):
     REVERSING = "the wheel rolls backwards, or changed direction beside this passage", _ALL
     DIRECTION_UNKNOWN = "nothing shows the direction of rolling after a standstill", _WHEEL
     NOT_A_PASSAGE = "not the signal of a tire in its patch: no speed", _PASSAGES
-    IMPLAUSIBLE = "impossible for a tire, or contradicted by another channel of the log", _ALL
+    IMPLAUSIBLE = "no tire does this, or channels or clock of the log contradict it", _ALL
     EXTRAPOLATED = "the speed is not centred, or lies outside a calibration", _ALL, Use.FRONTS
     DELAY_UNKNOWN = "the unknown delay of the vehicle's speed: half a per cent of slip", ("slip",)
     # ---- what could be estimated

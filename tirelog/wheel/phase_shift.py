@@ -35,6 +35,7 @@ from tirelog.wheel.angle import (
     turns_about,
 )
 from tirelog.wheel.fronts import find_fronts, patch_turn
+from tirelog.wheel.rolling import off_clock
 
 # ---- What an accelerometer channel has to be cleared of before its fronts are sought.
 #
@@ -332,6 +333,7 @@ def _passages(
         fronts["quality"]
         | wheel.quality(np.nan_to_num(low, nan=-1.0), np.nan_to_num(high, nan=np.inf))
         | marked(~found, Quality.LOST_PEAK)
+        | marked(off_clock(channel.axis, turns.begin_s, turns.end_s), Quality.IMPLAUSIBLE)
     )
     reading = np.where(found, middle, np.nan)
     turn, moved, strange, unclear = _one_turn(reading, wheel, time, good(quality, Use.FRONTS))

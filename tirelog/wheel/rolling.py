@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tirelog.data.recording import BLOCK_SAMPLES, Channel
+from tirelog.data.recording import BLOCK_SAMPLES, Channel, TimeAxis
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, Records, records
 from tirelog.vocabulary.quality import QualityFlags
 
@@ -216,6 +216,36 @@ class WheelTurns:
     turns: FloatArray
     acceleration_m_s2: FloatArray
     quality: QualityFlags
+
+
+#: share by which the time from sample to sample over a turn may leave the log's usual one; stamps
+#: that jitter by a sample make a tenth of it; half of it and twice as much find the same clocks
+OFF_CLOCK = 0.03
+#: share of a log's turns beyond which nobody knows which of them have the right clock
+MOST_OFF_CLOCK = 0.3
+
+
+def off_clock(axis: TimeAxis, begin_s: FloatArray, end_s: FloatArray) -> BoolArray:
+    """Which turns from `begin_s` to `end_s` (n,) lie where the clock runs fast or slow.
+
+    Their samples go on as before, and their times jump. If it is the samples that jump, the
+    instrument has changed its rate, and the clock is right.
+    """
+    known = np.flatnonzero(np.isfinite(begin_s + end_s) & (end_s > begin_s))
+    time, off = end_s[known] - begin_s[known], np.zeros(begin_s.size, bool)
+    first, last = axis.index(begin_s[known]), axis.index(end_s[known])
+    samples = last - first + axis.missing_before(last) - axis.missing_before(first)
+    if known.size < LEAST_TURNS:
+        return off
+    period = time / np.maximum(samples, 1.0)
+    far = np.abs(period / np.median(period) - 1.0) > OFF_CLOCK
+    # beside a change of the clock a turn has some of both: the turns before and after it are held
+    # against each other
+    changed = np.flatnonzero(far[2:] != far[:-2])
+    times, counts = (np.abs(np.log(one[changed + 2] / one[changed])) for one in (time, samples))
+    if far.any() and float(np.sum(times)) > float(np.sum(counts)):
+        off[known] = far if np.mean(far) < MOST_OFF_CLOCK else True
+    return off
 
 
 @dataclass(frozen=True)

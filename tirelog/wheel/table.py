@@ -27,7 +27,7 @@ from tirelog.wheel.calibration import (
     quasi_static,
 )
 from tirelog.wheel.phase_shift import EdgeTimes, measure_phase_shift, refuse_steps_by_patch
-from tirelog.wheel.rolling import WheelTurns
+from tirelog.wheel.rolling import WheelTurns, off_clock
 
 # ---- The table `wheel-angle`: the encoder's signal, the wheel's speed and its angle (P4 Figs. 4
 # to 6).
@@ -116,6 +116,8 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], WheelTurns, 
     refuse_steps_by_patch(recording, wheel)
     radius = rolling_radius(recording, wheel)
     time, turns = turns_of(wheel, radius.radius_m)
+    off = off_clock(channel.axis, turns.begin_s, turns.end_s)
+    turns = replace(turns, quality=turns.quality | marked(off, Quality.IMPLAUSIBLE))
     rate = wheel.speed_rad_s(time)
     noise = np.sqrt(2.0) * wheel.angle.noise_at(time) / SPEED_WINDOW_S
     share = 0.0 if np.isnan(radius.se_m) else radius.se_m / radius.radius_m

@@ -32,6 +32,7 @@ from tirelog.strain.passages.template import Template
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 from tirelog.wheel.pulses import AT_ONCE, decimate, patch_sign, pulses_in
+from tirelog.wheel.rolling import off_clock
 
 # ---- Whether what was found are passages of a tire at all: the gate before any speed is told.
 #
@@ -273,6 +274,7 @@ def _measured(signal: Signal, radius_m: float, pulses: Records) -> Passages:
         np.where(alone, found[name] * blind, motion[name])
         for name in ("omega_rad_s", "omega_se_rad_s")
     )
+    neighbours = np.append(time_s[:1], time_s[:-1]), np.append(time_s[1:], time_s[-1:])
     fast = passage_flags.too_fast_to_stop(speed, radius_m) | np.isnan(speed)
     stood = passage_flags.stood_between(motion["omega_rad_s"], found["omega_rad_s"], fast)
     # fewer samples in a window are too few for a waveform; twice as many mark fast passages of slow
@@ -281,6 +283,7 @@ def _measured(signal: Signal, radius_m: float, pulses: Records) -> Passages:
         passage_flags.window_quality(channel, found, index, window_rad / omega * rate)
         | marked(standing | stood, Quality.STANDSTILL)
         | marked(backwards, Quality.REVERSING)
+        | marked(off_clock(channel.axis, *neighbours), Quality.IMPLAUSIBLE)
         | marked((found["used"] < 6) & (template is not None), Quality.FEW_SAMPLES)
     )
     measured = Passages(
