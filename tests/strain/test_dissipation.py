@@ -232,3 +232,34 @@ def test_a_log_of_few_revolutions_has_all_its_rows(radius_m, seconds):
     known = np.isfinite(factor)
     np.testing.assert_allclose(factor[known], Beam().dissipation_factor(10.0), rtol=0.01)
     assert "ok" not in table.columns["quality"][~known]
+
+
+def loosened(values):
+    """From the middle on a half of what the grating should show."""
+    return np.where(np.arange(values.size) < values.size // 2, values, 0.5 * values)
+
+
+def averaged(values):
+    """An instrument that gives the mean of the last seven samples."""
+    return np.convolve(values, np.ones(7) / 7.0, "same")
+
+
+def interpolated(values):
+    """Holes of 2 to 10 ms that the logger filled by straight lines."""
+    out, random = values.copy(), np.random.default_rng(1771)
+    for first in random.integers(100, values.size - 100, 60):
+        stop = first + int(random.integers(5, 26))
+        out[first:stop] = np.linspace(out[first], out[stop], stop - first, endpoint=False)
+    return out
+
+
+@pytest.mark.parametrize("change", [loosened, averaged, interpolated])
+def test_what_sensor_and_logger_do_gives_no_factor_that_is_ok(radius_m, change):
+    drive = make_drive([0, 6, 10, 16], [10, 10, 18, 18], seed=1770)
+    changed = drive.with_values(change(drive.values))
+    clean, found = (energy_of(channel, radius_m, 1.0)[1] for channel in (drive.channel, changed))
+    assert good(clean.quality)[1:-1].all()
+    ok, off = good(found.quality), np.abs(found.factor_1_m - clean.factor_1_m)
+    wrong = (off > 5.0 * found.factor_se_1_m) & (off > 0.02 * clean.factor_1_m)
+    assert wrong.any()
+    assert not (ok & wrong).any()

@@ -392,6 +392,36 @@ def _off_cubic(values: FloatArray) -> FloatArray:
     return np.asarray(np.diff(values, 4) / 6.0)
 
 
+#: longest running mean that is looked for [samples], and the shortest that third differences show
+LONGEST_MEAN, SHORTEST_MEAN = 32, 4
+#: share of the third differences of a running mean that come back the other way after as many
+#: samples is a half, of white noise none
+OPPOSITE = 0.3
+#: share of a log that is quiet: no patch and no shoulder
+QUIET = 0.4
+
+
+def running_mean_of(channel: Channel) -> int:
+    """How many samples the instrument of a channel averages into each; 1 if its noise is white."""
+    starts = np.linspace(0, max(channel.size - PIECE_SAMPLES, 0), 16).astype(np.int64).tolist()
+    totals = np.zeros(LONGEST_MEAN + 1)
+    for first in starts:
+        values = channel.read(first, first + PIECE_SAMPLES)
+        moves = np.nan_to_num(np.diff(values, 3))
+        noise = white_noise(values)
+        if moves.size <= 4 * LONGEST_MEAN or not noise > step_of(values):
+            continue
+        loud = sliding_mean(np.abs(moves), 2 * LONGEST_MEAN + 1)
+        quiet = np.where(loud <= np.quantile(loud, QUIET), moves, 0.0)
+        quiet /= max(float(np.std(quiet)), 1e-300)
+        totals += [float(quiet[lag:] @ quiet[: quiet.size - lag]) for lag in range(totals.size)]
+    most = SHORTEST_MEAN + int(np.argmin(totals[SHORTEST_MEAN:]))
+    # a hum comes back again and again
+    other = np.abs(np.delete(totals, slice(most - 3, most + 4)))[SHORTEST_MEAN:]
+    alone = -totals[most] > 2.0 * other.max(initial=0.0)
+    return most if alone and totals[most] < -OPPOSITE * totals[0] else 1
+
+
 # ---- Means and medians over sliding windows: x (n,), width --> (n,), the array reflected at its
 # ends.
 #
@@ -457,12 +487,22 @@ def outliers(x: FloatArray, least: FloatArray | float) -> BoolArray:
     """
     if x.size <= BESIDE:
         return np.zeros(x.size, bool)
-    beside = np.pad(x, BESIDE, mode="reflect")
-    medians = np.median(sliding_window_view(beside, BESIDE), axis=1)
-    before, after = x - medians[: x.size], x - medians[BESIDE + 1 : BESIDE + 1 + x.size]
+    before, after = (x - side for side in medians_beside(x))
     usual = sliding_median(np.maximum(np.abs(before), np.abs(after)), 2 * BESIDE + 1)
     off = np.where(before * after > 0.0, np.minimum(np.abs(before), np.abs(after)), 0.0)
     return np.asarray(off > MOST_OFF * usual + least)
+
+
+def medians_beside(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Medians of the BESIDE values before each of x (n,), and of those after it, (n,) each."""
+    beside = np.pad(x, BESIDE, mode="reflect")
+    medians = np.median(sliding_window_view(beside, BESIDE), axis=1)
+    return medians[: x.size], medians[BESIDE + 1 : BESIDE + 1 + x.size]
+
+
+def of_the_log(rows: BoolArray, share: float) -> BoolArray:
+    """The `rows` (n,), or all if they are more than this `share`: what they have is the log's."""
+    return np.full(rows.size, True) if rows.size and np.mean(rows) > share else rows
 
 
 def _reflected(x: FloatArray, width: int) -> FloatArray:

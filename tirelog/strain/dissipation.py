@@ -26,10 +26,15 @@ import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.dsp.filters import (
+    BESIDE,
+    averaging_gain,
     bridged,
     differentiator,
+    medians_beside,
+    of_the_log,
     outliers,
     rounding,
+    running_mean_of,
     sliding_median,
     stamp_scatter,
 )
@@ -40,7 +45,7 @@ from tirelog.strain.passages.passage_flags import doubted, in_gap
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
 from tirelog.strain.speed import PassageRows, identity_columns, speed_quality
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray
-from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked, quality_column
+from tirelog.vocabulary.quality import Quality, QualityFlags, good, having, marked, quality_column
 
 
 @compiled
@@ -77,6 +82,8 @@ PASS = 20.0
 #: and at most this share of the Nyquist frequency; below LEAST the derivative itself is lost;
 #: nearer to one, the filter needs many more coefficients
 SHARE_OF_NYQUIST, LEAST = 0.8, 6.0
+#: what an instrument that averages must leave of the waves that hold a patch's edges
+LEAST_PASSED = 0.995
 #: scatter of the samples' times about even ones, in periods, beyond which slopes from sample to
 #: sample are wrong: a tenth makes 1 %
 MOST_UNEVEN = 0.05
@@ -89,8 +96,15 @@ BRIDGED_MEANS, BRIDGED_TURNS = 2.0, 0.25
 #: parts of a revolution, each judged beside the same part of the turns around
 PARTS = 24
 #: so many turns are those around; a part is far off by FAR of its usual distances and LEAST_OFF of
-#: the usual factor; a patch is unlike those around by this share of it at least
-TURNS, FAR, LEAST_OFF, UNLIKE = 9, 12.0, 0.005, 0.02
+#: the usual factor; a turn is unlike those around if its patch is off by UNLIKE of it at least, or
+#: the parts that are far off by PARTS_UNLIKE
+TURNS, FAR, LEAST_OFF, UNLIKE, PARTS_UNLIKE = 9, 12.0, 0.0025, 0.02, 0.01
+#: a patch that its form leaves over by so many times the usual; of clean logs it is 1.5 at most
+FAR_MISFIT = 4.0
+#: step in the height (logarithm) that no road, load or speed makes from one turn to the next
+LOOSE = 0.22
+#: share of a log's turns with bursts from which all have them, seen or not
+MOST_BURSTS = 0.5
 #: samples worked on at once
 MOST_AT_ONCE = 1 << 16
 #: constant speed: the step from one revolution to the next (P1 4) [m/s], and revolutions of a
@@ -131,7 +145,10 @@ def _filter(channel: Channel, passages: Passages) -> tuple[FloatArray, int, bool
     # many take twice as long and change what the filter passes no more
     averaged = int(2 ** np.floor(np.log2(max(rate / (4.0 * wanted), 1.0))))
     edge = min(wanted, SHARE_OF_NYQUIST * 0.5 * rate / averaged)
-    limited = edge < LEAST / PASS * wanted or stamp_scatter(channel.axis) > MOST_UNEVEN
+    mean = running_mean_of(channel.recorded or channel)
+    passed = float(averaging_gain(2.0 * np.pi * LEAST / PASS * wanted / rate * mean, mean))
+    limited = edge < LEAST / PASS * wanted or passed < LEAST_PASSED
+    limited |= stamp_scatter(channel.axis) > MOST_UNEVEN
     return differentiator(rate / averaged, edge, averaged), averaged, limited
 
 
@@ -288,8 +305,8 @@ def _factors(
     `parts` (n, PARTS) of each revolution's factor with its noise [1/m], their `sizes` (n, PARTS) to
     which noise is proportional, by `white` at least; `near` (PARTS,): the parts of the patch with
     its shoulders. The half of the revolution that is opposite to the patch does not bend: its
-    median is the noise. A part away from the patch that is far above the same part of the turns
-    around holds a disturbance, or a hit of the road.
+    median is the noise. A part that is far off the same part of the turns around, and away from the
+    patch above it, holds a disturbance, or a hit of the road.
     """
     if not parts.shape[0]:
         return np.zeros(0), np.zeros(0), np.zeros(0, bool)
@@ -301,11 +318,33 @@ def _factors(
     parts = parts - floors
     usual = _medians_over_turns(parts)
     middle = float(np.median(parts.sum(axis=1)))
-    above = parts - usual
-    far = (above > FAR * _medians_over_turns(np.abs(above)) + LEAST_OFF * middle) & ~near
-    unlike = outliers(parts[:, near].sum(axis=1), UNLIKE * middle)
-    unlike |= np.where(far, above, 0.0).sum(axis=1) > UNLIKE * middle
+    of_patch = parts[:, near].sum(axis=1)
+    unlike = outliers(of_patch, UNLIKE * middle)
+    # a load changes the patch as a whole, and what is no tire's a part of it
+    load = of_patch / np.maximum(usual[:, near].sum(axis=1), 1e-300)
+    off = np.abs(parts - usual * np.where(near, load[:, None], 1.0))
+    far = off > FAR * _medians_over_turns(off) + LEAST_OFF * middle
+    unlike |= np.where(far & (near | (parts > usual)), off, 0.0).sum(axis=1) > PARTS_UNLIKE * middle
     return parts.sum(axis=1), floors.sum(axis=1), unlike
+
+
+def _loose(height: FloatArray, factor: FloatArray) -> BoolArray:
+    """Which turns (n,) a sensor that has come loose shows smaller than they are.
+
+    The height of its pulses falls or rises from one turn to the next for good, and the dissipation
+    with its square: a load changes the form as well.
+    """
+    rows = np.flatnonzero(np.isfinite(height + factor) & (height * factor != 0.0))
+    loose = np.zeros(height.size, bool)
+    if rows.size <= 2 * BESIDE:
+        return loose
+    level = np.log(np.abs(height[rows]))
+    form = np.log(np.abs(factor[rows])) - 2.0 * level
+    (before, after), forms = medians_beside(level), medians_beside(form)
+    step = np.abs(after - before)
+    if np.any((step > LOOSE) & (np.abs(forms[1] - forms[0]) < step)):
+        loose[rows] = 0.5 * (before + after) < np.quantile(level, 0.9) - LOOSE
+    return loose
 
 
 def _medians_over_turns(parts: FloatArray) -> FloatArray:
@@ -429,8 +468,12 @@ def dissipation(
         )
     error = np.where(absurd, np.nan, error)
     bursts = doubted(channel, Quality.SPIKE, *_bounds(passages, passages.index))
+    bursts = of_the_log(bursts | having(quality, Quality.SPIKE), MOST_BURSTS)
     quality = quality | marked(absurd, Quality.ERROR_UNKNOWN) | marked(bursts, Quality.SPIKE)
+    share = passages.misfit / np.abs(passages.height)
+    unlike |= share > FAR_MISFIT * sliding_median(share, min(TURNS, n))
     quality = quality | marked(unlike, Quality.UNLIKE_NEIGHBOURS)
+    quality |= marked(_loose(passages.height, factor), Quality.IMPLAUSIBLE)
     quality = quality | marked(_in_long_gap(channel, passages, of_each), Quality.GAP)
     power = speed**2 * area_m2 * factor if area_m2 is not None else np.full(n, np.nan)
     stretch = steady_stretches(speed, passages.turn_after, steady_step_m_s)

@@ -11,8 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from tirelog.data.recording import Channel, TimeAxis
+from tirelog.dsp.filters import of_the_log
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
-from tirelog.vocabulary.quality import Quality, QualityFlags, marked
+from tirelog.vocabulary.quality import Quality, QualityFlags, having, marked
 
 # ---- How fast the wheel turns at each passage.
 #
@@ -234,6 +235,11 @@ LOST_SHARE = 0.3
 NEARLY_WHOLE, ALIKE_TURNS = 0.25, 1.5
 
 
+#: share of the passages that hold clipped samples from which all do: passages are alike, and noise
+#: that came on after the limit hides it in some
+MOST_CLIPPED = 0.3
+
+
 def window_quality(
     channel: Channel, found: Records, index: FloatArray, reach: FloatArray
 ) -> QualityFlags:
@@ -247,7 +253,8 @@ def window_quality(
     flags |= marked(in_gap(channel.axis, index, reach), Quality.GAP)
     for word in {word for _, _, word in channel.flags}:
         flags |= marked(doubted(channel, word, index - reach, index + reach), word)
-    return flags
+    clipped = of_the_log(having(flags, Quality.CLIPPED), MOST_CLIPPED)
+    return np.asarray(flags | marked(clipped, Quality.CLIPPED))
 
 
 def in_gap(axis: TimeAxis, index: FloatArray, reach: FloatArray, longer: float = 0.0) -> BoolArray:
