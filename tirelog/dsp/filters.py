@@ -500,6 +500,30 @@ def medians_beside(x: FloatArray) -> tuple[FloatArray, FloatArray]:
     return medians[: x.size], medians[BESIDE + 1 : BESIDE + 1 + x.size]
 
 
+#: values whose scatter about their neighbours' mean tells whether their errors hold, and the factor
+#: from which they do not: of errors that do, one window in a hundred is beyond
+SCATTER_OF, TOO_SMALL = 41, 1.5
+
+
+def widened(x: FloatArray, error: FloatArray, quality: QualityFlags) -> FloatArray:
+    """The `error` (n,) of each of x, as much larger as good rows scatter about their neighbours.
+
+    White noise has its error in each row; a hum does not.
+    """
+    rows, out = np.flatnonzero(good(quality) & np.isfinite(x + error)), error.copy()
+    if rows.size < SCATTER_OF:
+        return out
+    value, own = x[rows], error[rows]
+    off = value[1:-1] - 0.5 * (value[2:] + value[:-2])
+    expected = np.sqrt(own[1:-1] ** 2 + 0.25 * (own[2:] ** 2 + own[:-2] ** 2))
+    share = np.pad(np.abs(off) / np.maximum(expected, 1e-300), 1, mode="edge")
+    factor = sliding_median(share, SCATTER_OF) / NORMAL_MEDIAN
+    # a hum of the log hides where it goes with the wheel
+    factor = np.maximum(factor, np.median(factor))
+    out[rows] = own * np.where(factor > TOO_SMALL, factor, 1.0)
+    return out
+
+
 def of_the_log(rows: BoolArray, share: float) -> BoolArray:
     """The `rows` (n,), or all if they are more than this `share`: what they have is the log's."""
     return np.full(rows.size, True) if rows.size and np.mean(rows) > share else rows

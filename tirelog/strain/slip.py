@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Channel, Recording
+from tirelog.data.setup import PLAUSIBLE
 from tirelog.dsp.filters import unlike_neighbours
 from tirelog.errors import UsageError
 from tirelog.physics.pressure import STATIC_FRICTION
@@ -28,7 +29,7 @@ from tirelog.strain.footprint.slip_onset import FrictionRatio
 from tirelog.strain.passages.find import trusted_passages
 from tirelog.strain.passages.passage_flags import TURN_RAD
 from tirelog.strain.speed import speed_channels, speed_columns, turns_around
-from tirelog.vocabulary.arrays import FloatArray, TableRows
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, TableRows
 from tirelog.vocabulary.columns import TABLES
 from tirelog.vocabulary.quality import OK, Quality, marked, quality_column
 from tirelog.wheel.angle import encoder_of, means_between, rolling_radius
@@ -94,6 +95,7 @@ def _slip(
         | marked(lost & outside, Quality.EDGE_OF_LOG)
         | marked(lost & ~outside, Quality.GAP)
     )
+    quality |= marked(_contradicted(recording, found, wheel), Quality.IMPLAUSIBLE)
     # slip that a wheel may have in one turn alone
     quality |= unlike_neighbours(slip, quality, 0.01)
     table = {name: columns[name] for name in ("log", "channel", "revolution", "time_s")} | {
@@ -106,6 +108,15 @@ def _slip(
     }
     late = f"{reference.name} late by {found.delay_s:.3f} +- {found.delay_se_s:.3f} s, taken off"
     return TableRows(table, (*remarks, said, late))
+
+
+def _contradicted(recording: Recording, found: Rolling, wheel: WheelTurns) -> BoolArray:
+    """Turns (n,) of free rolling on a radius that no tire has, by the vehicle's speed."""
+    tire, unusual = recording.setup.tire, recording.setup.log.unusual or ()
+    name = "vehicle_to_unloaded" if tire.rolling_radius_m is None else "vehicle_to_rolling"
+    ratio, bounds = found.metres / (TURN_RAD * tire.radius_m), PLAUSIBLE[name]
+    free = np.abs(wheel.acceleration_m_s2) < FREE_M_S2
+    return np.asarray(free & ((ratio < bounds.low) | (ratio > bounds.high)) & (name not in unusual))
 
 
 def _radius(

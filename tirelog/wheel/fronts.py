@@ -43,13 +43,14 @@ PIECE = 1 << 15
 
 #: a passage, NaN where it was not found. What it is looked for by: wheel angle of its middle and
 #: half width, rate of the wheel, the vehicle's acceleration, noise of the angle. Then what is
-#: filled: level outside, its slope by the angle and standard error for a noise of one, level
-#: inside, gravity in the signal; the fronts' angles, standard errors and slopes [steps/rad]; flags
+#: filled: level outside, its slope by the angle and standard error for a noise of one, rms beside
+#: the patch about them in sigmas of a sample, level inside, gravity in the signal; the fronts'
+#: angles, standard errors and slopes [steps/rad]; flags
 PASSAGE = np.dtype(
     [("middle_rad", "f8"), ("half_rad", "f8"), ("rate_rad_s", "f8"), ("ahead_m_s2", "f8"),
      ("angle_noise_rad", "f8"), ("level_m_s2", "f8"), ("tilt_m_s2", "f8"), ("level_share", "f8"),
-     ("inside_m_s2", "f8"), ("gravity_m_s2", "f8"), ("entry_rad", "f8"), ("exit_rad", "f8"),
-     ("middle_se_rad", "f8"), ("width_se_rad", "f8"), ("entry_slope", "f8"),
+     ("restless", "f8"), ("inside_m_s2", "f8"), ("gravity_m_s2", "f8"), ("entry_rad", "f8"),
+     ("exit_rad", "f8"), ("middle_se_rad", "f8"), ("width_se_rad", "f8"), ("entry_slope", "f8"),
      ("exit_slope", "f8"), ("quality", "u4")]
 )  # fmt: skip
 
@@ -139,6 +140,10 @@ def fill_levels(channel: Channel, angle: AngleFunction, rows: Records, sign: flo
     lines[~known] = np.nan
     rows["level_m_s2"], rows["tilt_m_s2"], rows["gravity_m_s2"] = *lines.T, gravity
     rows["level_share"] = np.sqrt(np.linalg.inv(normal)[:, 0, 0])
+    crossed = sums[:, :2, 3] - gravity * sums[:, :2, 2]
+    squares = sums[:, 3, 3] - 2.0 * gravity * sums[:, 2, 3] + gravity**2 * sums[:, 2, 2]
+    left = np.maximum(squares - (lines * crossed).sum(axis=1), 0.0)
+    rows["restless"] = np.sqrt(left / np.maximum(sums[:, 0, 0], 1.0))
     step = inside - gravity - lines[:, 0]
     # a sensor whose level inside is further off zero than that outside does not tell levels (a
     # piezo element): there it is measured. Else it is nothing, which knows it without an error
@@ -180,6 +185,9 @@ LONGEST, FARTHEST = 1.0 * DEGREE, 3.0 * DEGREE
 #: passages over which errors are as large as what is left of the signal says; twice as many follow
 #: a change of road half as soon
 SMOOTH = 101
+#: a passage that the form leaves over by so many times the usual of those near it: of clean logs it
+#: is twice at most
+FAR_MISFIT, NEAR = 4.0, 9
 #: share of what tells a front that must be there, and share that may be lost without a word
 LEAST_TOLD, LOST = 0.5, 0.02
 #: what is fitted of a passage: shift of the form and growth of each half [rad], their normal matrix
@@ -396,9 +404,12 @@ def fill_fronts(
         place = rows["middle_rad"] + found["shift"] + front - more / steep + grown
         rows[f"{name}_rad"] = place * nan
         rows[f"{name}_slope"] = steep + found["steeper"][:, side] * abs(steep)
+    rows["restless"] /= max(noise, 1e-300)
     of_noise = noise / np.abs(rows["level_m_s2"] - rows["inside_m_s2"])
     misfit = np.where(good, found["misfit"] / of_noise, 1.0)
-    wider = np.maximum(sliding_median(misfit, min(SMOOTH, misfit.size)), 1.0) * of_noise * nan
+    around, smooth = (sliding_median(misfit, min(size, misfit.size)) for size in (NEAR, SMOOTH))
+    rows["quality"] |= marked(misfit > FAR_MISFIT * around, Quality.UNLIKE_NEIGHBOURS)
+    wider = np.maximum(smooth, 1.0) * of_noise * nan
     inverse = np.linalg.inv(found["normal"][:, :2, :2])
     by_level = (inverse @ found["normal"][:, :2, 2:])[..., 0] * rows["level_share"][:, None]
     own = np.hypot(np.sqrt(np.diagonal(inverse, axis1=1, axis2=2)), by_level) * wider[:, None]

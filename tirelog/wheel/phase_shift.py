@@ -20,7 +20,8 @@ import numpy as np
 
 from tirelog.data.plausibility import implausible
 from tirelog.data.recording import Channel, Recording
-from tirelog.dsp.filters import runs, unlike_neighbours
+from tirelog.dsp.filters import runs, unlike_neighbours, widened
+from tirelog.dsp.pitch import SPAN_S
 from tirelog.dsp.teeth import crossings, probe
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.runs.in_memory import without_spikes
@@ -217,6 +218,9 @@ DEG = 180 / np.pi
 #: the zero is sought in stretches below this speed [m/s] (P4: about 10): drag, which moves it, goes
 #: with the square; doubled, it is four times as large
 LOW_SPEED_M_S = 13.0
+#: usual rms beside the patch, in sigmas of a sample, of an accelerometer that hums; on a road it is
+#: 1.2 to 2
+RESTLESS = 3.0
 #: a constant speed: steps below this from passage to passage (P1 section 4), over at least so many
 #: passages, within this range; twice the step or range takes gentle braking for a constant speed
 STEADY_STEP_M_S, STEADY_PASSAGES, STEADY_RANGE_M_S = 0.08, 8, 0.6
@@ -335,6 +339,7 @@ def _passages(
         | marked(~found, Quality.LOST_PEAK)
         | marked(off_clock(channel.axis, turns.begin_s, turns.end_s), Quality.IMPLAUSIBLE)
     )
+    quality |= marked(_mended(wheel, entry, leave), Quality.GAP)
     reading = np.where(found, middle, np.nan)
     turn, moved, strange, unclear = _one_turn(reading, wheel, time, good(quality, Use.FRONTS))
     quality |= marked(strange, Quality.REVERSING) | marked(unclear, Quality.IMPLAUSIBLE)
@@ -357,6 +362,12 @@ def _passages(
     # what both fronts have in common stays in their middle
     shared = np.sqrt(0.5) * wheel.angle.shared_noise_at(time)
     middle_se = np.hypot(fronts["middle_se_rad"], shared) * DEG
+    width_se = fronts["width_se_rad"] * DEG
+    # a road makes the patch wider and narrower from turn to turn, which is no error, and hardly
+    # moves it; a hum does both
+    if found.any() and np.median(fronts["restless"][found]) > RESTLESS:
+        wider = widened(turn, middle_se, quality)
+        middle_se, width_se = wider, width_se * wider / middle_se
     means = {}
     for force in recording.of_kind("vertical_load", "longitudinal_force") if forces else ():
         # the mean of a turn in which the wheel stood is no passage's
@@ -365,7 +376,7 @@ def _passages(
     return EdgeTimes(
         recording.log, channel.name, radius.radius_m, recording.setup.conditions.driven, time,
         speed, turns.acceleration_m_s2, turn - width / 2, turn + width / 2, width,
-        fronts["width_se_rad"] * DEG, turn - offset, middle_se,
+        width_se, turn - offset, middle_se,
         steady, quality, zero_speed, tuple(said), without, means,
         _example(channel, wheel, fronts, clean),
     )  # fmt: skip
@@ -385,6 +396,17 @@ def _example(channel: Channel, wheel: WheelAngle, fronts: Records, clean: np.nda
     level = fronts["level_m_s2"][row]
     both = np.resize(np.array([entry - middle, leave - middle]), at.size) * DEG
     return np.stack([(wheel.angle.at(at) - middle) * DEG, channel.read(first, last) / level, both])
+
+
+def _mended(wheel: WheelAngle, entry: FloatArray, leave: FloatArray) -> np.ndarray:
+    """Passages (n,) from `entry` to `leave` [rad] at which the count of teeth was mended.
+
+    None if most are: a gap in the tone wheel comes every turn, and is learnt.
+    """
+    low = np.searchsorted(wheel.uneven_s, wheel.angle.time_at(entry) - 0.5 * SPAN_S)
+    high = np.searchsorted(wheel.uneven_s, wheel.angle.time_at(leave) + 0.5 * SPAN_S)
+    near = np.isfinite(entry + leave) & (high > low)
+    return near & (np.mean(near) < 0.5)
 
 
 #: passages on either side of a place where the count may have lost teeth, whose medians say where
@@ -426,7 +448,9 @@ def _one_turn(
         if own.size and before.size:
             move = float(np.median(turn[own[:BESIDE]]) - np.median(before))
             teeth = round(move / tooth) * tooth
-            doubt = teeth != 0.0 and abs(move) <= MOST_MOVED_DEG
+            # what is between two teeth is neither, and a small move may be either
+            between = abs(move - teeth) > MOST_MOVED_DEG
+            doubt = between or (teeth != 0.0 and abs(move) <= MOST_MOVED_DEG)
             moved += not doubt and teeth != lost
             lost = lost if doubt else teeth
         turn[rows] -= lost
