@@ -5,17 +5,18 @@
         --beside the truth--> rows `ok`, wrong and `ok`, marked, missing
 
 `python -m benchmarks.faults [--suite tuning|reporting] [--logs N] [--seed S] [--only FAULT]
-[--both N] [--keep FILE.csv]`. A number is wrong if it is off by more than five of its errors and by
-more than its table's least (1 % of a speed, a length, a factor; 0.002 of a slip; 0.1 degrees of a
-phase shift, whose zero is a convention: what the rows of a log are off alike counts for nothing). A
-row is found by its time; one that is no passage of the truth is wrong as well. The suites differ in
-tires, drives and seeds.
+[--both N] [--keep FILE.csv]`, or `--again tests/faults/faulty_logs.csv`, which counts the faults of
+the table that the tests hold.
+
+A number is wrong if it is off by more than five of its errors and by more than its table's least
+(1 % of a speed, a length, a factor; 0.002 of a slip; 0.1 degrees of a phase shift, whose zero is a
+convention: what the rows of a log are off alike counts for nothing). A row is found by its time;
+one that is no passage of the truth is wrong as well. The suites differ in tires, drives and seeds.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 import secrets
 import sys
 import tempfile
@@ -602,6 +603,30 @@ def counted(
     return total
 
 
+#: what is run for a table that is held
+HELD = {"suite": "tuning", "logs": 1, "seed": 9}
+
+
+def held(path: Path) -> pd.DataFrame:
+    """The table of a file, of which `kind`, `fault` and `table` are the index."""
+    return pd.read_csv(path).set_index(["kind", "fault", "table"])
+
+
+def table_of(kinds: dict[str, list[str]], suite: str, logs: int, seed: int) -> pd.DataFrame:
+    """The counts of so many logs under the faults of each kind, printed as they come."""
+    rows = []
+    for kind, names in kinds.items():
+        for (name, table), count in counted(kind, suite, logs, names, seed).items():
+            rows.append({"kind": kind, "fault": name, "table": table, **vars(count)})
+            print(
+                f"{kind:6s} {name:45s} {table:12s} ok {count.ok:5d} of {count.passages:5d}"
+                f"  wrong {count.wrong:5d}  worst {count.worst:9.3g}  marked {count.marked:5d}"
+                f"  refused {count.refused}",
+                flush=True,
+            )
+    return pd.DataFrame(rows).set_index(["kind", "fault", "table"])
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.faults", description=__doc__)
     parser.add_argument("--suite", choices=("tuning", "reporting"), default="tuning")
@@ -611,31 +636,27 @@ def main() -> int:
     parser.add_argument("--only", action="append", help="a fault, or a part of its name")
     parser.add_argument("--both", type=int, default=0, help="so many pairs of faults as well")
     parser.add_argument("--keep", type=Path, help="a CSV file for the table")
+    parser.add_argument("--again", type=Path, help="a CSV file whose faults are counted anew")
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
+    if asked.again:
+        faults = held(asked.again).reset_index().groupby("kind", sort=False)["fault"].unique()
+        table = table_of({kind: list(some) for kind, some in faults.items()}, **HELD)
+        table.to_csv(asked.again, float_format="%.3g")
+        return 0
     seed = secrets.randbelow(2**31) if asked.seed is None else asked.seed
     print(f"seed {seed}, suite {asked.suite}, {asked.logs} logs a fault", flush=True)
-    rows, wrong, ok = [], 0, 0
+    kinds = {}
     for kind in asked.kind or FAULTS:
         names = [n for n in FAULTS[kind] if not asked.only or any(o in n for o in asked.only)]
         random = np.random.default_rng(seed)
         names += [" + ".join(random.choice(names, 2, replace=False)) for _ in range(asked.both)]
-        total = counted(kind, asked.suite, asked.logs, names, seed)
-        for (name, table), count in total.items():
-            rows.append({"kind": kind, "fault": name, "table": table, **vars(count)})
-            wrong, ok = wrong + count.wrong, ok + count.ok
-            print(
-                f"{kind:6s} {name:45s} {table:12s} ok {count.ok:5d} of {count.passages:5d}"
-                f"  wrong {count.wrong:5d}  worst {count.worst:9.3g}  marked {count.marked:5d}"
-                f"  refused {count.refused}",
-                flush=True,
-            )
+        kinds[kind] = names
+    table = table_of(kinds, asked.suite, asked.logs, seed)
+    wrong, ok = int(table["wrong"].sum()), int(table["ok"].sum())
     print(f"{wrong} of {ok} `ok` rows are wrong: {1e3 * wrong / max(ok, 1):.2f} in 1000")
     if asked.keep:
-        with asked.keep.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, list(rows[0]))
-            writer.writeheader()
-            writer.writerows(rows)
+        table.to_csv(asked.keep)
     return 0
 
 

@@ -1,38 +1,36 @@
-"""Faults: one fault in a clean log leaves no number that is wrong and `ok`.
+"""Faults: what a fault in a clean log leaves wrong and `ok` is no more than the table holds.
 
-Those of `make faults` that take least time and stand for one mechanism each.
+A fault for each mechanism, of `make faults`; `python -m benchmarks.faults --again
+tests/faults/faulty_logs.csv` counts them anew. A table that becomes better is to be kept.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from benchmarks.faults import FAULTS, TABLES, counted
+from benchmarks.faults import HELD, counted, held
 
-FOUND = {
-    "strain": (
-        "none",
-        "strain_1: spikes of 3 samples 0.3-2 x40",
-        "strain_1: bursts 20 ms x15",
-        "strain_1: hops 20-200 ms 0.3 x15",
-        "strain_1: hum 50 Hz 0.03",
-        "strain_1: steps 0.05",
-        "temp_1: spikes 0.3-1 x60",
-    ),
-    "wheel": ("none", "encoder: held 1-4 ms x40"),
-}
+TABLE = held(Path(__file__).with_name("faulty_logs.csv"))
+#: rows that are `ok` now and may be marked on another processor
+ROUNDING = 3
 
 
-@pytest.mark.parametrize("kind", FAULTS)
-def test_no_wrong_number_is_ok(kind: str) -> None:
-    found = counted(kind, "tuning", 1, list(FOUND[kind]), seed=9, processes=1)
-    assert {name for name, _ in found} == set(FOUND[kind])
-    for (name, table), count in found.items():
-        assert count.wrong == 0, (name, table, count)
-        if name == "none":
-            assert count.ok >= 0.98 * count.passages, (table, count)
-            assert not count.refused
-    most = {
-        table: sum(c.ok for (_, own), c in found.items() if own == table) for table in TABLES[kind]
-    }
-    assert all(most.values())
+@pytest.mark.parametrize("kind", ["strain", "wheel"])
+def test_no_more_numbers_are_wrong_and_ok(kind: str) -> None:
+    before = TABLE.loc[kind]
+    names = list(before.index.get_level_values("fault").unique())
+    found = counted(kind, HELD["suite"], HELD["logs"], names, HELD["seed"], processes=1)
+    assert set(found) == set(before.index)
+    for key, count in found.items():
+        assert count.wrong <= before.loc[key, "wrong"], (key, count)
+        assert count.ok >= before.loc[key, "ok"] - ROUNDING, (key, count)
+        assert count.refused <= before.loc[key, "refused"], (key, count)
+
+
+def test_the_table_holds_no_wrong_number_of_a_clean_log() -> None:
+    clean = TABLE.xs("none", level="fault")
+    assert not clean["wrong"].any()
+    assert (clean["ok"] >= 0.98 * clean["passages"]).all()
+    assert TABLE["wrong"].sum() <= 1e-3 * TABLE["ok"].sum()

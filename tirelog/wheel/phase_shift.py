@@ -219,8 +219,8 @@ DEG = 180 / np.pi
 #: with the square; doubled, it is four times as large
 LOW_SPEED_M_S = 13.0
 #: usual rms beside the patch, in sigmas of a sample, of an accelerometer that hums; on a road it is
-#: 1.2 to 2
-RESTLESS = 3.0
+#: 1.2 to 4
+RESTLESS = 5.0
 #: a constant speed: steps below this from passage to passage (P1 section 4), over at least so many
 #: passages, within this range; twice the step or range takes gentle braking for a constant speed
 STEADY_STEP_M_S, STEADY_PASSAGES, STEADY_RANGE_M_S = 0.08, 8, 0.6
