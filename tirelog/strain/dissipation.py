@@ -14,6 +14,8 @@ A revolution runs from half a turn before the patch centre to half a turn after.
 squared derivative, white noise of sigma as much as sigma^2 x (sum of the squared filter). The
 filter passes what a patch's strain holds along the tread, up to PASS / L at the log's top speed, so
 that its own bias is below 1e-3 (0.3e-3 on a stiff-treaded ring) as long as the sampling allows.
+
+The file is longer than others: estimate, doubts, table and regressions are of one number.
 """
 
 from __future__ import annotations
