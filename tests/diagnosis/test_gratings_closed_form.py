@@ -265,7 +265,7 @@ def recording(**angles: float | None) -> Recording:
 
 
 def test_gratings_without_a_place_that_a_log_lacks_or_that_are_one_are_refused():
-    with pytest.raises(UsageError, match=r"no passage tells where g2 stands.*angle_deg"):
+    with pytest.raises(UsageError, match=r"no passage shows the angle of g2.*angle_deg"):
         places_of({"g1": Stacks(), "g2": Stacks()}, {})
     with pytest.raises(UsageError, match=r"no grating g7.*g1, g2"):
         measured_gratings([recording(g1=0.0, g2=90.0)], ("g1", "g7"))
@@ -298,10 +298,10 @@ def driven() -> Recording:
     ("given", "stand", "said"),
     [
         ((20.0, 150.5), (20.0, 150.5), None),
-        ((None, None), (0.0, 130.5), "g2 stands 130."),
+        ((None, None), (0.0, 130.5), "g2 is 130."),
         ((None, 150.5), (20.0, 150.5), None),
-        ((30.0, None), (30.0, 160.5), "g2 stands 130."),
-        ((20.0, 190.5), (20.0, 190.5), "g2 stands 130.+ by the setup's angle_deg 170.5; the setup"),
+        ((30.0, None), (30.0, 160.5), "g2 is 130."),
+        ((20.0, 190.5), (20.0, 190.5), "g2 is 130.+ by the setup's angle_deg 170.5; the setup"),
     ],
 )
 def test_the_setup_goes_before_the_passages_and_is_doubted(driven, given, stand, said):
@@ -314,7 +314,7 @@ def test_the_setup_goes_before_the_passages_and_is_doubted(driven, given, stand,
     found = measured_gratings([log], ("all",))
     angles = [part.outlines()[0].place_rad for part in (found.stacks, *found.beside)]
     np.testing.assert_allclose(np.degrees(angles), stand, atol=0.1)
-    notes = [note for note in found.notes if note.startswith("g2 stands")]
+    notes = [note for note in found.notes if note.startswith("g2 is ")]
     assert len(notes) == (said is not None)
     assert said is None or re.match(said, notes[0])
 

@@ -80,7 +80,7 @@ def test_a_patch_that_follows_the_pressure_is_not_the_noise_floor(two_pressures)
     result = diagnosed(two_pressures)
     assert result.verdict == "unknown"
     assert result.unexplained["follows"] == "pressure"
-    assert "noise floor" not in result.sentence
+    assert "is the noise floor" not in result.sentence
     assert "First check what the setups say of load, pressure" in result.sentence
 
 

@@ -384,8 +384,8 @@ def test_obstacles_are_told_hit_by_hit() -> None:
     result.hits_table = partial(TransientComparison.hits_table, result)
     section = models.obstacles(result, "tirelog compare", log_colours(["f/0.csv", "f/a.csv"]))
     assert "5 hits on an obstacle" in section.text[0]
-    assert "the model covers 98 %" in section.text[0]
-    assert "20 microstrain added, 3 missed, at a floor of 1" in section.text[0]
+    assert "The model covers 98 %" in section.text[0]
+    assert "20 microstrain, of which 3 is missed; noise floor 1" in section.text[0]
     assert "mind." in section.text
     assert "The first 3 hits are drawn" in section.text[-1]
     assert len(section.figures) == 9
