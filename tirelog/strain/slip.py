@@ -158,7 +158,7 @@ def _radius(
 #     slip sigma, mu = -F_x / F_z of each turn
 #         --least squares--> sigma = mu / k + b mu |mu| + c + d v^2
 #
-# k is the slip slope by which Gustafsson tells roads apart (Automatica 33, 1997). Of a brush whose
+# k is the slip slope by which Gustafsson parts roads (Automatica 33, 1997). Of a brush whose
 # tread is as stiff as P2 (17) has it, k = 3 f_s: a road of other friction has another slope. A tire
 # is some ten times stiffer, and then k says how the friction of two roads compares.
 
@@ -171,7 +171,7 @@ def slip_slope(
     mu positive in braking, slip and its standard error, speed, and the slip that one standard error
     of the delay of the vehicle's speed makes, (n,), one turn after the other. By the speed squared
     goes what of the slip the rolling radius has taken for a belt that grows: drag is force too.
-    All is NaN if no line is told.
+    All is NaN if k is not three times its error.
     """
     # five turns at a time: the force's noise flattens the line by what it is of the force's range;
     # with twice as many, gentle manoeuvres are lost between others

@@ -211,7 +211,7 @@ class Effect:
                                stretch: how far tau pulls a beam along, of each mode [m^2/N];
                                baseline [strain]; transfer: sensor's transfer; gain: sensor's
                                factor; lever: the same of the lever arm, so for strain alone,
-                               and shortening: what is taken off it [m]; strain: added
+                               and shortening: its loss [m]; strain: added
                                waveform at (drive, site, phi); acceleration [m/s^2]: likewise;
                                regressor: added to a number per revolution
     """

@@ -239,8 +239,8 @@ def asperities(
     Valid: heights well below the tread's compression in the middle of the patch; the parabola
     Source: Greenwood and Williamson, Proc. R. Soc. A 295, 1966; P1, P2, outlook (ii)
 
-    Only k_t h is told by a log. A diagnosis does not try it: it is like rough_contact, which
-    smears by a share of the patch whatever the load.
+    A log knows the product k_t h alone. A diagnosis does not try it: it is like rough_contact,
+    which smears by a share of the patch whatever the load.
     """
     place = site.load_N, site.half_length_m, site.radius_m
     return rough(*place, abs(height_m), tread_stiffness_N_m2)  # a step of a fit may be below zero
@@ -292,7 +292,7 @@ def water_wedge(drive: Drive, site: Site, *, width_m: float, film_mm: float) -> 
     # a step of a fit may go below zero
     wedged = filled_wedge(drive.speed_m_s, depth, abs(width_m), film, site.radius_m)
     lift = water(site.load_N, site.half_length_m, site.radius_m, *wedged, film)
-    return np.sign(width_m) * lift
+    return np.asarray(np.sign(width_m) * lift, np.complex128)
 
 
 def _worn_lever(drive: Drive, *, lever_loss: float) -> FloatArray:

@@ -512,11 +512,11 @@ def waveform(
         modes = of_rows(modes, rows)
         for lever in task.hooks(lambda effect: effect.lever).values():
             modes = modes * lever()
-        for taken in task.hooks(lambda effect: effect.shortening).values():
-            modes = modes * (1.0 - taken() / (abs(lever_m) or np.inf))
-        along = pulled_along(few)
-        if along is not None:
-            modes = modes + 1j * q * of_rows(along, rows)
+        for shorter in task.hooks(lambda effect: effect.shortening).values():
+            modes = modes * (1.0 - shorter() / (abs(lever_m) or np.inf))
+        pulled = pulled_along(few)
+        if pulled is not None:
+            modes = modes + 1j * q * of_rows(pulled, rows)
         return sensed(task, modes) * gain(task), baseline(task)
     spin, curved = task.drive.speed_m_s**2, bending(task)
     factor, seen = gain(task), sensed(task, curved * spin + frame_acceleration(task))
