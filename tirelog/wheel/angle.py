@@ -19,6 +19,7 @@ from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.pitch import (
     KNOT_STEP_S,
     LEAST_TURNS,
+    SPAN_S,
     AngleFunction,
     KnotBuilder,
     PitchLearner,
@@ -27,6 +28,7 @@ from tirelog.dsp.pitch import (
     steps_that_repeat,
 )
 from tirelog.dsp.teeth import (
+    SLOW_S,
     TEETH,
     FASTEST_BACK_Hz,
     Probe,
@@ -141,6 +143,16 @@ class WheelAngle:
         span = np.where(last > first, last - first, np.nan)
         return (self.angle.at(last) - self.angle.at(first)) / span
 
+    def mended(self, begin_s: FloatArray, end_s: FloatArray) -> BoolArray:
+        """Stretches of time (n,) at which the count of teeth was mended.
+
+        None if most are: a gap in the tone wheel comes every turn, and is learnt.
+        """
+        low = np.searchsorted(self.uneven_s, begin_s - 0.5 * SPAN_S)
+        high = np.searchsorted(self.uneven_s, end_s + 0.5 * SPAN_S)
+        near = np.isfinite(begin_s + end_s) & (high > low)
+        return near & (np.mean(near) < 0.5) if near.size else near
+
     def quality(self, start_s: FloatArray, stop_s: FloatArray) -> QualityFlags:
         """What is wrong with the angle within [start, stop], each shape (n,).
 
@@ -196,8 +208,7 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
         passages += teeth.size
         missing += int(teeth["missing"].sum())
         extra += int(teeth["extra"].sum())
-        mended = teeth["uneven"] | (teeth["missing"] > 0) | (teeth["extra"] > 0)
-        uneven.append(teeth["time_s"][mended])
+        uneven.append(_uneven_times(teeth))
         sample = max(sample, teeth, key=len)
     if passages < (16 if found.form == "counter" else 4 * steps):
         raise _too_few(channel, found.form, passages, steps)
@@ -220,6 +231,18 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
         channel.name, steps, found.form, function, pitch, backward, untold,
         np.concatenate(uneven), tuple(remarks),
     )  # fmt: skip
+
+
+def _uneven_times(teeth: Records) -> FloatArray:
+    """Times of the `teeth` (n,) of TEETH beside which the count was mended, or may have lost some.
+
+    Teeth that are merely slow are no reason.
+    """
+    time = teeth["time_s"]
+    slow = np.diff(time, append=np.inf) > SLOW_S
+    begun = np.diff(teeth["stretch"], append=teeth["stretch"][-1:]) > 0
+    mended = (teeth["missing"] > 0) | (teeth["extra"] > 0) | teeth["hole"]
+    return np.asarray(time[mended | begun | (teeth["uneven"] & ~slow)])
 
 
 def _noise(found: Probe, steps: int) -> float:

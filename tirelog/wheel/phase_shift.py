@@ -21,7 +21,6 @@ import numpy as np
 from tirelog.data.plausibility import implausible
 from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.filters import runs, unlike_neighbours, widened
-from tirelog.dsp.pitch import SPAN_S
 from tirelog.dsp.teeth import crossings, probe
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.runs.in_memory import without_spikes
@@ -339,7 +338,8 @@ def _passages(
         | marked(~found, Quality.LOST_PEAK)
         | marked(off_clock(channel.axis, turns.begin_s, turns.end_s), Quality.IMPLAUSIBLE)
     )
-    quality |= marked(_mended(wheel, entry, leave), Quality.GAP)
+    begin, end = (wheel.angle.time_at(front) for front in (entry, leave))
+    quality |= marked(wheel.mended(begin, end), Quality.GAP)
     reading = np.where(found, middle, np.nan)
     turn, moved, strange, unclear = _one_turn(reading, wheel, time, good(quality, Use.FRONTS))
     quality |= marked(strange, Quality.REVERSING) | marked(unclear, Quality.IMPLAUSIBLE)
@@ -396,17 +396,6 @@ def _example(channel: Channel, wheel: WheelAngle, fronts: Records, clean: np.nda
     level = fronts["level_m_s2"][row]
     both = np.resize(np.array([entry - middle, leave - middle]), at.size) * DEG
     return np.stack([(wheel.angle.at(at) - middle) * DEG, channel.read(first, last) / level, both])
-
-
-def _mended(wheel: WheelAngle, entry: FloatArray, leave: FloatArray) -> np.ndarray:
-    """Passages (n,) from `entry` to `leave` [rad] at which the count of teeth was mended.
-
-    None if most are: a gap in the tone wheel comes every turn, and is learnt.
-    """
-    low = np.searchsorted(wheel.uneven_s, wheel.angle.time_at(entry) - 0.5 * SPAN_S)
-    high = np.searchsorted(wheel.uneven_s, wheel.angle.time_at(leave) + 0.5 * SPAN_S)
-    near = np.isfinite(entry + leave) & (high > low)
-    return near & (np.mean(near) < 0.5)
 
 
 #: passages on either side of a place where the count may have lost teeth, whose medians say where

@@ -118,6 +118,7 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], WheelTurns, 
     time, turns = turns_of(wheel, radius.radius_m)
     off = off_clock(channel.axis, turns.begin_s, turns.end_s)
     turns = replace(turns, quality=turns.quality | marked(off, Quality.IMPLAUSIBLE))
+    mended = wheel.mended(time - 0.5 * SPEED_WINDOW_S, time + 0.5 * SPEED_WINDOW_S)
     rate = wheel.speed_rad_s(time)
     noise = np.sqrt(2.0) * wheel.angle.noise_at(time) / SPEED_WINDOW_S
     share = 0.0 if np.isnan(radius.se_m) else radius.se_m / radius.radius_m
@@ -133,7 +134,7 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], WheelTurns, 
         "period_s": turns.end_s - turns.begin_s,
         "speed_se_m_s": np.hypot(noise * radius.radius_m, share * rate * radius.radius_m),
         "acceleration_m_s2": turns.acceleration_m_s2,
-        "quality": quality_column(turns.quality | unlike),
+        "quality": quality_column(turns.quality | unlike | marked(mended, Quality.GAP)),
     }
     return columns, turns, [*wheel.remarks, *([radius.remark] if radius.remark else [])]
 
