@@ -188,7 +188,8 @@ def beside(given: list[World], usual: Answer, new: Answer, moved: Moved) -> None
         if other is None:
             moved.refused += 1
             continue
-        value, errors, *_ = faults.TABLES[given[number].kind][table]
+        meaning = faults.TABLES[given[number].kind][table]
+        value, errors = meaning.number, meaning.errors
         both = rows.merge(other, on=["channel", "revolution"], how="outer", suffixes=("", "_new"))
         se = np.sqrt(sum(np.nan_to_num(both[e].to_numpy(float)) ** 2 for e in errors if e in both))
         off = np.abs(both[f"{value}_new"] - both[value]).to_numpy(float)

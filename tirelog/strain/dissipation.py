@@ -148,7 +148,8 @@ def _filter(channel: Channel, passages: Passages) -> tuple[FloatArray, int, bool
     averaged = int(2 ** np.floor(np.log2(max(rate / (4.0 * wanted), 1.0))))
     edge = min(wanted, SHARE_OF_NYQUIST * 0.5 * rate / averaged)
     mean = running_mean_of(channel.recorded or channel)
-    passed = float(averaging_gain(2.0 * np.pi * LEAST / PASS * wanted / rate * mean, mean))
+    edge_rad = np.array(2.0 * np.pi * LEAST / PASS * wanted / rate * mean)
+    passed = float(averaging_gain(edge_rad, mean))
     limited = edge < LEAST / PASS * wanted or passed < LEAST_PASSED
     limited |= stamp_scatter(channel.axis) > MOST_UNEVEN
     return differentiator(rate / averaged, edge, averaged), averaged, limited
