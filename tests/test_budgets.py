@@ -23,29 +23,29 @@ SAMPLES = ROOT / "sample_data"
 #: most files and statements of a folder
 FOLDERS = {
     "(top)": (7, 490),
-    "api": (7, 640),
+    "api": (7, 760),
     "campaign": (5, 800),
-    "cli": (8, 1240),
+    "cli": (8, 1270),
     "data": (4, 450),
-    "diagnosis": (24, 4810),
+    "diagnosis": (24, 4970),
     "drafts": (2, 410),
-    "dsp": (4, 880),
+    "dsp": (4, 960),
     "inference": (18, 3200),
     "kernels": (3, 250),
-    "physics": (27, 3530),
-    "plots": (6, 1130),
-    "readers": (24, 4640),
-    "report": (6, 1190),
-    "runs": (7, 1630),
+    "physics": (27, 3630),
+    "plots": (6, 1140),
+    "readers": (24, 4700),
+    "report": (6, 1180),
+    "runs": (7, 1670),
     "simulation": (14, 2330),
     "storage": (4, 630),
-    "strain": (19, 3370),
+    "strain": (19, 3460),
     "tables": (4, 320),
-    "vocabulary": (9, 360),
-    "wheel": (8, 1590),
+    "vocabulary": (9, 380),
+    "wheel": (8, 1640),
 }
 #: numbers with a name at the top of a module, and classes, in the whole package
-CONSTANTS, CLASSES = 724, 312
+CONSTANTS, CLASSES = 744, 312
 #: files that have a function which runs, by command
 WALKS = {"speed drive.csv.gz": 60, "diagnose hidden_1.csv.gz --model MODEL": 124}
 #: lines and parameters that a function may have

@@ -8,6 +8,7 @@ import pytest
 import tirelog
 from tirelog.cli.app import command
 from tirelog.inference.stacks.manoeuvres import MEASURED
+from tirelog.physics import BY_ID
 from tirelog.physics.effects.base import ENTERS
 from tirelog.physics.model.laws import LAWS
 from tirelog.products import MAKERS
@@ -35,7 +36,8 @@ def test_observables_name_kinds_and_stages_that_there_are() -> None:
     for observable in OBSERVABLES.values():
         assert set(observable.kinds) <= set(KINDS)
         assert set(observable.reads) <= entered
-    assert entered == {stage for o in OBSERVABLES.values() for stage in o.reads}
+    by_effects = {stage for effect in BY_ID.values() for stage in effect.reads}
+    assert entered == by_effects | {stage for o in OBSERVABLES.values() for stage in o.reads}
 
 
 def test_shown_units_are_the_units_table_s() -> None:

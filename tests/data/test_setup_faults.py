@@ -13,7 +13,7 @@ BAD = [
         "strain_gain",
         "strian_gain",
         15,
-        r"unknown key 'strian_gain'.*nearest: strain_gain.*allowed are kind, source",
+        r"unknown key 'strian_gain'.*nearest: strain_gain",
     ),
     ('kind = "fbg_strain"', 'kind = "fbg_strian"', 11, r"nearest: fbg_strain"),
     ('unit = "nm"', 'unit = "nanobar"', 13, r"unit 'nanobar' is not one of m, mm"),

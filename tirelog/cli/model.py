@@ -303,19 +303,11 @@ def predict(
     ] = None,
     points: Annotated[
         int | None,
-        typer.Option(
-            min=8,
-            max=100_000,
-            help="Angles over the revolution; default 1024, 4096 of one with --all.",
-        ),
+        typer.Option(min=8, max=100_000, help="Angles; default 1024, 4096 of one with --all."),
     ] = None,
     modes: Annotated[
         int | None,
-        typer.Option(
-            min=1,
-            max=1023,
-            help="Number of the last wave round the circumference; default all.",
-        ),
+        typer.Option(min=1, max=1023, help="Last wave round the circumference; default all."),
     ] = None,
     everything: Annotated[
         bool,
