@@ -246,6 +246,21 @@ def test_a_shift_of_more_than_half_a_tooth_is_the_patchs(steps):
     assert np.abs(shift).max() < 0.15
 
 
+def test_a_tooth_that_was_dropped_whole_is_given_back():
+    """Both channels lack the samples of a tooth, so that every tooth is as long as before."""
+    drive, tread = Drive((0, 12), (10, 10)), Tread(seed=15_600)
+    tooth = round(2 * np.pi * RADIUS_M / 48 / 10 * 10_000)
+    kept = np.ones(drive.time.size, bool)
+    for start in (30_500, 61_000, 90_200):
+        kept[start : start + tooth] = False
+    signals = (Encoder(pitch_deg=0.05).signal(drive)[kept], tread.signal(drive)[kept])
+    drive = Drive((0, kept.sum() / 10_000), (10, 10))
+    found = next(measure_phase_shift(recording(drive, *signals), "none"))
+    middle = (found.entry_deg + found.width_deg / 2)[found.good]
+    assert found.good.mean() > 0.8
+    assert np.ptp(middle) < 0.3
+
+
 def test_missing_and_glitching_teeth():
     drive, tread = Drive(*DYNAMIC), Tread(seed=16_000)
     signal = Encoder().signal(drive)

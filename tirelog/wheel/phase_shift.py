@@ -416,7 +416,7 @@ def _one_turn(
 
     After a standstill, a hole or samples that were held, the count may have lost whole teeth; the
     patch's place against the passages before, of which those that are not `sound` (n,) tell
-    nothing, gives them back. Where the teeth are even no tooth is lost, and a move is the patch's.
+    nothing, gives them back. Where the teeth are even, what a force can move is the patch's.
     If the place of a stretch lies between two teeth the wheel must have rolled the other way.
     """
     tooth = 360.0 / wheel.steps
@@ -428,9 +428,10 @@ def _one_turn(
     turn = np.angle(np.exp(1j * (middle - usual))) * DEG
     stretch = wheel.angle.stretch_at(time)
     order = np.flatnonzero(known)
-    parts = np.split(
-        order, 1 + np.flatnonzero(np.diff(np.searchsorted(wheel.uneven_s, time[order])))
-    )
+    doubtful = np.diff(np.searchsorted(wheel.uneven_s, time[order])) > 0
+    # rows that were dropped may take whole teeth with them, and leave the others even
+    doubtful |= np.abs(np.diff(turn[order])) > MOST_MOVED_DEG
+    parts = np.split(order, 1 + np.flatnonzero(doubtful))
     lost, moved, doubt, before = 0.0, 0, False, np.zeros(0)
     for rows in parts:
         own = rows[sound[rows]]
