@@ -91,7 +91,8 @@ row = pd.read_parquet("r.parquet").iloc[0]
 assert abs(row.strain_least + 1e-4) < 1e-7 and abs(row.strain_largest - 1e-4) < 1e-7, row
 frame = tirelog.strain_range("a.h5", outside=0.25)
 assert frame.strain_largest[0] < 0.8e-4 and frame.attrs["units"]["duration_s"] == "s"
-assert list(signature(tirelog.strain_range).parameters) == ["logs", "setup", "outside", "start", "stop"]
+named = ["logs", "setup", "outside", "start", "stop"]
+assert list(signature(tirelog.strain_range).parameters) == named
 assert "Share left out" in tirelog.strain_range.__doc__ and "strain_range" in dir(tirelog)
 assert run(["strain-range", "a.h5", "--outside", "0.7", "-o", "x.parquet"]) == 2
 assert not Path("x.parquet").exists()
