@@ -4,8 +4,9 @@
         --beside those of the constant as it is--> rows that moved, `ok` rows lost and won,
                                                    `ok` rows that became wrong
 
-`python -m benchmarks.constants --part strain --part wheel [--keep FILE.csv]`, by default of all
-parts that make tables; `--answers` compares diagnoses of the hidden sample logs instead. A row has
+`python -m benchmarks.constants --part strain --part wheel [--keep FILE.csv] [--page PAGE.md]`, by
+default of all parts that make tables; `--answers` compares diagnoses of the hidden sample logs
+instead; `--kept FILE.csv` takes an earlier run for the page. A row has
 moved if its number changed by more than a tenth of its own error, or its quality. A constant that
 only compiled functions read keeps its value in them, and is listed as `compiled`: it is built in.
 Worlds and faults are those of `benchmarks.faults`, of a suite and seed of their own.
@@ -23,6 +24,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -259,13 +261,66 @@ def tried(
             yield moved
 
 
+PAGE = """# Constants and what they decide
+
+Each number at the top of a module was halved and doubled, one at a time, on {logs} logs with known
+truth: {clean} clean ones, and {faulty} with two faults each. `python -m benchmarks.constants` did so on
+{date}. A row has moved if its number changed by more than a tenth of its error, or its quality.
+
+{many} constants were tried, and {some} of them moved a row. A cell holds the counts for half and
+double: rows that moved, `ok` rows lost and won, and the growth of wrong `ok` rows. The last
+column counts the tables that were refused.
+
+| module | constant | value | moved | lost | won | wrong | refused |
+| --- | --- | --- | --- | --- | --- | --- | --- |
+{rows}
+
+The others moved nothing here. They are sizes of blocks, limits of memory, or decide in other logs:
+{others}.
+"""
+
+
+def page_of(found: list[Moved]) -> str:
+    """The page: a row per constant that decides something in these logs, and the others' names."""
+    pairs: dict[tuple[str, str, str], list[Moved]] = {}
+    for moved in found:
+        if moved.read_by == "python":
+            pairs.setdefault((moved.module, moved.name, moved.value), []).append(moved)
+    counts = ("moved", "ok_lost", "ok_won", "wrong_more", "refused")
+    rows, others = [], []
+    for (module, name, value), both in pairs.items():
+        cells = [" / ".join(str(getattr(m, count)) for m in both) for count in counts]
+        if any(int(getattr(m, count)) for m in both for count in counts):
+            short = value if len(value) < 24 else f"{value[:20]}..."
+            rows.append(f"| {module} | `{name}` | {short} | {' | '.join(cells)} |")
+        else:
+            others.append(f"`{module}.{name}`")
+    clean = sum(fault == "none" for _, fault in WORLDS)
+    return PAGE.format(
+        date=f"{datetime.now(UTC):%Y-%m-%d}",
+        logs=len(WORLDS),
+        clean=clean,
+        faulty=len(WORLDS) - clean,
+        many=len(pairs),
+        some=len(rows),
+        rows="\n".join(rows),
+        others=", ".join(others),
+    )
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.constants", description=__doc__)
     parser.add_argument("--part", action="append", help="of the package; several times")
     parser.add_argument("--answers", action="store_true", help="diagnoses in place of tables")
     parser.add_argument("--keep", type=Path, help="a CSV file for the table")
+    parser.add_argument("--page", type=Path, help="a Markdown file for the page")
+    parser.add_argument("--kept", type=Path, help="the table of an earlier run, for the page")
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
+    if asked.kept:
+        kept = pd.read_csv(asked.kept, dtype={"value": str}).to_dict("records")
+        asked.page.write_text(page_of([Moved(**row) for row in kept]), encoding="utf-8")
+        return 0
     found: list[Moved] = []
     with tempfile.TemporaryDirectory(prefix="constants-") as scratch:
         folder = Path(scratch)
@@ -288,6 +343,8 @@ def main() -> int:
             writer = csv.DictWriter(file, list(asdict(found[0])))
             writer.writeheader()
             writer.writerows(map(asdict, found))
+    if asked.page:
+        asked.page.write_text(page_of(found), encoding="utf-8")
     return 0
 
 
