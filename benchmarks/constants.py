@@ -265,7 +265,8 @@ PAGE = """# Constants and what they decide
 
 Each number at the top of a module was halved and doubled, one at a time, on {logs} logs with known
 truth: {clean} clean ones, and {faulty} with two faults each. `python -m benchmarks.constants` did
-so on {date}. A row has moved if its number changed by more than a tenth of its error, or its quality.
+so on {date}. A row has moved if its quality changed, or its number by more than a tenth of its
+error.
 
 {many} constants were tried, and {some} of them moved a row. A cell holds the counts for half and
 double: rows that moved, `ok` rows lost and won, and the growth of wrong `ok` rows. The last
