@@ -98,12 +98,16 @@ def json_table(data: bytes | None) -> dict[str, Any]:
 
 
 def swept(temporary: Path) -> None:
-    """An empty folder at `temporary`.  A link in its place is removed, and not followed."""
+    """A folder at `temporary`, empty if it can be emptied.
+
+    A link in its place is removed, and not followed.
+    """
     with failed_writes(temporary):
         if temporary.is_symlink():
             temporary.unlink()
+        # what cannot be removed now is removed by the next run
         shutil.rmtree(temporary, ignore_errors=True)
-        temporary.mkdir(parents=True)
+        temporary.mkdir(parents=True, exist_ok=True)
 
 
 class Folder:
