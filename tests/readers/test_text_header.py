@@ -62,7 +62,7 @@ MISFITS = {
 @pytest.mark.parametrize("what", MISFITS)
 def test_a_header_that_does_not_fit_gives_no_names(what):
     for name in ("strain", "temp", "load"):
-        with pytest.raises(ReadError, match=rf"no column '{name}' can be told.*allowed are #1 to"):
+        with pytest.raises(ReadError, match=rf"no column '{name}' can be identified: .*#1 to"):
             hundred_of(MISFITS[what], name)
     found, remarks = hundred_of(MISFITS[what], "#3")
     assert found == (100.0 if "counter" in what else 200.0)

@@ -151,7 +151,7 @@ def _grating(unit: str | None, known: FloatArray, named: bool) -> Guess | None:
 def _directed(kind: str, words: set[str], known: FloatArray, unit: str, reason: str) -> Guess:
     """The guess with the direction that the name tells, if the kind is one of several.
 
-    An axis across the tread is radial only if it stands at what turning alone can give.
+    An axis across the tread is radial only if turning alone can give its acceleration.
     """
     along = {
         "radial_acceleration": "longitudinal_acceleration",
@@ -159,7 +159,7 @@ def _directed(kind: str, words: set[str], known: FloatArray, unit: str, reason: 
     }
     if kind in along and words & _ACROSS:
         if kind == "radial_acceleration" and _no_vehicle(known, unit, 0.5):
-            return Guess(kind, unit, "it stands at an acceleration that only turning gives")
+            return Guess(kind, unit, "only a turning wheel gives such an acceleration")
         return Guess("signal", unit, "across the tread by its name")
     kind = along.get(kind, kind) if words & _ALONG else kind
     if kind == "longitudinal_acceleration" and _no_vehicle(known, unit, 0.999):
@@ -600,7 +600,7 @@ _MOST_UNUSED = 20
 
 @dataclass(frozen=True)
 class Finding:
-    """A sentence, and what it is about: implausible, missing, unused, guessed or said."""
+    """A sentence, and what it is about: implausible, missing, unused, guessed or noted."""
 
     about: str
     sentence: str
@@ -609,7 +609,7 @@ class Finding:
 def findings(recording: Recording, log: str) -> list[Finding]:
     """What is wrong or open in the setup of a recording that was opened unchecked.
 
-    What of `log` is unused is told if it is a file that tirelog did not write itself.
+    Unused series of `log` are in it if `log` is a file that tirelog did not write itself.
     """
     setup = recording.setup
     out = [Finding("missing", loss) for loss in recording.losses]
@@ -627,7 +627,7 @@ def findings(recording: Recording, log: str) -> list[Finding]:
             said = f'the patch takes the strain {side}, and surface = "{channel.surface}"'
             out.append(Finding("implausible", f'channel {channel.name}: {said}; is it "{likely}"?'))
     out += [Finding("implausible", said) for said in _motion(recording)]
-    out += [Finding("said", remark) for remark in recording.remarks]
+    out += [Finding("noted", remark) for remark in recording.remarks]
     out += [Finding("missing", said) for said in _missing(recording)]
     if is_file(log) and not is_run(log):
         with suppress(ReadError):  # nothing to list beside what was read

@@ -128,7 +128,7 @@ class RawBlock:
 class ReadReport:
     """What the reader met.
 
-    `losses` make status 3; `remarks` are said once; `counts` (bad rows, ...) go into the
+    `losses` make status 3; each of `remarks` is shown once; `counts` (bad rows, ...) go into the
     provenance. `damage` is the loss by which any row may hold what was never written;
     `passed_over` names what a converted log has beside numbers.
     """
@@ -143,7 +143,7 @@ class ReadReport:
 
 
 def of_damaged(damage: str, problem: TirelogError, log: str) -> ReadError:
-    """What is said instead of a `problem` that a damaged log has: the setup may be right."""
+    """The error in place of a `problem` of a damaged log, whose setup may be right."""
     return ReadError(
         f"{damage}; what could be read does not go with its setup: {problem.what}",
         do="copy the log again",

@@ -28,8 +28,8 @@ number):
   resolution, ascend, and come without a declared rate (setup or file): the samples have no clock of
   their own (wheel speeds on a bus), and their times are the stamps.
 
-A declared rate that the stamps contradict by more than 0.2 % is said, and the stamps are followed;
-beyond a fifth the setup is refused.
+A declared rate that the stamps contradict by more than 0.2 % gives a remark, and the stamps are
+followed; beyond a fifth the setup is refused.
 """
 
 from __future__ import annotations
@@ -461,8 +461,8 @@ class ClockFit:
     def _settled(self, period: float, tolerance: float) -> float:
         """The period in which rate and stamps agree, else that of the stamps.
 
-        Of a declared or a round rate if the stamps agree within `tolerance` [s]. How they differ
-        from a declared one is said. SetupError beyond a fifth, if the setup declared it.
+        Of a declared or a round rate if the stamps agree within `tolerance` [s]. A difference
+        from a declared one gives a remark. SetupError beyond a fifth, if the setup declared it.
         """
         rate = 1.0 / period
         for said, declared in (("the setup", self.setup_rate_Hz), ("the file", self.file_rate_Hz)):
@@ -494,7 +494,7 @@ class ClockFit:
     def _continued(self, pieces: list[Piece], period: float) -> list[Piece]:
         """Pieces whose lines never run backwards.
 
-        A repeated row stands alone between two, a clock set back is made to run on.
+        A repeated row is a piece of its own between two, a clock set back is made to run on.
         """
         out, shift = [pieces[0]], 0.0
         for before, piece in pairwise(pieces):

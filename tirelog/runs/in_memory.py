@@ -61,9 +61,9 @@ def with_holes(channel: Channel, first: IntArray, stop: IntArray) -> Channel:
 def in_memory(channel: Channel) -> Channel:
     """The channel in memory, unless it is too long for that.
 
-    Long channels of a log are read from its temporary run each time: for an hour at 2.5 kHz that is
-    275 MB in all, and 314 MB with two channels held, at the same cost (22 November 2026, two shared
-    cores, Python 3.11; `tirelog tables` on 4 gratings).
+    Long channels of a log are read from its temporary run each time. For an hour at 2.5 kHz that is
+    275 MB in all, and 314 MB with two channels held, at the same cost. (22 November 2026, two
+    shared cores, Python 3.11; `tirelog tables` on 4 gratings.)
     """
     most = HELD_FLOATS if channel.at_hand else HELD_SAMPLES
     if channel.size > most or channel.stored is not None:
@@ -311,7 +311,7 @@ def error_codes(
     """Ranges (k, 2) of samples that hold an error code: its first and the one behind its last.
 
     A code is a number that comes exactly, at least `fewest` times and at most in this share of the
-    samples, and whose distance from all other samples is FAR times their range. A clipped signal
+    samples. Its distance from all other samples is FAR times their range. A clipped signal
     has samples beside its limit, and so has none. `cells` are the least and the largest of the
     channel's cells, (m,) each.
     """
@@ -445,9 +445,9 @@ def cell_ranges(
 ) -> tuple[FloatArray, FloatArray]:
     """The least and the largest, shape (m,) each, of the `around` cells about each cell.
 
-    Of the cells' `low` and `high` (m,), NaN where lost, without the most extreme `left_out` at
-    either end, or as large a share of the cells that are there; NaN if these are too few. The same
-    for all cells of half of `around`.
+    Of the cells' `low` and `high` (m,), NaN where lost. The most extreme `left_out` at either end
+    do not count, or as large a share of the cells that are there; NaN if these are too few. The
+    same for all cells of half of `around`.
     """
     half, count = around // 2, low.size
     first = np.clip(np.arange(0, count, half) - half // 2, 0, max(count - around, 0))
@@ -610,7 +610,7 @@ def _changes(stored: Scaled, start: int, stop: int, held: bool) -> IntArray:
 
 
 def _places(edges: IntArray, period: float) -> IntArray:
-    """First samples of the values between `edges`, of which each stands for some `period`."""
+    """First samples of the values between `edges`, each of which lasts some `period`."""
     steps = np.diff(edges)
     values = np.maximum(np.rint(steps / period), 1.0).astype(np.int64)
     within = np.arange(int(values.sum())) - np.repeat(np.cumsum(values) - values, values)

@@ -4,8 +4,8 @@ r"""From a log to a run: the one way in for every command.
                           \--store--> run            (one pass, bounded memory)
 
 `open_recording` is what commands call: a run is opened as it is; any other log is ingested first
-into a temporary run (flat files in the folder for temporary files), so that a log, its run and
-standard input give the same rows by construction.
+into a temporary run (flat files in the folder for temporary files). So a log, its run and standard
+input give the same rows by construction.
 """
 
 from __future__ import annotations

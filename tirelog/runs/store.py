@@ -22,9 +22,9 @@ a chunk of samples becomes NaN, and the recording's losses say so; anywhere else
 Format 1, which kept its texts in the heap, is not read.
 
 A run is checked before any of it is believed, whoever made the file. `contents_digest` covers every
-group, name, link, attribute, type, shape and stored number but for the long columns (samples and
-explicit times), whose own sha256 stand in their attributes; it is compared each time a run is
-opened. `changed_columns` reads the long ones and compares theirs.
+group, name, link, attribute, type, shape and stored number but for the long columns. These are
+samples and explicit times, whose own sha256 are attributes. The digest is compared each time a run
+is opened. `changed_columns` reads the long ones and compares theirs.
 """
 
 from __future__ import annotations
@@ -196,7 +196,7 @@ def changed_columns(path: Path | str) -> list[str]:
         with h5py.File(path, "r") as file:
             return check_columns(file)
     except (ReadError, *LIBRARY_ERRORS):
-        return ["what stands in it"]
+        return ["its content"]
 
 
 @contextmanager
@@ -406,7 +406,7 @@ def _channel(
 
 
 def _read(dataset: h5py.Dataset, start: int, stop: int, name: str, losses: list[str]) -> np.ndarray:
-    """Stored numbers [start, stop); a chunk that fails its checksum is lost, and said once."""
+    """Stored numbers [start, stop); a chunk that fails its checksum is lost, with one loss."""
     try:
         return np.asarray(dataset[start:stop])
     except LIBRARY_ERRORS:
@@ -636,7 +636,7 @@ def flags_at(file: h5py.File, name: str, size: int, foreign: set[str]) -> tuple[
 
 
 def contents_digest(file: h5py.File) -> str:
-    """sha256 of all that stands in the file but for the long columns' numbers."""
+    """sha256 of the whole content of the file but for the long columns' numbers."""
     found = hashlib.sha256()
     for path, item in _objects(file):
         what = "group" if isinstance(item, h5py.Group) else f"{item.dtype.str}{item.shape}"

@@ -62,9 +62,9 @@ def object_of(url: str) -> tuple[str, str]:
 
 
 def shown(path: Path | str) -> str:
-    """A log's path as it may stand in a table.
+    """A log's path as a table may show it.
 
-    An address stands without user, password or values of its query.
+    An address appears without user, password or values of its query.
 
     A local path stays as it is given; bytes of a name that are no UTF-8 are escaped, as \\xff.
     """
@@ -247,7 +247,7 @@ _MARKS = ("ETag", "etag", "md5Hash", "LastModified", "last_modified", "mtime", "
 
 
 def state_of(path: str) -> list[Any]:
-    """What changes when the bytes at a path or address do, as far as it is told without reading.
+    """What changes when the bytes at a path or address do, as far as it is known without reading.
 
     OSError, ReadError: not there.
     """

@@ -76,7 +76,7 @@ class Document:
         return lines
 
     def line(self, path: Path) -> int | None:
-        """The line of what stands at the path, or of the nearest table around it."""
+        """The line of the key or table at the path, or of the nearest table around it."""
         ends = range(len(path), 0, -1)
         return next((self.lines[path[:end]] for end in ends if path[:end] in self.lines), None)
 
@@ -108,7 +108,7 @@ class FilePlace:
 
     @property
     def inside(self) -> str:
-        """In which table the key at this place stands, as words behind it; none at the top."""
+        """The table that holds the key at this place, as words behind it; none at the top."""
         around = replace(self, path=self.path[:-1])
         return f" in {around.table}" if around.path else ""
 

@@ -111,7 +111,7 @@ def _machine() -> str:
 
 
 def _started(pid: int) -> int | None:
-    """When the process began [ticks since the machine did], None if it has ended, 0 if not told."""
+    """When the process began [ticks since the machine did], None if it has ended, 0 if unknown."""
     try:
         state, *others = (
             Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()
@@ -207,7 +207,7 @@ def temporary_folder() -> Iterator[Path]:
 
 @contextmanager
 def inputs_kept() -> Iterator[None]:
-    """While open (for one command), `whole_file` refuses what `taken_as_input` was told of.
+    """While open (for one command), `whole_file` refuses the inputs of `taken_as_input`.
 
     Folders are swept anew. At the end they are once more if another process was at work there,
     which may have been killed meanwhile.

@@ -1,1 +1,1 @@
-"""HDF5 logs: columns named by the setup, read in slabs, damage told apart from absence."""
+"""HDF5 logs: columns named by the setup, read in slabs, damage distinguished from absence."""

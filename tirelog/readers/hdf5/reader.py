@@ -7,7 +7,7 @@
 
 A channel that is missing or refused is a loss (status 3) while another one is left, else the log is
 unreadable (status 4). Samples in a damaged chunk, in one that was never written or behind the cut
-of a file are NaN with the flag `gap`, and a loss.
+of a file are NaN with the flag `gap`. They are a loss.
 
 This file is longer than others: a list of series leaves out what a log would take for its time.
 """
@@ -291,8 +291,9 @@ def time_of(
 def rising_time(file: h5py.File, found: SourceColumn) -> str:
     """The source of what rises beside the column as nothing but a time does, or ''.
 
-    The first column of its matrix; a dataset of its length beside it that has a name of time and
-    rises, else the only one that rises in even steps and whose name is of no other quantity.
+    In a matrix, its first column. Else a dataset of the same length beside the column that rises
+    and has a name of time. Else the only one that rises in even steps and whose name is of no other
+    quantity.
     """
     path = found.dataset.name
     if found.dataset.ndim == 2 and min(found.dataset.shape) > 1 and found.field is None:
@@ -635,7 +636,7 @@ class Hdf5Log:
             return None
 
     def _guessed_time(self, column: SourceColumn, rate: float | None) -> TimeColumn | None:
-        """What rises beside a column without a rate, which is said."""
+        """The time guessed for a column without a rate, with a remark."""
         log = self.setup.log
         if rate is not None or log.time is not None or log.sampling_rate_Hz is not None:
             return None

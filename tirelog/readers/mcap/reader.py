@@ -110,8 +110,8 @@ class Topic:
 
         Channels that it does not hold go to `failed`.
 
-        `decimal` are some first messages of a text encoding, by which the decimals of its numbers
-        are told.
+        `decimal` are some first messages of a text encoding, which show the decimals of its
+        numbers.
         """
         self.started = True
         kinds: dict[str, Any] = {}
@@ -525,7 +525,7 @@ class McapLog:
             )
 
     def _missing(self) -> None:
-        """Say which topics of the setup the log does not have."""
+        """Add a loss for each topic of the setup that the log does not have."""
         known = sorted({channel.topic for channel in self.records.channels.values()})
         for topic in self.topics.values():
             if topic.started or topic.name in self.undecodable:

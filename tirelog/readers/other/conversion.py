@@ -111,7 +111,7 @@ _ENVIRONMENT = {
 
 
 def convert(format: str, source: Path, folder: Path, log: str) -> tuple[Path, ReadReport]:
-    """(the log as a file of the format FORMATS[format].made in `folder`, what is said of it).
+    """(the log as a file of the format FORMATS[format].made in `folder`, the report on it).
 
     ReadError: its library is not installed, or it holds no numbers that can be read.
     """

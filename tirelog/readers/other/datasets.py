@@ -337,7 +337,7 @@ class _Topics:
         self.written = 0
 
     def add(self, connection: Any, first: bool) -> bool:
-        """True if the topic's messages can be read; else it is passed over, and said."""
+        """True if the topic's messages can be read; else `passed_over` names it."""
         from rosbags.interfaces import MessageDefinitionFormat
         from rosbags.typesys import Stores, get_typestore
 

@@ -15,9 +15,9 @@ HEAD_BYTES = 4096
 class ConvertedFormat:
     """A format that `convert_MODULE` in `datasets` makes the format `made` ('' for text).
 
-    `start` is a regular expression of its first bytes, `name` it in sentences, `library` what reads
-    it, as it is imported, `package` and `extra` as they are installed; `imports` are loaded before
-    the limits are set, if not the library alone.
+    `start` is a regular expression of its first bytes, `name` its name in sentences. `library` is
+    the module that reads it, `package` and `extra` are the names that install it. `imports` are
+    loaded before the limits are set, if not the library alone.
     """
 
     start: bytes

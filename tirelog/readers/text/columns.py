@@ -65,8 +65,8 @@ def absent(layout: Layout, source: str) -> str:
     """What is wrong with a source that is no column, and which columns there are."""
     if layout.misfit:
         return (
-            f"no column {source!r} can be told: the header has {len(layout.misfit)} names and "
-            f"the rows have {layout.width} cells; allowed are #1 to #{layout.width}"
+            f"no column {source!r} can be identified: the header has {len(layout.misfit)} names "
+            f"and the rows have {layout.width} cells; allowed are #1 to #{layout.width}"
         )
     if not layout.names:
         return f"no column {source!r}: the log has no header; allowed are #1 to #{layout.width}"
@@ -507,12 +507,13 @@ def _check_edges(layout: Layout, setup: Setup, time: int) -> None:
 def placed(layout: Layout) -> Layout:
     """The layout with each name on the column that it names.
 
-    Without names if that cannot be told.
+    Without names if that is uncertain.
 
-    A header one name shorter than the rows stands one to the right of an unnamed row number, as R
-    writes it and pandas reads it. One that ends with a column of remarks, as LabVIEW's does, may
-    be a name longer: a remark that is not made is not even a blank cell. Any other difference may
-    be a separator too many or too few anywhere, and every column behind it would be its neighbour.
+    A header one name shorter than the rows begins one to the right of an unnamed row number. R
+    writes it so, and pandas reads it so. One that ends with a column of remarks, as LabVIEW's does,
+    may be a name longer: a remark that is not made is not even a blank cell. Any other difference
+    may be a separator too many or too few anywhere, and every column behind it would be its
+    neighbour.
     """
     names = layout.names
     if not names or layout.ragged or layout.counts or len(names) == layout.width:
@@ -554,7 +555,7 @@ def _lone_mark(layout: Layout) -> Layout:
 def _is_row_number(layout: Layout) -> bool:
     """True if the first column counts rows without a name of its own.
 
-    The name that would be its own is that of the second one, as far as can be told.
+    As far as the cells show, the name that would be its own is that of the second column.
     """
     first, kinds = name_without_unit(layout.names[0]), layout.kinds
     if not _whole_and_rising(layout, 0) or _NUMBER_NAMES.fullmatch(first):

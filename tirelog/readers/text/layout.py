@@ -4,7 +4,7 @@
 
 Rows decide before headers do: the separator and the decimal sign are those that turn most cells of
 the last lines into numbers, times or blanks; the first line from which on all lines look like these
-rows is the first row; what stands above is header, units and preamble.
+rows is the first row; the lines above it are header, units and preamble.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def split_cells(line: str, separator: str, timed: bool = False) -> list[str]:
 
 
 def _apart(line: str, separator: str) -> list[str]:
-    """What stands between separators, those inside of quotes left alone."""
+    """The pieces of a line between separators; those inside of quotes do not count."""
     pieces = line.split(separator)
     if '"' in line and any(piece.count('"') % 2 for piece in pieces):
         with suppress(csv.Error):
@@ -122,7 +122,7 @@ def _without_sign(number: re.Match[str]) -> str:
 class Layout:
     """A text log's layout.
 
-    `separator` ' ' stands for runs of blanks; `skip` bytes and `first_line` lead to the first row.
+    `separator` ' ' means runs of blanks; `skip` bytes and `first_line` lead to the first row.
 
     `names` are the header's cells, and `units` those of a unit row or of suffixes like `[nm]`, both
     of `width` or empty; `width` is the usual number of cells per row, `ragged` true if rows differ
@@ -131,11 +131,11 @@ class Layout:
     begin with a time of day and `: `. `rows` are sample rows, cut into cells. `damaged` are the
     numbers of lines above the first row that hold NUL bytes; `spoilt` that of a row between the
     header and the first row that does not parse, or 0; `rows_above` counts lines above the first
-    row that look like rows; `counter` is true if a row number without a name stands in front of the
+    row that look like rows; `counter` is true if a row number without a name is in front of the
     named cells; `misfit` is a header whose names cannot be laid on the columns, and then `names`
-    hold none of them but what is sure; `quote` stands around cells, and `enclosed` is true if it
-    encloses separators that are part of a cell; `grouping` what stands between groups of three
-    digits, and before decimals.
+    hold none of them but what is sure; `quote` is the sign around cells, and `enclosed` is true if
+    it encloses separators that are part of a cell; `grouping` are the signs between groups of three
+    digits and before decimals.
     """
 
     encoding: str
@@ -336,7 +336,7 @@ def _decode(head: bytes, name: str, given: str | None) -> tuple[str, str, int]:
 
 
 def _quote(lines: list[str]) -> str:
-    """What stands around cells: `'` if it does in most lines that hold anything, else `"`."""
+    """The sign around cells: `'` if most lines that hold anything have it, else `"`."""
     full = [line for line in lines[-SAMPLE_ROWS:] if line.strip()]
     single = sum(bool(re.match(r"\s*'[^']*'\s*[,;|\t ]", line)) for line in full)
     return "'" if full and 2 * single > len(full) else '"'
@@ -365,7 +365,7 @@ def _kind(cell: str, decimal: str) -> str:
 
 
 def _grouping(sample: list[str], given: LogSetup) -> tuple[str, str] | None:
-    """What stands between groups of three digits, if nothing else makes the cells numbers."""
+    """`Layout.grouping` of the rows, if nothing else makes their cells numbers."""
     readable = _separator(sample, False, given)[0] if sample else 1.0
     if readable > _READABLE:
         return None
@@ -464,7 +464,7 @@ def _rows_above(
 def _spoilt(above: list[int], cells: list[list[str]], width: int, decimal: str) -> bool:
     """True if the last line above the first row is a row itself, one that does not parse.
 
-    It stands between the rows and a header of words that fits them, and half of it is numbers.
+    It lies between the rows and a header of words that fits them, and half of it is numbers.
     """
     if len(above) < 2:
         return False
@@ -513,8 +513,8 @@ def _header(
 def _row_of_names(rows: list[list[str]], width: int) -> int:
     """Which of the rows of a header holds the names.
 
-    The last but those of units, of statistics, and of one word again and again. What stands below
-    units, and names no time as what stands above them does, are the places of an amplifier.
+    The last but those of units, of statistics, and of one word again and again. A row below units
+    holds the places of an amplifier if it names no time and the row above the units does.
     """
     last = at = len(rows) - 1
     alike = [k for k, row in enumerate(rows) if len(row) == len(rows[last])]

@@ -65,8 +65,8 @@ class Parsed:
     shape (n,): int64 ns (MISSING where unreadable) for times, float64 in the column's unit for
     numbers; `number` shape (n,); `errors` shape (n,): error codes that are not 0; `peaks` shape (n,
     most): the list of peaks, NaN behind its end; `counts` shape (n,
-    fibres). `bad_rows` and `bad_cells` are (line, what stands there); `lines` were read, blank ones
-    too.
+    fibres). `bad_rows` are (line, what is wrong) and `bad_cells` (line, cell as shown); `lines`
+    were read, blank ones too.
     """
 
     values: dict[int, Samples]
@@ -206,7 +206,7 @@ class RowPlan:
 def normalized(layout: Layout, block: Block) -> Block:
     """The block with `between(layout)` between cells and without quotes.
 
-    A newline stands behind its last row.
+    Its last row ends with a newline.
     """
     quote = layout.quote.encode()
     if layout.grouping:

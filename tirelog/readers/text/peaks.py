@@ -5,13 +5,13 @@ Found by wavelength and followed as they move, never by position.
     rows of peaks (Parsed.first, .cells, .counts)
         --GratingTracker, block after block--> one value per row and grating
 
-A row is *plain* for a grating if exactly one peak lies in its window, no other grating claims
-that peak, and it lies within the gate of the grating's peak before. Plain rows, which is nearly all
-of them, are taken at once. The others are decided one by one, in order: the pairs of grating and
-peak are taken by distance from the last accepted position, nearest first, each once. The gate opens
-as samples go by without a peak. A grating that is being followed may leave its window by 3 nm, as
-far as strain moves it. A peak in the window that is not taken, a duplicate for one, is refused and
-its sample flagged `spurious_peak`.
+A row is *plain* for a grating on three conditions. Exactly one peak lies in its window, no other
+grating claims that peak, and it lies within the gate of the grating's peak before. Plain rows,
+nearly all of them, are taken at once. The others are decided one by one, in order: the pairs of
+grating and peak are taken by distance from the last accepted position, nearest first, each once.
+The gate opens as samples go by without a peak. A grating that is being followed may leave its
+window by 3 nm, as far as strain moves it. A peak in the window that is not taken, a duplicate for
+one, is refused and its sample flagged `spurious_peak`.
 """
 
 from __future__ import annotations

@@ -5,10 +5,10 @@
                        --here: lost samples, stamps, flags--> RawBlock
 
 What happens to a row that is not like the others: a cell that is no number is NaN and counted; a
-row of the wrong width keeps its place with NaN if its stamp can be read (or if the log has
-none), and so does a row of numbers whose stamp cannot; any other is left out, and so is a last row
-that is cut off. All of these are losses, told with their first line. Samples that the instrument
-marks as lost are NaN and counted.
+row of the wrong width keeps its place with NaN if its stamp can be read (or if the log has none);
+so does a row of numbers whose stamp cannot; any other is left out, and so is a last row that is cut
+off. All of these are losses, which name their first line. Samples that the instrument marks as lost
+are NaN and counted.
 """
 
 from __future__ import annotations

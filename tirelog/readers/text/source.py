@@ -6,7 +6,7 @@ Plain, gzip, zstd, xz or the one file of a zip, from a file or from standard inp
 
 Nothing seeks, so standard input serves as well as a file. A compressed stream that is
 cut off or damaged gives what could be unpacked; `ByteSource.problem` then says so. A zip archive is
-copied to a temporary file, as its list of files stands at its end: cut off, it gives nothing.
+copied to a temporary file, as its list of files is at its end: cut off, it gives nothing.
 """
 
 from __future__ import annotations
@@ -228,7 +228,7 @@ class ByteSource:
         return self._held[:HEAD_BYTES]
 
     def damage(self) -> str:
-        """`problem`, after reading on: a checksum stands behind what it is of.
+        """`problem`, after reading on: a checksum follows the data that it covers.
 
         Nothing can be read after this.
         """

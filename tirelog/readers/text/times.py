@@ -58,7 +58,7 @@ def times_alike(
 
     cells: (n, m). Times that cannot be are MISSING.
     `roles` (m,): what each byte is; hours of half a day count from 12, and minutes may be more
-    than 59 if there are no hours. `dated` ones count from 1970. `offset_s` is taken off: times lie
+    than 59 if there are no hours. `dated` ones count from 1970. `offset_s` is subtracted: times lie
     so far east of UTC, or before noon.
     """
     digits = cells - np.uint8(48)  # other letters lie beyond 9
@@ -141,7 +141,7 @@ def fraction_digits(cell: str) -> int:
 
 
 def month_first(cells: list[str]) -> bool:
-    """True if dates like 04/14/2022 prove that the month stands first."""
+    """True if dates like 04/14/2022 prove that the month comes first."""
     pairs = [m for cell in cells if (m := FORMS["dmy"].fullmatch(cell.strip().strip('"')))]
     return any(int(m["M"]) > 12 for m in pairs) and not any(int(m["D"]) > 12 for m in pairs)
 
