@@ -273,9 +273,9 @@ def test_columns_that_were_exchanged_are_told(tmp_path, capsys):
         file["channels/s"][7] = 1
         assert check_columns(file) == ["s"]
     assert run(["info", str(tmp_path / "r.h5"), "--quiet"]) == 3  # for its lost rows
-    assert "is not what was written" not in capsys.readouterr().err
+    assert "has changed since" not in capsys.readouterr().err
     assert run(["info", str(tmp_path / "r.h5"), "--quiet", "--verify"]) == 3
-    assert "r.h5: s is not what was written (sha256)" in capsys.readouterr().err
+    assert "r.h5: s has changed since it was written (sha256)" in capsys.readouterr().err
 
 
 def test_a_closed_recording_says_so(tmp_path: Path) -> None:
