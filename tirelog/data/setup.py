@@ -146,8 +146,8 @@ PLAUSIBLE: Mapping[str, Bounds] = {
     "vehicle_to_unloaded": Bounds(0.89, 1.05, "", "speed"),
     # level of an accelerometer outside the patch over Omega^2 R, and its step into the patch, which
     # the bend at the edges makes larger; it follows the square of the rate
-    "level_to_rotation": Bounds(0.7, 1.4, "Omega^2 R", "acceleration"),
-    "step_to_rotation": Bounds(0.5, 2.5, "Omega^2 R", "acceleration"),
+    "level_to_rotation": Bounds(0.7, 1.4, "of the centripetal acceleration", "acceleration"),
+    "step_to_rotation": Bounds(0.5, 2.5, "of the centripetal acceleration", "acceleration"),
 }
 #: load over width and diameter [Pa]: bicycle and motorbike 6 to 30 kPa, car 25, truck 150, aircraft
 #: 450.  Twice as low: a car's load in kg

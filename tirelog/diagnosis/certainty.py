@@ -208,8 +208,8 @@ def inclusion(
 ) -> dict[str, Any]:
     """How often each step of a search names each effect, over draws of its manoeuvres.
 
-    `draws`, `manoeuvres`, and of each of the `steps` what it `named`, the `shares` of the draws
-    that named each effect, and of those that named `none`.
+    The keys are `draws`, `manoeuvres` and `steps`. Each step has what it `named`, the `shares` of
+    the draws that named each effect, and the share that named `none`.
     """
     extra, count, steps = tuple(extra), found.before.cells.manoeuvres, []
     random = np.random.default_rng(seed)

@@ -156,9 +156,10 @@ def compare(measured: Measured, model: Model, others: Sequence[Model] = ()) -> C
 def _ranking(bases: Sequence[Base]) -> tuple[Mapping[str, Any], ...]:
     """The models of several bases of the same logs, best first; none of one alone.
 
-    Rows: `model` (its file or carcass), `rmse_heldout`, `above_scatter` (that above the scatter
-    within manoeuvres, which depends on the data alone), `reduced_chi2`, `free` parameters, `sigmas`
-    (standard errors of the manoeuvres by which it is worse than the best).
+    Rows: `model` (its file or carcass), `rmse_heldout`, `above_scatter`, `reduced_chi2`, the number
+    of `free` parameters, `sigmas`. `above_scatter` is the held-out error above the scatter within
+    manoeuvres, which depends on the data alone. `sigmas` are the standard errors of the manoeuvres
+    by which the model is worse than the best.
     """
     if len(bases) < 2:
         return ()

@@ -2,10 +2,9 @@
 
 The error falls to the floor on the way.
 
-    Stacks, Model -> some manoeuvres are locked away (with twelve or more)
-        -> search on the rest -> a row per step
-        -> the model at the top against the locked manoeuvres: the one number that nothing has
-           touched
+    Stacks, Model --> some manoeuvres are locked away (with twelve or more)
+        --> search on the rest --> a row per step
+        --> the model at the top against the locked manoeuvres: the number that nothing has touched
 """
 
 from __future__ import annotations

@@ -454,9 +454,10 @@ def _frequency(base: Base) -> float | None:
 def scattered(base: Base, floor_square: float) -> dict[str, Any]:
     """Size and course of what does not repeat beside the floor.
 
-    Its root mean square `size` in the observable's unit, whether it looks like a load that changes,
-    the quantity that it `follows` ("" if none), whether it `grows` with that or falls, and what
-    went `together` with it. If only chi-square tells of it, the size is that of cell means.
+    `size` is its root mean square in the observable's unit. The other keys: whether it looks like a
+    load that changes, the quantity that it `follows` ("" if none), what went `together` with it.
+    `grows`: with that quantity, else it falls. If only chi-square shows it, `size` is that of cell
+    means.
     """
     unit = 1.0
     if isinstance(base, JointBase):  # of the observable farthest above its floor, in floors
@@ -522,8 +523,8 @@ def _ranks(x: FloatArray) -> FloatArray:
 def posterior_checks(base: Base, seed: int = 0) -> tuple[Check, ...]:
     """Largest cell, autocorrelations, Ljung-Box, kurtosis and drift of the whitened residual.
 
-    The ranges are those of residuals drawn from noise and scatter as the floor has them, with base
-    parameters, offsets and nuisances taken out as they are of what was measured.
+    The ranges are those of residuals drawn from noise and scatter as the floor has them. Base
+    parameters, offsets and nuisances are projected out of them, as of the measured residual.
     """
     if isinstance(base, JointBase):
         return tuple(

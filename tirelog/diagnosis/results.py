@@ -149,10 +149,10 @@ class Comparison(AnswerRecord):
     each, some at a time, since all are many. `half_angle_rad` is the patch's half length as an
     angle.
 
-    Of several observables or gratings (`member`) fitted together errors are in their noise floors,
-    `parts` has the comparison of each in its own unit, and the tables; `contributions` says what
-    each knows, `agreement` whether they contradict each other; waveforms and maps are those of the
-    first.
+    If several observables or gratings (`member`) are fitted together, errors are in their noise
+    floors. `parts` has the comparison of each in its own unit, with its tables. `contributions` is
+    what each contributes, `agreement` whether they contradict each other. Waveforms and maps are
+    those of the first.
 
     `extra_errors`: how much error beside the noise makes model and data agree; `checks`: how far
     the residuals are from noise; `ranking`: the model among others on the same logs. All three are

@@ -194,8 +194,8 @@ class Base:
     def of_errors(self) -> tuple[float, float]:
         """(mean, standard deviation) of what chance adds to the held-out mean square.
 
-        If nothing is missing: few manoeuvres decide the parameters, each scatters, and an error of
-        the parameters adds to the scatter of one manoeuvre and makes up for that of another.
+        It holds if nothing is missing. Few manoeuvres decide the parameters, and each scatters: an
+        error of the parameters adds to the scatter of one and compensates that of another.
         """
         missed = losses_of_errors(self.cells, self.white, self.plain, self.fit)
         slopes = of_all(self.cells, [load_derivative(one.cells, one.fit) for one in self.blocks])
@@ -412,9 +412,9 @@ def fit_together(channels: Sequence[Cells], model: Model, *, several: bool = Tru
 def _with_scatter(known: Sequence[Base]) -> list[Base]:
     """The fit with the scatter and the discrepancy that it leaves in metric and floor.
 
-    The raw cells of each channel are taken at their mean speeds by this fit, the scatter between
-    manoeuvres and the discrepancy go into metric and floor, and the model is fitted in them, until
-    loads have settled.
+    This fit takes the raw cells of each channel to their mean speeds. The scatter between
+    manoeuvres and the discrepancy go into metric and floor, and the model is fitted in them. This
+    repeats until loads have settled.
     """
     known = [replace(one, cells=at_mean_speed(one.raw, one.fit)) for one in known]
     values = [one.cells.values for one in known]

@@ -6,9 +6,11 @@
     floor^2 = within^2 + between^2,   excess^2 = rmse^2 - floor^2
 
 rmse is that of one revolution's value at one angle. A cell's mean shows it as
-    rmse^2 = within^2 + mean over revolutions of (|cell mean - model|^2 - what noise alone would
-        leave of it)
-so more revolutions sharpen the excess and do not move the floor.
+
+    rmse^2 = within^2 + mean over revolutions of (|cell mean - model|^2 - noise),
+
+where noise is what noise alone would leave of the square. More revolutions sharpen the excess and
+do not move the floor.
 """
 
 from __future__ import annotations
@@ -87,9 +89,9 @@ class Scatter:
 def load_slopes(cells: Cells, fit: Fit) -> tuple[FloatArray, FloatArray]:
     """First and second derivative (C, m) of the prediction by the relative load.
 
-    Its amplitude, which does not bend, if the model does not know what a load does. Of a number per
-    revolution as that alone tells of loads: what they do to a phase shift by the fronts of a belt
-    that leans is far below its noise, and would make any rest a load.
+    If the model does not know what a load does, it is the amplitude, which does not bend. For a
+    number per revolution only the model of that number counts. Through the fronts of a belt that
+    leans, a load also moves a phase shift: far below its noise, but any rest would look like load.
     """
     conditions, model, here = cells.conditions, fit.model, fit.prediction
     if model.beside and cells.phi.shape[1] == 1:
@@ -319,8 +321,8 @@ def agreement(products: FloatArray, manoeuvre: NDArray[np.int64], log: NDArray[n
     """How often chance alone makes a log's manoeuvres agree so well on load against speed.
 
     `products` (n,) of cells: load x speed, whitened. A load that wanders is alike in neighbouring
-    cells, so that it follows the speed within one manoeuvre, up in this and down in the next: the
-    manoeuvres are the sample, and their signs are flipped.
+    cells. So it follows the speed within one manoeuvre, up in this and down in the next. The
+    manoeuvres are therefore the sample, and their signs are flipped.
     """
     scores = np.bincount(manoeuvre, products)
     of_log = np.zeros((scores.size, int(log.max()) + 1))

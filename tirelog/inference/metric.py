@@ -285,9 +285,9 @@ def whitener(
     """The operator of single cells: noise, shift and the random effects of revolutions.
 
     `discrepancy` [unit^2] is the mean square that the model at hand misses. It is added to the
-    noise, so that a model that is wrong in shape does not buy shape with amplitude only because
-    amplitude scatters from revolution to revolution. `scattered` (C, m), if any, is what else
-    scatters from cell to cell, at one standard deviation.
+    noise. Else a model of wrong shape would trade amplitude for shape, since amplitude scatters
+    from revolution to revolution. `scattered` (C, m), if any, is what else scatters from cell to
+    cell, at one standard deviation.
     """
     inverse = np.where(
         np.isfinite(cells.values) & np.isfinite(cells.sd),
@@ -333,8 +333,8 @@ class Offsets:
     spans      of each an orthonormal basis (N, r) and the shares (r,) that are taken along it: of
                shared effects what their size allows, of others all
 
-    With columns B, as large as their standard deviations, the covariance I + B B' has the inverse
-    root I - Q (1 - 1/sqrt(1 + D)) Q', Q D Q' = B B'.
+    Columns B are as large as their standard deviations. The covariance I + B B' has the inverse
+    root I - Q (1 - 1/sqrt(1 + D)) Q', where Q D Q' = B B'.
     """
 
     direction: FloatArray

@@ -2,11 +2,10 @@
 
 Columns (C, m, k), which candidates cannot be tested, and why; whether what a model leaves is noise.
 
-A signature is the change of the fitted model's prediction when the effect is switched on at its
-probe strength, per unit of strength, one column per strength parameter. If an effect has shape
-parameters besides (the width of a pulse, a time constant), it is tried at a few of them, one at a
-time: variants, of which the one with the largest statistic represents the effect (all take part in
-the family-wise maximum).
+A signature is the change of the fitted model's prediction by the effect at its probe strength, per
+unit of strength. It has one column per strength parameter. If an effect has shape parameters (the
+width of a pulse, a time constant), it is tried at a few values of each. These are its variants: the
+one with the largest statistic represents the effect (all take part in the family-wise maximum).
 """
 
 from __future__ import annotations

@@ -309,8 +309,8 @@ def strength_sigmas(base: Base, effect_id: str) -> float:
 
     The errors are marginal: what the base, other effects and the effect's own shape can do as well
     is no evidence. In a waveform a direction that changes nothing at all is the scale that EJ, k,
-    mu, y and T share, and says nothing against an effect; in a number per revolution it does, since
-    there almost any effect can stand in for another.
+    mu, y and T share. It is no evidence against an effect. In a number per revolution it is, since
+    there almost any effect can replace another.
     """
     fit, own = base.fit, next(e.effect for e in base.model.effects if e.id == effect_id)
     strengths = [f"{effect_id}.{name}" for name in own.strength]
@@ -349,8 +349,8 @@ def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:
     """The best and those that these data do not separate from it; empty if it is alone.
 
     Likeness of shape decides, since no tire follows our forms. But if the best leaves the noise
-    floor alone its form is right, and a rival that leaves clearly more, and more than the floor, is
-    none.
+    floor alone, its form is right. A model that leaves clearly more, and more than the floor, is
+    then no rival.
     """
     best, floor = contenders[0], contenders[0].base.floor.square
     like = [
@@ -402,10 +402,10 @@ def worth_it(before: Base, after: Base, p: float = 1.0, *, held_out_only: bool =
 def removed_by(before: Base, after: Base, *, sure: bool) -> tuple[float, bool]:
     """Mean square [unit^2] that a refit removes, and whether held-out errors do not tell it.
 
-    By the held-out errors. If these do not, since manoeuvres scatter by more, it is the
-    square of what the refit changes of the waveforms, as far as they allow it; but only of what is
-    `sure` and removes of chi-square's excess what a nuisance must: a refit that follows chance, or
-    loads that scatter, changes them as well.
+    The held-out errors give it, unless manoeuvres scatter by more. It is then the square of the
+    change that the refit makes to the waveforms, as far as the held-out errors allow it. This
+    needs a `sure` refit that removes of chi-square's excess what a nuisance must: one that follows
+    chance, or loads that scatter, changes the waveforms as well.
     """
     drop, error = (
         x / before.plain.weight for x in gain_and_error(before.held_plain, after.held_plain)

@@ -1,7 +1,8 @@
 """Nuisances beside the candidates: which of them earn a place, and how large they are.
 
-Base -> each nuisance's shared effects -> the flips and the held-out gain that an effect must show,
-        and the share of chi-square's excess that it removes -> the base with the best, fitted again
+Base --> each nuisance's shared effects
+    --> tests: the flips and the held-out gain of an effect, the share of chi-square's excess
+    --> the base with the best, fitted again
 """
 
 from __future__ import annotations

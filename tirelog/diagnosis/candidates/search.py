@@ -453,11 +453,11 @@ def _varies_as_measured(base: Base, effect: Effect) -> bool:
 def _as_much(base: Base, rival: Base, named: Refitted) -> bool:
     """Do a nuisance and an effect remove as much of chi-square, to what forms differ by?
 
-    Not if the better one leaves the noise floor alone and the other is clearly worse: then its form
-    is right. By the waveforms, which a nuisance acts on. The tire's form has numbers enough to be
-    clearly worse as soon as it leaves more than the floor, and is never alike to an effect that
-    does the same under all conditions: one number that does it is the cause. So is one that does
-    by a measured condition what a nuisance does by many numbers (`_one_for_many`).
+    The waveforms decide, which a nuisance acts on. The answer is no if the better one leaves the
+    noise floor alone and the other is clearly worse: then its form is right. The tire's form has
+    many numbers: it is clearly worse as soon as it leaves more than the floor. It is never alike
+    to an effect that does the same under all conditions: one number that does it is the cause. So
+    is one that does by a measured condition what a nuisance does by many (`_one_for_many`).
     """
     form = newest(rival, base) == FORM
     if form and not named.assessed.effect.followed:

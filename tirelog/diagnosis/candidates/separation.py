@@ -1,8 +1,8 @@
 """Which manoeuvre to drive next, so that rivals part.
 
-    rivals, each refitted -> predictions on a list of allowed manoeuvres
-        -> what no refit of the second can imitate of the first, old and new data together
-        -> separation in standard errors, repeats until it reaches 3
+    rivals, each refitted --> predictions on a list of allowed manoeuvres
+        --> what no refit of the second can imitate of the first, old and new data together
+        --> separation in standard errors, repeats until it reaches 3
 
 Two effects that stay alike in shape on every manoeuvre of the list (cosine above `LIKE`) cannot be
 separated by driving; a note lists them.
@@ -332,9 +332,9 @@ def drive_next(
 ) -> list[dict[str, Any]]:
     """Manoeuvres by the expected growth of the verdict's probability per minute, best first.
 
-    Rows: manoeuvre, repeats, minutes of all of them, gain, gain_per_minute, separates (pairs), the
-    separation_sigma of the first pair and run, and whether the probability that it starts from is
-    calibrated or even odds. None if nothing on the list is worth it.
+    Rows: manoeuvre, repeats, minutes of all of them, gain, gain_per_minute, separates (pairs), and
+    the separation_sigma of the first pair and run. Each row also holds whether the probability at
+    the start is calibrated or even odds. There is no row if nothing on the list is worth it.
     """
     # a verdict without a calibration is taken to be as likely as not
     p = 0.5 if probability is None else probability

@@ -1,8 +1,8 @@
 """The forms that are tried, as data: frame x profile x stage x law.
 
-A frame gives a coordinate u in the language of a model file, a profile a formula of it, a stage the
-place where it acts, a law how it grows. One line more is one form more; what is dimensionally wrong
-is refused by a test, since a grammar carries units.
+A frame gives a coordinate u in the language of a model file. A profile is a formula of u. A stage
+is the place where it acts. A law is how it grows. One line more is one form more. The grammar
+carries units: a test refuses what is dimensionally wrong.
 """
 
 from __future__ import annotations

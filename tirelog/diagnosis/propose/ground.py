@@ -186,9 +186,10 @@ class Ground:
     def worth(self, columns: FloatArray, factors: FloatArray, together: int = 1) -> Worth:
         """What columns `of_cells` (C, m, S together) are worth under each law, factors (L, C).
 
-        Every `together` neighbouring columns are judged as one, k = together: scores (L S, M, k) of
-        each manoeuvre, gram (L S, k, k), and (L S, k) the squared length of the columns before
-        anything is taken out.
+        Every `together` neighbouring columns are judged as one, k = together.
+
+        Returned are the scores (L S, M, k) of each manoeuvre and the gram (L S, k, k). The last is
+        the squared length (L S, k) of the columns before the projection.
         """
         C, _, K = columns.shape
         products = np.swapaxes(self._products, 1, 2) @ columns

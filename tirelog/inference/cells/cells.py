@@ -5,10 +5,10 @@ Every later step works on them.
     Pieces (P, m) of all logs -> noise by angle, covariance of the coefficients, both pooled
         -> Cells (C, m), C = P
 
-The coefficients taken out of single revolutions come back as random effects of the cell's mean
-(their covariance over revolutions, neighbours' correlation included, over the number of
-revolutions), the shift as a free nuisance. Amplitude and width are relative: a load that scatters
-moves both.
+The coefficients removed from single revolutions come back as random effects of the cell's mean.
+Their covariance is that over revolutions, with the correlation of neighbours, divided by the number
+of revolutions. The shift comes back as a free nuisance. Amplitude and width are relative: a load
+that scatters moves both.
 """
 
 from __future__ import annotations

@@ -277,9 +277,9 @@ PieceRow = dict[str, Any]
 def _knots(count: FloatArray) -> int | None:
     """How many knots the curve of revolutions with `count` (k, m) samples may have; None: any.
 
-    Fewer than the samples of one of them, if these leave bins without a sample: then revolutions
-    whose samples lock to fixed angles fill bins of their own between those of others, and a curve
-    that bends from bin to bin follows whatever the ones have more of than the others.
+    Fewer than the samples of one of them, if these leave bins without a sample. Then revolutions
+    whose samples lock to fixed angles fill bins of their own between those of others. A curve that
+    bends from bin to bin would follow the difference between these revolutions.
     """
     samples = float(np.median(count.sum(axis=1)))
     return None if samples >= count.shape[1] else knots_of(samples)
@@ -290,9 +290,9 @@ def _curve(
 ) -> CubicSpline:
     """Periodic spline of a cell's bins: the nearest with so many `knots`, or through all of them.
 
-    Through all, those that lie too close are taken together: samples that lock to fixed angles
-    give neighbouring bins mean angles far closer than a bin, and a spline that goes through both
-    turns their noise into a slope.
+    Through all, those that lie too close are merged. Samples that lock to fixed angles give
+    neighbouring bins mean angles far closer than a bin. A spline through both turns their noise
+    into a slope.
     """
     full = np.isfinite(values) & (count > 0)
     points = np.stack([phi[full], values[full], count[full]])

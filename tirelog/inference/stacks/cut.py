@@ -479,8 +479,8 @@ def _runs(passages: Passages, samples: Samples) -> Iterator[Run]:
 def _of_runs(runs: Sequence[Run], rows: slice) -> Iterator[tuple[PassageAngle, int, int, int]]:
     """Of the revolutions `rows` of a log those of each run.
 
-    Its angle, their first turn and the one after their last, and by how much the number of a turn
-    is more than that of its row.
+    Items: the run's angle, their first turn, the turn after their last, and the number of a turn
+    minus that of its row.
     """
     before = 0
     for ordinal, angle in runs:

@@ -251,8 +251,10 @@ def _deflections(task: Task) -> tuple[FloatArray, FloatArray]:
 def _section_power(task: Task, section: StripSection) -> tuple[FloatArray, ...]:
     """Losses in bending, in stretching and by P1 (27) [W], each (n or 1, 1).
 
-    eta J c^2 int w'''^2 ds and eta A c^2 int u''^2 ds, the sum of which is P1 (25), and eta A c^2
-    int eps'^2 ds of (27), for a grating on the inner surface: without a lever that is the second.
+    eta J c^2 int w'''^2 ds and eta A c^2 int u''^2 ds: their sum is P1 (25).
+
+    Then eta A c^2 int eps'^2 ds of (27), for a grating on the inner surface: without a lever that
+    is the second.
     """
     R, lever = task.base["radius_m"], task.base["lever_arm_m"]
     curved, along = hardened(task) * response(task).curvature, pulled_along(task)

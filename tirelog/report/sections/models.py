@@ -2,10 +2,10 @@
 
     Comparison, Diagnosis, a ladder as its command keeps it (JSON) --> Section
 
-The answer is the page's first section: a card (verdict, what it was measured on, how sure, the
-error falling, what to do next), and measured, first and best model at one scale. Everything is what
-the commands gave; nothing is estimated here. With a section for each answer the file is longer than
-others.
+The answer is the page's first section. Its card has the verdict, the data, the certainty, the
+errors of the models, and what to do next. Its figure has measured, first and best model at one
+scale. Everything is what the commands gave; nothing is estimated here. The file is longer than
+others, since each answer has its section.
 """
 
 from __future__ import annotations
