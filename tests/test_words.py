@@ -22,6 +22,7 @@ CLEAN = (
     "cli",
     "data",
     "diagnosis",
+    "dsp",
     "errors.py",
     "inference",
     "kernels",
@@ -32,9 +33,11 @@ CLEAN = (
     "report",
     "runtime.py",
     "simulation",
+    "strain",
     "tables",
     "version.py",
     "vocabulary",
+    "wheel",
 )
 #: words and turns that a reader from the field does not use so
 FOREIGN = re.compile(r"\b(?:told|said|stands|taken off|as it came|of like|which is no)\b", re.I)

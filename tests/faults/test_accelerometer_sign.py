@@ -74,7 +74,9 @@ AC = {
 def test_an_accelerometer_without_its_level_is_refused(recording, how):
     read, values = recording
     said = r"outside the patch \(median\) and a turning sensor reads -v\^2/R = -.*; allowed is 30 %"
-    with pytest.raises(UsageError, match=rf"{said}|the step into the patch is 0\.127 times Omega"):
+    with pytest.raises(
+        UsageError, match=rf"{said}|the step into the patch is 0\.127 times the centripetal"
+    ):
         measured([with_values(read, AC[how](values))], "radial_acceleration")
 
 

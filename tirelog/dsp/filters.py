@@ -290,7 +290,7 @@ def step_of(values: FloatArray) -> float:
 def rounding(channel: Channel) -> float:
     """Standard deviation of what the source of a channel rounds, if its samples show its step.
 
-    The median of sixteen pieces, before another channel was taken off.
+    The median of sixteen pieces, before another channel was subtracted.
     """
     recorded = channel.recorded or channel
     starts = np.linspace(0, max(recorded.size - PIECE_SAMPLES, 0), 16).astype(np.int64).tolist()

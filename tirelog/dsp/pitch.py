@@ -6,7 +6,7 @@
     knots, pitch errors learnt meanwhile --> AngleFunction
 
 Time as a function of the count is a cubic over the passages within SPAN_S, by least squares.
-Smoothing is linear in the times, so the pitch errors are taken off afterwards: what the same least
+Smoothing is linear in the times, so the pitch errors are subtracted afterwards: what the same least
 squares make of the pitch errors of those counts is the error of the knot.
 
 An edge of a pulse is known to lie between two samples: its error is uniform, of a known size. If a

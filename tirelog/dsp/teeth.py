@@ -12,8 +12,8 @@ falling passages take turns, so an interval between neighbours is an odd number 
 one-track encoder does not show direction: a turning point is inferred if the signal comes back
 from less than its peak, and the stretch after it is counted downwards.
 
-Pieces are cut while the wheel rolls forward evenly, so what is said of a passage does not depend on
-where they are cut.
+Pieces are cut while the wheel rolls forward evenly, so the result for a passage does not depend
+on where they are cut.
 """
 
 from __future__ import annotations
@@ -96,10 +96,10 @@ def places(
 
     The change lies between the samples `before` and `after`. Half a sample ahead of `after` if the
     change took `slow` samples or longer; half way if the signal is square or there are too few
-    changes; else the zero of the sine whose samples around it have the same sum, and the same
-    difference between the k samples after the middle one and the k before it. For A sin(omega (i -
-    t)) the sum over its factor is A sin, the difference over its factor A cos of omega (centre -
-    t); the quotient of the factors is 2 / (cot(k omega / 2) + cot((k + 1) omega / 2)).
+    changes; else the zero of a sine. The samples of this sine have the same sum, and the same
+    difference between the k after the middle one and the k before it. For A sin(omega (i - t)) the
+    sum over its factor is A sin, the difference over its factor A cos of omega (centre - t); the
+    quotient of the factors is 2 / (cot(k omega / 2) + cot((k + 1) omega / 2)).
     """
     quick = (before >= 0) & (after - before < slow)
     coarse = np.where(quick, 0.5 * (before + after), after - 0.5)
@@ -287,9 +287,12 @@ def probe(channel: Channel, pieces: int = 24, length: int = 2048) -> Probe:
 def _piece(x: FloatArray) -> tuple[float, ...]:
     """What finite samples (n,) of a piece show, as numbers.
 
-    Least and largest, noise, share on the two levels, how often the signal goes from the upper to
-    the lower quarter of its range and back, shares of the steps that do not fall and do not rise,
-    median of those that are any, share of the samples above the middle.
+    Items in order:
+
+    least and largest; noise; share on the two levels;
+    how often the signal goes from the upper to the lower quarter of its range and back;
+    shares of the steps that do not fall and do not rise; median size of the steps that are not 0;
+    share of the samples above the middle.
     """
     low, high, step = float(x.min()), float(x.max()), np.diff(x)
     away, half = x - 0.5 * (low + high), 0.5 * (high - low)

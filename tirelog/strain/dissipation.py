@@ -12,8 +12,8 @@
 
 A revolution runs from half a turn before the patch centre to half a turn after. Noise adds to each
 squared derivative, white noise of sigma as much as sigma^2 x (sum of the squared filter). The
-filter passes what a patch's strain holds along the tread, up to PASS / L at the log's top speed, so
-that its own bias is below 1e-3 (0.3e-3 on a stiff-treaded ring) as long as the sampling allows.
+filter passes what a patch's strain holds along the tread, up to PASS / L at the log's top speed. So
+its own bias is below 1e-3 (0.3e-3 on a stiff-treaded ring) as long as the sampling allows.
 
 The file is longer than others: estimate, doubts, table and regressions are of one number.
 """
@@ -118,8 +118,8 @@ STEADY_STEP_M_S, AVERAGED = 0.08, 9
 class Dissipation:
     """One row per passage, shape (n,): the dissipation factor and what follows from it.
 
-    Factor p_d [1/m] with its standard error, specific power P_d [m^3/s^2] (NaN without an area),
-    whether the speed is constant there, and the moving averages in such stretches (NaN elsewhere);
+    Factor p_d [1/m] with its standard error, specific power P_d [m^3/s^2] (NaN without an area).
+    `steady`: the speed is constant there; only such stretches have moving averages (else NaN).
     `stretch`: number of the stretch, -1 outside; `quality`: flags.
     """
 
@@ -303,13 +303,13 @@ def _energies(
 def _factors(
     parts: FloatArray, sizes: FloatArray, white: float, near: BoolArray
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """(factor, the noise's share that was taken off it, whether it is unlike others), (n,) each.
+    """(factor, the noise's share, subtracted from it, whether it is unlike others), (n,) each.
 
     `parts` (n, PARTS) of each revolution's factor with its noise [1/m], their `sizes` (n, PARTS) to
     which noise is proportional, by `white` at least; `near` (PARTS,): the parts of the patch with
     its shoulders. The half of the revolution that is opposite to the patch does not bend: its
-    median is the noise. A part that is far off the same part of the turns around, and away from the
-    patch above it, holds a disturbance, or a hit of the road.
+    median is the noise. A part that is far off the same part of the turns around holds a
+    disturbance, or a hit of the road; away from the patch only if it is above it.
     """
     if not parts.shape[0]:
         return np.zeros(0), np.zeros(0), np.zeros(0, bool)
@@ -669,7 +669,7 @@ def regression(
 
 
 def _judgement(speeds: int, free: int, bent: bool, sigmas: float) -> str:
-    """What can be said of a line through means at some `speeds`.
+    """Why a line through means at some `speeds` is doubtful.
 
     Empty if nothing speaks against it.
     """
@@ -747,8 +747,8 @@ def _with_viscosity(
     No columns without viscosity and area; the last one only if the load is known.
 
     P1 (27) is the power of one strip of the belt, of the given section and viscosity, under one
-    grating: of a whole tire's rolling resistance (some 1 % of the load) it is a part that only the
-    true section, viscosity and lever arm would tell.
+    grating. Of a whole tire's rolling resistance (some 1 % of the load) it is a part. Its share is
+    known only with the true section, viscosity and lever arm.
     """
     tire, load = recording.setup.tire, recording.setup.conditions.load_N
     if tire.viscosity_Pa_s is None or tire.area_m2 is None:
@@ -790,10 +790,11 @@ def _in_bending(surface: str | None, height_m: float | None) -> str:
 
     For a strip of height h: 12 (y / h)^2 of its power, y off the neutral axis.
 
-    The strain at z is then z / y times the grating's, so that P1 (25) is eta A h^2 / (12 y^2) int
-    (d eps_m / ds)^2 ds; (27) leaves the factor out.
+    The strain at z is then z / y times the grating's, and P1 (25) becomes
+
+    eta A h^2 / (12 y^2) int (d eps_m / ds)^2 ds; (27) leaves the factor h^2 / (12 y^2) out.
     """
-    text = "P1 (27) is exact for membrane strain; in pure bending "
+    text = "this power is exact for membrane strain; in pure bending "
     if surface == "inner":
         return (
             f"{text}a grating on the liner, half the strip's height from its neutral axis, reads "

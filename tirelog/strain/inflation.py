@@ -7,7 +7,7 @@
 
 P2 fills from 1.7 to 2.3 bar; the strain grows linearly, and drops a little at the two stops where
 the gauge is read. Without a pressure channel the pressures at the beginning and at the end may be
-given; without them rates in time are all that can be told.
+given; without them only rates in time are known.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ def inflation_stretches(values: Records) -> tuple[BoolArray, IntArray]:
 def _line(x: FloatArray, y: FloatArray, noise: float) -> tuple[float, float, float]:
     """Slope, its standard error and largest residual over the range of y.
 
-    The error is of the residuals or of the noise, what is larger; NaN if x stands still.
+    The error is of the residuals or of the noise, what is larger; NaN if x does not change.
     """
     if x.size < 3 or not np.isfinite(x).all() or np.ptp(x) <= 0:
         return float("nan"), float("nan"), float("nan")

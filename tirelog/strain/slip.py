@@ -8,7 +8,7 @@ Over whole turns omega R / V is 2 pi R over the distance of one. Positive slip i
 that is off by 1 % is a slip of 0.01, as much as hard braking makes: so R is what the vehicle
 travels per turn while nothing pulls, in this log, and what a tire slips then counts for none. A
 belt is longer at speed: R follows the speed squared if the turns of free rolling surely say so. A
-speed that comes late by d is a slip of -d a / v, which the same turns tell and is taken off.
+speed that comes late by d is a slip of -d a / v, which the same turns show and which is corrected.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def slip_of(recording: Recording, fit: bool = False) -> Iterator[TableRows]:
     references = recording.of_kind("vehicle_speed")
     if not references:
         raise UsageError(
-            "the log has no vehicle speed, without which no slip is told",
+            "the log has no vehicle speed, which slip needs",
             allowed="allowed is a log with a channel of kind vehicle_speed",
             do="add it to the setup",
             file=recording.log,
@@ -106,7 +106,7 @@ def _slip(
         "slip_delay_se": delayed,
         "quality": quality_column(quality),
     }
-    late = f"{reference.name} late by {found.delay_s:.3f} +- {found.delay_se_s:.3f} s, taken off"
+    late = f"{reference.name} late by {found.delay_s:.3f} +- {found.delay_se_s:.3f} s, corrected"
     return TableRows(table, (*remarks, said, late))
 
 
@@ -140,7 +140,7 @@ def _radius(
     if tire.rolling_radius_m is None:
         raise UsageError(
             f"{count} turns below {FREE_M_S2:g} m/s^2, and the setup has no rolling radius: "
-            "no slip can be told",
+            "no slip can be measured",
             allowed=f"allowed are {LEAST_TURNS} turns of free rolling, or rolling_radius_m",
             do="give a log with a cruise, or the radius in the setup",
             file=recording.log,
@@ -168,10 +168,10 @@ def slip_slope(
 ) -> dict[str, float]:
     """k and the friction by it, with standard errors.
 
-    mu positive in braking, slip and its standard error, speed, and the slip that one standard error
-    of the delay of the vehicle's speed makes, (n,), one turn after the other. By the speed squared
-    goes what of the slip the rolling radius has taken for a belt that grows: drag is force too.
-    All is NaN if k is not three times its error.
+    mu (positive in braking), slip, its standard error and speed are (n,), one turn after the other.
+    So is the slip that one standard error of the delay of the vehicle's speed makes. By the speed
+    squared goes what of the slip the rolling radius has taken for a belt that grows: drag is force
+    too. All is NaN if k is not three times its error.
     """
     # five turns at a time: the force's noise flattens the line by what it is of the force's range;
     # with twice as many, gentle manoeuvres are lost between others
@@ -225,8 +225,8 @@ def _friction_of(recording: Recording, found: TableRows, wheel: WheelTurns) -> T
         return TableRows({name: [] for name in TABLES["slip-fit"]}, (*found.remarks, remark))
     row = slip_slope(*(x[used] for x in (mu, slip, se, speed, late)))
     remark = (
-        "friction_by_slope is P2 (17)'s, k / 3: divide it by the tread's stiffness over that of "
-        "(17), or compare roads of one tire by it"
+        "friction_by_slope is slip_slope / 3, for a tread that slides as a whole at slip 1 only: "
+        "divide it by the tread's stiffness over that one's, or compare roads of one tire by it"
     )
     whole = {
         "log": table["log"], "channel": table["channel"], "turns": int(used.sum()), **row
@@ -295,8 +295,8 @@ def grip_of(
         told = int(np.isfinite(columns["adhesion_share"]).sum())
         remarks = [
             f"{found.channel.name}: an onset of slip in {told} of {len(found.passages)} passages; "
-            f"friction by P2 (13) with {static_friction:g} sticking, {sliding:.3g} sliding "
-            f"and {stiffness_ratio:g} times the stiffness of (17)"
+            f"friction by the brush with {static_friction:g} sticking, {sliding:.3g} sliding and "
+            f"{stiffness_ratio:g} times the stiffness that slides as a whole at slip 1 only"
         ]
         if load is None:
             remarks.append("no forces: the setup's [conditions] has no load_N")

@@ -3,8 +3,8 @@
     Recording --find_passages on each strain channel--> Passages
         --here--> columns of the table `speed`
 
-v_i = 2 (2 pi R_e) / (t_{i+1} - t_{i-1}) between like passages (P1 4, P2 4.2, errata), in its form
-for unequal steps, which is exact for constant acceleration, less what is left of a changing one
+v_i = 2 (2 pi R_e) / (t_{i+1} - t_{i-1}) between like passages (P1 4, P2 4.2, errata). Its form for
+unequal steps is exact for constant acceleration; the error of a changing one is subtracted
 (`passage_flags.kinematics`). R_e is the loaded rolling radius.
 """
 
@@ -256,7 +256,7 @@ def _vehicle_speed(recording: Recording) -> Channel:
 
 
 def speed_doubts(passages: Passages) -> list[str]:
-    """What is to be said of a channel whose passages tell no speed."""
+    """Remarks on a channel whose passages give no speed."""
     if passages.doubt:
         return [passages.doubt]
     if not len(passages):

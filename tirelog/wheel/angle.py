@@ -254,7 +254,7 @@ def _noise(found: Probe, steps: int) -> float:
 
 
 def _too_few(channel: Channel, form: str, passages: int, steps: float) -> DataLoss:
-    """What is said of a channel with fewer than two turns."""
+    """The error of a channel with fewer than two turns."""
     if form in ("counter", "angle"):
         return DataLoss(
             f"channel {channel.name}: the count hardly changes",

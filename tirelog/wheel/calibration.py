@@ -13,13 +13,13 @@ A speed map is the change against the reference speed, c1 (v - v0) + c2 (v - v0)
 the zeros. The errors are those of the least squares, widened by the scatter of the residuals and by
 their correlation from passage to passage.
 
-A telemetry delay is a phase shift in proportion to speed, and so is the linear part of a car's
-drag, f0 + f1 v + f2 v^2: no regression on speed parts them. A delay does not bend, drag does. So
-of the linear part of the map as much is drag's as its bend says with f1 / f2 under a prior
-(DRAG_M_S); what the prior leaves open is in the error of the delay. A force that differs between
-driving and coasting bends the map too. If the longitudinal force is measured it stands in the
-regression, and the map is that at unchanged force; else the acceleration stands for it, on its own
-for driving and for coasting, and drag stays in the map.
+A telemetry delay is a phase shift in proportion to speed. So is the linear part of a car's drag, f0
++ f1 v + f2 v^2: no regression on speed parts them. A delay does not bend, drag does. So of the
+linear part of the map as much is drag's as its bend says with f1 / f2 under a prior (DRAG_M_S);
+what the prior leaves open is in the error of the delay. A force that differs between driving and
+coasting bends the map too. If the longitudinal force is measured it enters the regression, and the
+map is that at unchanged force; else the acceleration replaces it, on its own for driving and for
+coasting, and drag stays in the map.
 """
 
 from __future__ import annotations
@@ -199,7 +199,7 @@ class Calibration:
 
     @property
     def delay_remark(self) -> str:
-        """What the rows' word `delay_removed` means, and what cannot be told from a delay."""
+        """What the rows' word `delay_removed` means, and what looks the same as a delay."""
         delay, se = 1e3 * self.delay_s, 1e3 * self.delay_se_s
         force = (
             "the measured longitudinal force is not in it"
@@ -410,7 +410,7 @@ def _crosstalk(logs: Sequence[EdgeTimes], calibration: Calibration) -> tuple[flo
     """(k, standard error) of P4 (3); NaN if no log shows it.
 
     k leaves no phase shift on undriven wheels while the car drives off. The width's own noise would
-    pull k towards zero; its known variance is taken off.
+    pull k towards zero; its known variance is subtracted.
     """
     parts = []
     for p in logs:
@@ -553,7 +553,7 @@ def write_calibration(path: Path, calibration: Calibration) -> None:
         lines += _table("telemetry_delay", {"delay_s": c.delay_s, "se_s": c.delay_se_s})
         lines.append(
             f"beside_force = {str(c.beside_force).lower()}   # whether the longitudinal force "
-            "was measured and taken off"
+            "was measured and its part removed"
         )
     for name, force in (("vertical_force", c.vertical), ("longitudinal_force", c.longitudinal)):
         if force is not None:

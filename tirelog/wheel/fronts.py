@@ -6,15 +6,15 @@
         --least squares of each passage's shift and stretch--> fronts, a row per passage
 
 The acceleration is Omega^2 (w'' + w - R), outward positive (errata): a level -Omega^2 R all around,
-and nothing in the patch, where the tread is straight. A front is where the signal, with gravity's
-part taken off, crosses half of the level outside, extrapolated from beside it: a fixed share of the
+and nothing in the patch, where the tread is straight. A front is where the signal, without
+gravity's part, crosses half of the level outside, extrapolated from beside it: a fixed share of the
 step at every speed. A fixed threshold in m/s^2 would let the width shrink with speed (errata).
 
 A known form uses the whole flank, from the lobe beside the patch to its middle, and reaches the
 Cramer-Rao bound. Fronts lie at the form's half level, moved and stretched as the passage is; where
-a passage's form follows speed or acceleration, what it leaves at the half level is taken off by a
-regression. Lobes that grow with the patch move half of the level, and not the flanks' steep part:
-a stretch follows that part, and with it the edge of the contact.
+a passage's form follows speed or acceleration, a regression corrects what it leaves at the half
+level. Lobes that grow with the patch move half of the level, and not the flanks' steep part: a
+stretch follows that part, and with it the edge of the contact.
 
 The angle is that of an encoder, or of the passages themselves. Angles [rad] grow in the direction
 of rolling; everything is worked out for the passages of a piece of the log at once.
@@ -485,7 +485,7 @@ def _passages(
     """(middles, half widths [rad], angle between them [rad], sign of the level, noise of a sample).
 
     Of pulses of the usual width while the wheel rolls forwards. None if they do not recur: most
-    come after a whole number of like turns; noise does not.
+    come after a whole number of equal turns; noise does not.
     """
     sign = patch_sign(channel)
     pulses, data = pulses_in(channel, decimate(channel, sign), sign)

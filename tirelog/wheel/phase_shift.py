@@ -3,10 +3,10 @@
     Recording --wheel angle, fronts--> Passages (one accelerometer of one log) --zero--> phase shift
         --Calibration--> detrended, corrected, forces --columns--> the `phase-shift` table
 
-The phase shift is the wheel angle, growing in the direction of rolling, at the middle of the patch
-signal minus its value in the zero stretch: later in wheel angle is positive, braking is negative
-(P4 section III; errata on the wind-up). "Zero" is a convention (P4 section IV B): the first low,
-constant-speed stretch of the log, or what the user names.
+The phase shift is the wheel angle at the middle of the patch signal minus its value in the zero
+stretch. The angle grows in the direction of rolling: later in wheel angle is positive, braking is
+negative (P4 section III; errata on the wind-up). "Zero" is a convention (P4 section IV B): the
+first low, constant-speed stretch of the log, or what the user names.
 """
 
 from __future__ import annotations
@@ -191,8 +191,9 @@ def doubts(
         level_m = float(np.nanmedian(fronts["level_m_s2"] / fronts["rate_rad_s"] ** 2))
     ratio = abs(level_m) / radius.radius_m
     what = (
-        f"the level outside the patch is {ratio:.3g} times Omega^2 R, as of a sampling rate wrong "
-        f"by a factor {abs(ratio) ** 0.5:.3g} or a unit by {ratio:.3g}"
+        f"the level outside the patch is {ratio:.3g} times the centripetal acceleration: a "
+        f"sampling rate wrong by a factor {abs(ratio) ** 0.5:.3g}, or a unit by {ratio:.3g}, would "
+        "do that"
     )
     do = "check unit and scale, the sampling rate, the steps of the encoder and the radius"
     problem = implausible(recording, "level_to_rotation", ratio, what, channel=channel, do=do)
@@ -411,8 +412,8 @@ def _one_turn(
 ) -> tuple[FloatArray, int, np.ndarray, np.ndarray]:
     """(middles within one turn [deg], times that whole teeth were given back, passages, others).
 
-    The passages are those of stretches in which the patch is elsewhere, the others those before
-    which either the count lost teeth or a force moved the patch.
+    The passages are those of stretches in which the patch is elsewhere. Before the others either
+    the count lost teeth or a force moved the patch.
 
     After a standstill, a hole or samples that were held, the count may have lost whole teeth; the
     patch's place against the passages before, of which those that are not `sound` (n,) tell

@@ -8,9 +8,9 @@ Pulses that stand out of their surroundings by half of the usual height.
             --some of few buckets--> the same with shorter buckets
 
 A pulse counts if the signal climbs to it and falls from it by the same least height, found from the
-log's own heights. Neither a baseline nor a period is assumed, so drift, standing still (in the
-patch or out of it), creeping and hard braking need no special case, and the shoulders beside the
-patch are too low.
+log's own heights. Neither a baseline nor a period is assumed. So drift, standing still (in the
+patch or out of it), creeping and hard braking need no special case. The shoulders beside the patch
+are too low.
 
 Samples that are missing in time are bridged as lost ones are: the search goes on behind a gap, and
 only a pulse of which the gap takes more than half is none.
@@ -438,9 +438,9 @@ def patch_sign(channel: Channel) -> float:
     """+1 if the patch is a maximum of the recorded signal, -1 if it is a minimum.
 
     Strain: minimum on the outer surface, maximum on the inner. Radial acceleration: the side on
-    which a short stretch's third moment lies, since the patch takes some hundredths of a turn and
-    stands far out of the rest, whichever way the sensor counts and whether or not it tells the
-    level outside (a piezo element does not).
+    which a short stretch's third moment lies. The patch takes some hundredths of a turn and is far
+    out of the rest, whichever way the sensor counts. The level outside is not needed: a piezo
+    element does not show it.
     """
     if channel.kind == "radial_acceleration":
         return 1.0 if _third_moment(channel) >= 0 else -1.0

@@ -5,11 +5,10 @@
         --least squares--> delay of the vehicle's speed, metres per turn without it
         --turns of free rolling--> rolling radius
 
-A vehicle's speed comes late: GPS and CAN filter, hold and pass on. What a delay d adds to the
-distance of a turn is -d times the change of speed in it, a share of -d a / v; slip is a share that
-follows the force, so the acceleration a, at every speed. Over a range of speeds both differ, and
-the delay is found beside any slip that follows the acceleration; where they do not, the delay's
-error says so.
+A vehicle's speed comes late: GPS and CAN filter, hold and pass on. A delay d adds to the distance
+of a turn -d times the change of speed in it, a share of -d a / v. Slip is a share that follows the
+force, so the acceleration a, at every speed. Over a range of speeds both differ, and the delay is
+found beside any slip that follows the acceleration; where they do not, the delay's error says so.
 """
 
 from __future__ import annotations
@@ -73,7 +72,7 @@ class Odometer:
     def of(cls, speed: Channel) -> Odometer:
         """That of a vehicle's speed [m/s].
 
-        A reading that is held stands for the middle of its hold, from which a delay of half a hold
+        A reading that is held belongs to the middle of its hold, from which a delay of half a hold
         follows that `rolling` finds.
         """
         hold, step = _hold(speed)
@@ -252,7 +251,7 @@ def off_clock(axis: TimeAxis, begin_s: FloatArray, end_s: FloatArray) -> BoolArr
 class Rolling:
     """What the vehicle's speed tells of the turns of a wheel, arrays of shape (n,).
 
-    `metres` per turn, the delay taken off, with the standard error of one row's `metres_se`;
+    `metres` per turn, without the delay, with the standard error of one row's `metres_se`;
     `change_m_s`: how much the speed changes per turn, which times `delay_se_s` is the error that
     the delay leaves in all rows together; `radius_m` with its standard error, NaN if fewer than
     LEAST_TURNS turns roll freely, `grows`: it follows the speed squared; `delay_s` of the vehicle's
@@ -345,7 +344,7 @@ def _rows(meter: Odometer, wheel: WheelTurns, period: FloatArray, delay: float) 
 def _noise(metres: FloatArray, period: FloatArray) -> FloatArray:
     """Standard error of the metres of each row, from its neighbours two rows to either side.
 
-    That of all rows, as the root of the time that a turn takes, or its own if that stands out.
+    That of all rows, as the root of the time that a turn takes, or its own if that is far larger.
     """
     off = np.full(metres.size, np.nan)
     off[2:-2] = (metres[2:-2] - 0.5 * (metres[:-4] + metres[4:])) if metres.size > 4 else np.nan

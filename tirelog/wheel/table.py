@@ -107,8 +107,8 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], WheelTurns, 
 
     For a log without a sensor that passes the patch.
 
-    `time_s` is the middle of the turn, `speed_m_s` the wheel's speed low-passed at 20 Hz,
-    `period_s` the turn's duration, `acceleration_m_s2` from the durations of its two halves. The
+    `time_s` is the middle of the turn, `speed_m_s` the wheel's speed low-passed at 20 Hz.
+    `period_s` is the turn's duration; its two halves give `acceleration_m_s2`. The
     standard error holds angle noise and the radius' error. SetupError: an accelerometer's patch
     shows that the setup's steps are not those of a turn.
     """

@@ -5,16 +5,16 @@ A carcass pressed one-sidedly onto a flat road through its tread.
     EdgeShape (a handful of numbers)
         --spectrum over the tire's own wave numbers--> strain and its derivatives on a grid of xi
 
-One family holds both carcasses of the papers. A bending line with tension on a foundation, EJ w''''
-- T w'' + k w = p, is P1's and P2's beam if T = -mu c^2 (errata: alpha^2 = -tension / 2), and
-P3's ring if T is the hoop tension p0 b R. The contact pressure is what tread springs give on a
+One family holds both carcasses of the papers. It is a bending line with tension on a foundation: EJ
+w'''' - T w'' + k w = p. This is P1's and P2's beam if T = -mu c^2 (errata: alpha^2 = -tension / 2),
+and P3's ring if T is the hoop tension p0 b R. The contact pressure is what tread springs give on a
 flat road, p = k_t (delta - xi^2 / (2 R) - w) and zero outside the patch: for soft tread it is the
 parabola of P2 (12) on a beam, for stiff tread it is the one-sided contact of P3. So the contact
 length needs no choice of a carcass.
 
-The pressure is a series in (1 - x^2) P'_{n+1}(x), x = xi / L, which vanishes at the edges; tested
-with Legendre polynomials the contact condition is a small linear system for a *given* length (the
-approach delta falls out of the equation that is not used). Lengths in m. xi grows in the direction
+The pressure is a series in (1 - x^2) P'_{n+1}(x), x = xi / L, which vanishes at the edges. Tested
+with Legendre polynomials, the contact condition is a small linear system for a *given* length. The
+approach delta follows from the equation that is not used. Lengths in m. xi grows in the direction
 in which tread passes: entry edge at -L, exit edge at +L, so xi grows with time.
 """
 
@@ -312,8 +312,8 @@ def _mass() -> FloatArray:
 class EdgeFamily:
     """The family on one tire: wave numbers n / R up to `highest_1_m`, n = 1, 2, ...
 
-    `own` (OWN_FORM,): the tire's own form, SHAPES of pressure in mean pressures and bells of what
-    its stiffness (bending and foundation) has more, over the logarithm of the waves in a turn.
+    `own` (OWN_FORM,): the tire's own form. It has SHAPES of pressure, in mean pressures. Bells over
+    the logarithm of the waves in a turn are what its stiffness (bending, foundation) has more.
     """
 
     def __init__(

@@ -5,8 +5,8 @@
 
 Inside the patch the tread moves straight and its acceleration is nothing; outside it is Omega^2 R
 or, if the sensor is AC-coupled, something else by as much. A front is where the signal crosses the
-middle between the two levels, which is a fixed share of the step at every speed (errata on P4). No
-encoder is needed: the passages themselves are the clock.
+middle between the two levels: a fixed share of the step at every speed (errata on P4). No encoder
+is needed: the passages themselves are the clock.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def footprint_of_accelerometer(recording: Recording, channel: Channel) -> Passag
     if passages.doubt:
         said = passages.doubt
     elif untold.all():
-        said = f"{channel.name}: no front could be told; no lengths"
+        said = f"{channel.name}: no front was found; no lengths"
     else:
         said = (
             f"{channel.name}: contact length {1e3 * float(np.nanmedian(length)):.2f} mm (median), "

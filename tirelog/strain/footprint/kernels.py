@@ -78,7 +78,7 @@ def look_up(
     """Fill `columns` and `place` of the samples of a row that are used; count and mean.
 
     Samples (m,) that are there and lie within the half window of the patch centre, shifted by
-    `shift` [m]; their mean is taken off. `motion`: one MOTION; `grid`: one GRID.
+    `shift` [m]; their mean is subtracted. `motion`: one MOTION; `grid`: one GRID.
 
     table    (g, c): the form's columns without the offset; number `follows` goes with the squared
              speed. The last of c = `wide` columns is not kept, since the samples take its place
@@ -118,8 +118,8 @@ def own_inverse(
     """Inverse of a passage's own block, with what is known added; its rough height.
 
     What is known: damping and tilt (standard deviation `odd_sd`, in heights), beside values with
-    the noise `sigma`. Scaled to a diagonal of one, which is lifted a little so that columns that
-    cannot be told apart share what there is. `gram` of `products`; `inverse` (OWN, OWN) is filled.
+    the noise `sigma`. Scaled to a diagonal of one, which is lifted a little so that columns
+    that are alike share what there is. `gram` of `products`; `inverse` (OWN, OWN) is filled.
     """
     # oddness is a ratio to the height, whose rough size is the right side's
     rough: float = max(abs(gram[HEIGHT, wide]) / max(gram[HEIGHT, HEIGHT], 1e-300), 1e-300)
@@ -164,8 +164,8 @@ def fitted(
 ) -> None:
     """Fills `whole` with the solution (FITTED,) of a fit.
 
-    Linear about the form; what is quadratic in length and shift is taken off in turns. `bends` (3,
-    OWN): the inverse times the right side, and times the two quadratic columns.
+    Linear about the form; what is quadratic in length and shift is subtracted in turns. `bends`
+    (3, OWN): the inverse times the right side, and times the two quadratic columns.
     """
     for k, column in enumerate((FITTED, OWN, OWN + 1)):
         apply_inverse(inverse, gram[column], bends[k])
@@ -372,9 +372,9 @@ def _joint(
 ) -> int:  # fmt: skip
     """Form and traction together by least squares for the onsets from `first` on; the best one.
 
-    Returned is the place of the best among them. Filled: `told` (t,) of TRIED, as many as are
-    tried; `best` (FITTED + 1,), the form's coefficients and the traction's. A solution that moves
-    the form by more than `trust_m` [m] costs more: it is linear about where the form stands.
+    Returned is the place of the best among them. Filled: the argument (t,) of TRIED, as many as
+    are tried; `best` (FITTED + 1,), the form's coefficients and the traction's. A solution that
+    moves the form by more than `trust_m` [m] costs more: it is linear about the form's place.
 
     columns  (m + SPARE, FITTED + 1) and place (m,) as `kernels.look_up` fills them, `used` of them
     waves    (g, c): the traction with each onset, on the table's grid
@@ -453,8 +453,8 @@ def _moved_on(
 ) -> tuple[int, int, int, float]:  # fmt: skip
     """(samples used, first onset, the best one from there on, shift) of a row after `turns`.
 
-    The form stands at `shift` [m] at first, and then where the joint solution `best` moves it; the
-    onsets of `told` (t,) lie about the best one, which is `onset` at first.
+    The form lies at `shift` [m] at first, and then where the joint solution `best` moves it. The
+    onsets (t,) that are tried lie about the best one, which is `onset` at first.
     """
     used, first, top = 0, 0, 0
     for turn in range(turns):
@@ -517,10 +517,10 @@ def seek_rows(
     fine: int, starts_m: FloatArray, trust_m: float, turns: int, sigma: float, odd_sd: float,
     enough: float, apart: int, found: Records,
 ) -> None:  # fmt: skip
-    """Fills starts of `found` (n,) of ONSET: best onset, where the form stands with it, its rival.
+    """Fills starts of `found` (n,) of ONSET: best onset, the form's place with it, its rival.
 
-    The form of each row is put first where the fit without traction has it, with the evenly spaced
-    `starts_m` about that and every `fine`-th of the onsets of `waves` (g, c) tried. From the best
+    The form of each row begins where the fit without traction has it. The evenly spaced `starts_m`
+    about that are tried with every `fine`-th of the onsets of `waves` (g, c). From the best
     of these the form is put `turns` times where the joint solution moves it, with onsets about the
     best; the next best ones follow while more than `enough` squared sigmas per sample are left.
 

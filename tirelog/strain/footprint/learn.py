@@ -435,9 +435,9 @@ def learn_form(
     """`reference` with the tire's own form, if that earns its place, and its share of the error.
 
     The evidence decides on the form's size: the prior of each number times one of SIZES. If it is
-    the least, or the form leaves more than noise, the reference stays. The length is the mean, its
-    error the standard deviation over all lengths that the averages and the prior allow, each with
-    the form that fits best there: the valley of length against pressure is bent.
+    the least, or the form leaves more than noise, the reference stays. The length is the mean, and
+    its error the standard deviation, over all lengths that the averages and the prior allow. Each
+    length has the form that fits best there: the valley of length against pressure is bent.
     """
     fits = [_fits(reference, k, s, noise, half_window_m) for k, s in enumerate(samples)]
     samples, fits = _without_foreign(samples, fits, reference, noise, half_window_m)
@@ -548,7 +548,7 @@ class EdgeForm:
     def unclear(self, speed_m_s: FloatArray) -> BoolArray:
         """Whether the form is none of a tire at each speed, (n,).
 
-        It leaves too much, or stands at a bound; lengths may be wrong by half.
+        It leaves too much, or is at a bound; lengths may be wrong by half.
         """
         values = np.array([shape.array() for shape in self.reference.shapes])
         # a tread without stiffness, the lower bound, is the parabola of an honest beam
@@ -674,7 +674,7 @@ def _average(sample: PatchWindows, passages: Passages, half_window_m: float) -> 
 
 
 def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noise: float) -> float:
-    """The highest wave number [1/m] at which a passage stands above the noise.
+    """The highest wave number [1/m] at which a passage is above the noise.
 
     Its spectrum above the `noise` of a sample, at the middle speed.
     """

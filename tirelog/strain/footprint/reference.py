@@ -175,7 +175,7 @@ class AverageFit:
     """Averages of some speeds, which share a tire, against a vector of parameters.
 
     The shared ones (_MEAN), and _APIECE for each average; lengths begin at `scale_m`. With
-    `own` the tire's own form is free, and the tread, which it stands for, is not.
+    `own` the tire's own form is free, and the tread, which it replaces, is not.
     """
 
     def __init__(

@@ -197,9 +197,9 @@ def _follow(
 
 
 def as_starts(found: Records, told: Records, scatter: float) -> BoolArray:
-    """Which of the onsets `found`, as `told`, others may start from, (n,).
+    """Which of the onsets `found` others may start from, (n,).
 
-    They stand alone far more clearly than is asked for.
+    Their rivals are worse by far more than is required; their answers give no `reason` against.
     """
     with np.errstate(invalid="ignore"):
         # others start from an onset that stands alone by so many times what is asked of each; half

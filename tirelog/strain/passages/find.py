@@ -8,8 +8,8 @@ The clock of every other estimator.
 
 One row is one passage, in the order of the log: its ordinal is the `revolution` of every table. The
 *patch centre* is the zero of the matched template, the middle between its half-level crossings
-(`template`); all commands use it. Only windows around the passages are fitted, block by block at
-places fixed by the passages, so the rows do not depend on the size of the blocks that were read.
+(`template`); all commands use it. Only windows around the passages are fitted, block by block. The
+passages fix the places of these, so the rows do not depend on the size of the blocks read.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ def sentence(channel: str, rows: int, found: int, why: str) -> str:
     return (
         f"{channel}: {which} are not one turn apart, or not of a patch: {why}; "
         "not a patch signal? "
-        "No speed is told from them; check source, kind and surface of the channel in the setup"
+        "They give no speed; check source, kind and surface of the channel in the setup"
     )
 
 
@@ -319,7 +319,7 @@ def _measured(signal: Signal, radius_m: float, pulses: Records) -> Passages:
 
 
 def without_speeds(found: Passages, said: str, word: Quality) -> Passages:
-    """`found`, which is no tire's: its rows without a speed or a turn to the next, and why."""
+    """The rows of `found`, not a tire's, without a speed or a turn to the next, and why."""
     nan, no = np.full(len(found), np.nan), np.zeros(len(found), bool)
     return replace(
         found,
@@ -434,7 +434,7 @@ def implausible_motion(
     if not strong.any():
         return None
     ratio = float(np.nanmedian((passages.height[some] / turning)[strong]))
-    what = f"the step into the patch is {ratio:.3g} times Omega^2 R"
+    what = f"the step into the patch is {ratio:.3g} times the centripetal acceleration"
     return implausible(recording, "step_to_rotation", ratio, what, channel=channel, do=_TURNING)
 
 

@@ -2,7 +2,7 @@
 
 Words for its window, passages that were lost, breaks between passages.
 
-A word stands in a row only if the trouble lies inside the row's own window (half a patch and its
+A row has a word only if the trouble lies inside the row's own window (half a patch and its
 shoulders on either side).
 """
 
@@ -269,7 +269,7 @@ def in_gap(axis: TimeAxis, index: FloatArray, reach: FloatArray, longer: float =
 
 
 def doubted(channel: Channel, word: Quality, begin: FloatArray, end: FloatArray) -> BoolArray:
-    """Which stretches [begin, end] (n,) [samples] of `channel` hold what the `word` was said of."""
+    """Which stretches [begin, end] (n,) [samples] of `channel` hold samples with the `word`."""
     ranges = [(a, b - 1) for a, b, own in channel.flags if own == word]
     return _touched(begin, end, *np.array(ranges, float).reshape(-1, 2).T)
 
@@ -329,8 +329,8 @@ def stood_between(of_turns: FloatArray, own: FloatArray, rolled: BoolArray) -> B
 def whole_turns(time_s: FloatArray, linked: BoolArray, rolled: BoolArray) -> IntArray:
     """Whole turns from each passage to the next, as the turns around tell; 0 if they do not.
 
-    Of a wheel that `rolled` on (n - 1,), at a speed between those of the nearest pairs before and
-    after that are `linked` (n - 1,), which are one turn apart.
+    The wheel `rolled` on (n - 1,). Its speed is between those of the nearest pairs before and after
+    that are `linked` (n - 1,): one turn apart.
     """
     period = np.diff(time_s)
     known = np.append(np.flatnonzero(linked), -1)
@@ -408,11 +408,12 @@ def breaks(
 ) -> QualityFlags:
     """Why a passage and the next are not known to be one turn apart, shape (n,).
 
-    No word if they are (and for the last), else gap (so long that a passage may lie in it, of
-    which LOST_SHARE of `shortest_s` is enough, or the clock was set back: `untimed`), lost_peak
-    (the wheel `rolled` on, and passages between were not found), reversing (it came back before a
-    turn was done, or passed the other way round: `turned`) or standstill (the wheel took longer
-    than its speeds allow).
+    No word if they are, and for the last. Else one of
+
+    gap         LOST_SHARE of `shortest_s`, so a passage may lie in it, or `untimed`: clock set back
+    lost_peak   the wheel `rolled` on, and passages between were not found
+    reversing   it came back before a turn was done, or passed the other way round: `turned`
+    standstill  the wheel took longer than its speeds allow
     """
     apart = ~linked[:-1]
     missing_s = np.diff(channel.axis.missing_before(index)) / channel.axis.rate_Hz
