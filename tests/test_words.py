@@ -1,7 +1,6 @@
 """Property: texts are in plain words: subject, verb, object, and at most 25 words a sentence.
 
-A text is a docstring, or any string of the package: a message, a line of help, a page. `CLEAN` are
-the folders that are held to it; it grows until it is all of them, and then it goes.
+A text is a docstring, or any string of the package: a message, a line of help, a page.
 """
 
 import ast
@@ -14,31 +13,6 @@ from tests.sources import sources
 
 pytestmark = pytest.mark.xdist_group("sources")  # one worker parses the package, once
 
-CLEAN = (
-    "__init__.py",
-    "__main__.py",
-    "api",
-    "campaign",
-    "cli",
-    "data",
-    "diagnosis",
-    "dsp",
-    "errors.py",
-    "inference",
-    "kernels",
-    "physics",
-    "plots",
-    "process_pool.py",
-    "products.py",
-    "report",
-    "runtime.py",
-    "simulation",
-    "strain",
-    "tables",
-    "version.py",
-    "vocabulary",
-    "wheel",
-)
 #: words and turns that a reader from the field does not use so
 FOREIGN = re.compile(r"\b(?:told|said|stands|taken off|as it came|of like|which is no)\b", re.I)
 #: a symbol or the number of an equation, which a terminal does not explain
@@ -78,10 +52,9 @@ def texts(file: str, tree: ast.Module) -> Iterator[tuple[str, int, str, bool]]:
 
 
 def held() -> Iterator[tuple[str, int, str, bool]]:
-    """The texts of the clean folders."""
+    """The texts of the package."""
     for file, (_, tree) in sources().items():
-        if file.split("/")[0] in CLEAN:
-            yield from texts(file, tree)
+        yield from texts(file, tree)
 
 
 def sentences(text: str) -> Iterator[str]:

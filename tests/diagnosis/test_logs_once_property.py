@@ -99,4 +99,4 @@ def test_a_table_says_that_its_rows_stand_twice(folder: Path, tirelog: Command) 
     outcome = tirelog("speed", "a.csv", "packed.csv.gz", "other.csv")
     assert outcome.status == 0
     assert outcome.err.count("holds the same samples as") == 1
-    assert "packed.csv.gz: holds the same samples as a.csv; what is made" in outcome.err
+    assert "packed.csv.gz: holds the same samples as a.csv; their rows come twice" in outcome.err

@@ -212,7 +212,7 @@ def test_too_few_manoeuvres_are_said_to_be() -> None:
     result = propose([stack(ringing, manoeuvres=11)], MODEL)
     assert result.status == "nothing"
     assert "11 manoeuvres are too few" in result.reason
-    assert "drive 12 at least" in result.reason
+    assert "Drive 12 at least" in result.reason
 
 
 def test_a_number_per_revolution_has_no_shape() -> None:

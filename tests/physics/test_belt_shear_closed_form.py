@@ -64,7 +64,7 @@ def test_strain_of_a_belt_that_yields_in_shear(length, speed):
 
 def test_a_belt_that_yields_too_much_is_refused():
     soft = model().with_effect("belt_shear", length_m=0.1)
-    with pytest.raises(ModelError, match="yields so in shear"):
+    with pytest.raises(ModelError, match="too soft in shear"):
         soft.predict(Conditions.of(1, speed_m_s=40.0, load_N=LOAD), np.zeros(1))
 
 

@@ -57,7 +57,7 @@ def test_profile_files(tmp_path):
     assert height == pytest.approx([0.0, 0.005, 0.005, 0.0])
     assert slope == pytest.approx([0.0, 0.01, -0.01, 0.0])
     path.write_text("0, 0\n1, bump\n")
-    with pytest.raises(ModelError, match=r"road\.txt:2: .*no point of a road profile"):
+    with pytest.raises(ModelError, match=r"road\.txt:2: .*not a point of a road profile"):
         load_road(path)
     path.write_text("0 0\n0 1\n")
     with pytest.raises(ModelError, match=r"road\.txt: .*does not grow"):

@@ -169,11 +169,14 @@ def test_a_text_of_what_is_followed_is_read():
 @pytest.mark.parametrize(
     ("wrong", "match"),
     [
-        ({"follows": (("sped_m_s", 2),)}, "'sped_m_s' is no condition"),
+        ({"follows": (("sped_m_s", 2),)}, "'sped_m_s' is not a condition"),
         ({"follows": ("speed_m_s",)}, "pairs .condition, power."),
         ({"follows": (("speed_m_s", float("nan")),)}, "finite powers"),
         ({"follows": None}, "pairs .condition, power."),
-        ({"follows": (), "valid_range": {"water": (0, 1)}}, "'water' is no condition or parameter"),
+        (
+            {"follows": (), "valid_range": {"water": (0, 1)}},
+            "'water' is not a condition or parameter",
+        ),
         ({"follows": (), "valid_range": {"speed_m_s": (40.0, 2.0)}}, "from 40 to 2"),
         ({"follows": (), "valid_range": {"speed_m_s": ("slow", "fast")}}, "pair"),
     ],

@@ -54,7 +54,7 @@ def test_ten_waves_do_not_reach_the_peak(here, capsys):
         (["--speed", "0:1e9:1e-3"], "--speed 0:1e9:1e-3"),
         (["--speed", "fast"], "--speed fast"),
         (["--speed", "10", "--load", "nan"], "load"),
-        (["--speed", "10", "--pressure", "2.2"], "2.2 is no tire's pressure"),
+        (["--speed", "10", "--pressure", "2.2"], "2.2 is not a plausible pressure"),
         (["--speed", "1:50:0.1", "--load", "1000:5000:100"], "conditions"),
         (["--speed", "10", "--slip-angle", "nan"], "slip angle of nan degrees"),
     ],
