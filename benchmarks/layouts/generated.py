@@ -349,9 +349,13 @@ def _rows() -> Iterator[Case]:
         spoilt.format("too many"), "time,,a,b,c\n" + "".join(good), refused="can be identified"
     )
     yield pollution(
-        spoilt.format("too many in front"), ",time,a,b,c\n" + "".join(good), refused="can be identified"
+        spoilt.format("too many in front"),
+        ",time,a,b,c\n" + "".join(good),
+        refused="can be identified",
     )
-    yield pollution(spoilt.format("too few"), "time,ab,c\n" + "".join(good), refused="can be identified")
+    yield pollution(
+        spoilt.format("too few"), "time,ab,c\n" + "".join(good), refused="can be identified"
+    )
     by_place = setup("#2", "#3", "#4")
     yield pollution(
         "header with a separator too many, columns by #n", "time,,a,b,c\n" + "".join(good), by_place
