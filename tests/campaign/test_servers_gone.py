@@ -73,7 +73,7 @@ def test_a_scheduler_that_is_killed(tmp_path: Path) -> None:
             said = first.communicate(timeout=PATIENCE_S)[1]
     assert first.returncode == 2
     assert said.count("\n") == 1
-    assert "what is done is kept" in said
+    assert "finished logs are kept" in said
     with dask_cluster(port):
         assert waited_for(answers)
         assert subprocess.run(command, check=False, timeout=PATIENCE_S).returncode == 0

@@ -6,11 +6,17 @@ from typing import Any
 
 import pytest
 
+import tirelog
 from tests.diagnosis.periodic import COMMANDS, failures, write_log
 
 
 def answered(folder: Path, seed: int, commands: tuple[str, ...], **how: Any) -> None:
-    shape = write_log(folder / "log.csv", seed, **how)
+    log = folder / "log.csv"
+    shape = write_log(log, seed, **how)
+    # a sum of waves may have several pulses a turn, as no patch has: every command refuses it
+    while tirelog.speed(log)["quality"].str.contains("not_a_passage").all():
+        seed += 4
+        shape = write_log(log, seed, **how)
     carcass = "ring" if seed % 4 == 3 else "beam"
     found = failures(folder, carcass, commands=commands)
     assert found == [], f"write_log(path, {seed}), which is a {shape}, with a {carcass}"
