@@ -16,7 +16,7 @@ pytestmark = pytest.mark.xdist_group("sources")  # one worker parses the package
 #: words and turns that a reader from the field does not use so
 FOREIGN = re.compile(r"\b(?:told|said|stands|taken off|as it came|of like|which is no)\b", re.I)
 #: a symbol or the number of an equation, which a terminal does not explain
-SYMBOL = re.compile(r"\bP[1-4] \(\d|\bOmega\b|\bxi\b")
+SYMBOL = re.compile(r"\bP[1-4] \(?\d|\bOmega\b|\bxi\b")
 #: files whose texts are reference, or formulas in the language of model files
 REFERENCE = (
     "diagnosis/propose/grammar.py",

@@ -778,8 +778,8 @@ def _remarks(recording: Recording, surface: str | None) -> tuple[str, ...]:
         )
     if tire.viscosity_Pa_s is not None and tire.area_m2 is not None:
         remarks.append(
-            "the powers and resistances in W and N are of the strip under the grating alone, "
-            "with the setup's viscosity (P1 27)"
+            "powers in W and resistances in N are of the strip under the grating alone, with the "
+            "setup's viscosity"
         )
         remarks.append(_in_bending(surface, tire.section_height_m))
     return tuple(remarks)
@@ -794,18 +794,15 @@ def _in_bending(surface: str | None, height_m: float | None) -> str:
 
     eta A h^2 / (12 y^2) int (d eps_m / ds)^2 ds; (27) leaves the factor h^2 / (12 y^2) out.
     """
-    text = "this power is exact for membrane strain; in pure bending "
+    text = "the power is that of pure stretching; in pure bending "
     if surface == "inner":
-        return (
-            f"{text}a grating on the liner, half the strip's height from its neutral axis, reads "
-            "three times too much"
-        )
-    right = f" = {1e3 * RIGHT_LEVER * height_m:.1f} mm" if height_m is not None else ""
+        return f"{text}a grating on the liner reads three times too much"
+    right = "0.29 of the strip's height"
+    if height_m is not None:
+        right = f"{1e3 * RIGHT_LEVER * height_m:.1f} mm"
     return (
-        f"{text}a grating in a groove reads 12 (y/h)^2 of the power, y its distance from the "
-        "neutral axis, h the strip's height: "
-        f"right at y = 0.29 h{right}, too little nearer the axis (33 times too little at y = "
-        "0.05 h, as in P2)"
+        f"{text}a grating in a groove reads right {right} from the neutral axis, too little nearer "
+        "to it (docs: dissipation)"
     )
 
 

@@ -590,15 +590,16 @@ def _remarks(
         f"{LEAST_SPEED_M_S:g} m/s, and have no length"
     )
     if found.learnt is None or not np.isfinite(found.length_m).any():
-        few = f"{channel.name}: too few passages to learn the form of; no lengths"
+        few = f"{channel.name}: too few passages to learn the shape of the edges; no lengths"
         return (too_slow,) if 2 * slow > len(passages) else (few,)
     length, form = float(np.nanmedian(found.length_m)), float(np.nanmedian(found.form_se_m))
     known = np.isfinite(found.cutoff_Hz)
     low, high = float(found.cutoff_Hz[known].min()), float(found.cutoff_Hz[known].max())
     range_ = f"{low:.0f} Hz" if high - low < 1.0 else f"{low:.0f} to {high:.0f} Hz"
     text = (
-        f"{channel.name}: contact length {1e3 * length:.2f} mm (median; "
-        f"form known to {1e3 * form:.2f} mm), low-pass {cutoff} = {range_}"
+        f"{channel.name}: median contact length {1e3 * length:.2f} mm, with an error of "
+        f"{1e3 * form:.2f} mm that all rows share (shape of the edges); "
+        f"low-pass {cutoff} = {range_}"
     )
     static = recording.setup.tire.static_footprint_length_m
     if static is not None:
