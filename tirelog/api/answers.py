@@ -46,6 +46,7 @@ from tirelog.physics.model.user_effects import own_effects
 from tirelog.report.page import ReportRequest
 from tirelog.storage.whole import whole_file
 from tirelog.vocabulary.observables import (
+    OBSERVABLES,
     WAVEFORMS,
     waveform_of,
 )
@@ -124,7 +125,9 @@ def measure(
     >>> sum(len(stack) for stack in found.stacks)
     241
     """
-    if isinstance(model, str) and not model.endswith(".toml") and not os.path.isfile(model):
+    if isinstance(model, str) and (
+        model in OBSERVABLES or not (model.endswith(".toml") or os.path.isfile(model))
+    ):
         return measured_for(each_log(logs, setup), (model,), channel)
     model = as_model(model)
     level = not model.ac_coupled
@@ -211,7 +214,7 @@ def compare(
         What `measure` gave.
     model : Model, str, os.PathLike or dict
         Fitted from its values, within its bounds; fixed parameters keep their values.
-    others : sequence of models, optional
+    others : model or sequence of models, optional
         Fitted to the same logs; ``ranking`` then has all of them, the best first.
 
     Returns
@@ -235,8 +238,9 @@ def compare(
     0.62
     """
     found = _known(measured)
+    several = [others] if isinstance(others, str | os.PathLike | Mapping | Model) else others
     result = comparing.compare(
-        found.revolutions, as_model(model), [as_model(other) for other in others]
+        found.revolutions, as_model(model), [as_model(other) for other in several]
     )
     if not found.obstacles:
         return result
@@ -573,7 +577,7 @@ def write_report(
     campaign : str or os.PathLike, optional
         A campaign's output folder.
     model : Model, str, os.PathLike or dict, optional
-        A model to compare with the logs. Commands on the page call one without a file MODEL.toml.
+        A model to compare with the logs. Commands on the page call one that is no path MODEL.toml.
     ladder : str or os.PathLike, optional
         The steps that `ladder` kept beside the model.
     channel, effects
@@ -598,7 +602,7 @@ def write_report(
     in_memory = None if model is None or isinstance(model, str | os.PathLike) else as_model(model)
     given: dict[str, Any] = {
         "setup": setup if isinstance(setup, str | os.PathLike) else None,
-        "model": model if in_memory is None else in_memory.path or "MODEL.toml",
+        "model": model if in_memory is None else "MODEL.toml",
         "ladder": ladder, "campaign": campaign, "effects": effects,
     }  # fmt: skip
     named = as_logs(logs)

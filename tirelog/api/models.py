@@ -171,7 +171,9 @@ def given_conditions(conditions: Conditions | Mapping[str, Any] | None, **named:
     UsageError: no such field, or arrays of several lengths.
     """
     if isinstance(conditions, Conditions):
-        return conditions
+        if not named:
+            return conditions
+        conditions = vars(conditions)
     conditions = {**(conditions or {}), **named}
     known = [field.name for field in fields(Conditions)]
     for name in conditions:

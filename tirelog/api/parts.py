@@ -9,6 +9,7 @@ No table is held in memory here, and pandas is not needed.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -98,6 +99,10 @@ def stretch_s(recording: Recording, options: Mapping[str, Any]) -> dict[str, flo
     return ends
 
 
+#: an offset from UTC behind a time of day
+_OFFSET = re.compile(r"(:\d\d(?:[.,]\d+)?) ?(?:Z|[+-]\d\d:?\d\d)$")
+
+
 def _seconds(recording: Recording, given: Any, option: str) -> float:
     """A time in seconds since the first sample: a number as it is, a stamp less the first one."""
     with suppress(ValueError, TypeError):
@@ -106,6 +111,8 @@ def _seconds(recording: Recording, given: Any, option: str) -> float:
     from tirelog.readers.text.times import MISSING, form_of, one_ns  # 0.1 s, for stamps alone
 
     begun, text = str(recording.provenance.get("start") or ""), str(given)
+    if bool(_OFFSET.search(begun)) != bool(_OFFSET.search(text)):  # both are of the log's clock
+        begun, text = (_OFFSET.sub(r"\1", stamp) for stamp in (begun, text))
     form, of_begin = form_of(text), form_of(begun)
     stamps = [one_ns(a, b) if b else MISSING for a, b in ((text, form), (begun, of_begin))]
     if MISSING in stamps:

@@ -132,6 +132,12 @@ def compare(
     options.refuse_kind_alone(kind, asked.plot)
     if by is not None:
         refuse_unknown(by, ERRORS_BY, f"--by {by}", do="choose one")
+        if against:
+            raise UsageError(
+                f"--by {by} with --against",
+                allowed="models are ranked on the page and in its json",
+                do="leave one out",
+            )
     others = [api.models.load_model(path, effects=asked.effects) for path in against or ()]
     ask = partial(api.answers.compare, others=others)
     with asked.answered("fitting the model", ask) as result:

@@ -17,6 +17,7 @@ table. A diagnosis of another kind than all cases gets no number, and a reason.
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -65,7 +66,7 @@ CLASSES: Mapping[str, tuple[str, ...]] = {
 
 
 #: confidence of the interval whose lower limit is the least share: at 99 % it would be 90 % of 49
-#: right cases in 49, not 93 %
+#: right cases in 49, not 92 %
 _CONFIDENCE = 0.95
 
 
@@ -107,8 +108,8 @@ class Certainty:
         but = f" None had an {' or an '.join(self.lacking)}." if self.lacking else ""
         return (
             f"{self.right} of {self.cases} simulated cases of this kind were right: at least "
-            f"{100.0 * self.probability:.0f} % ({self.bound}; {self.tires} tires, {self.date})."
-            f"{but}"
+            f"{math.floor(100.0 * self.probability)} % ({self.bound}; {self.tires} tires, "
+            f"{self.date}).{but}"
         )
 
 

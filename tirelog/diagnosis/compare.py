@@ -40,6 +40,7 @@ from tirelog.inference.base import (
     JointBase,
     bases_by_observable,
     bends,
+    joined_like,
     prepare,
     prepare_together,
 )
@@ -163,6 +164,8 @@ def _ranking(bases: Sequence[Base]) -> tuple[Mapping[str, Any], ...]:
     """
     if len(bases) < 2:
         return ()
+    # several observables in the floors of the first model: a worse one has larger floors
+    bases = [joined_like(base.blocks, bases[0].cells) for base in bases]
     within = min(base.floor.within for base in bases)
     best, *_ = order = sorted(bases, key=lambda base: base.square_held)
     return tuple(

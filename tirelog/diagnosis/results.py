@@ -116,7 +116,7 @@ def _extra_row(own: Mapping[str, Any]) -> list[Any]:
     if of in ("zone", "parameter"):
         name = "change of " * (of == "parameter") + name
     else:
-        name = f"worst {of}: {PurePath(name).name}"
+        name = f"worst {of}: {PurePath(name).name if of == 'log' else name}"
     if size is None:
         return [name, "no size does", ""]
     factor, unit = (100.0, "%") if of == "parameter" else shown(own["observable"], own["unit"])
@@ -283,7 +283,11 @@ class Comparison(AnswerRecord):
     def _worst_errors(self) -> list[Mapping[str, Any]]:
         """The extra errors of zones and parameters, and the largest of each kind of condition."""
         worst: dict[tuple[str, ...], Mapping[str, Any]] = {}
-        for own in sorted(self.extra_errors, key=lambda row: row["size"] or 0.0):
+        # one that no size removes is the largest
+        sizes = {
+            id(own): np.inf if own["size"] is None else own["size"] for own in self.extra_errors
+        }
+        for own in sorted(self.extra_errors, key=lambda own: sizes[id(own)]):
             each = own["of"] in ("zone", "parameter")
             worst[own["of"], own["observable"], own["name"] if each else ""] = own
         order = {id(own): number for number, own in enumerate(self.extra_errors)}

@@ -229,7 +229,7 @@ class Base:
                 for one in self.blocks
             ]
         )
-        return _together(anew, self.cells)
+        return joined_like(anew, self.cells)
 
 
 @dataclass(frozen=True)
@@ -278,7 +278,7 @@ def prepare_together(
     return _joined(channels, scales, drive)
 
 
-def _together(blocks: Sequence[Base], before: Cells) -> Base:
+def joined_like(blocks: Sequence[Base], before: Cells) -> Base:
     """Blocks as one base, with the scales and the manoeuvres of the cells that it had `before`."""
     if not before.parts:
         return blocks[0]
@@ -540,7 +540,7 @@ def with_fits(
     for one, fit in zip(base.blocks, fits, strict=True):
         raw = replace(one.raw, shared=fit.cells.shared)
         anew.append(replace(one, cells=fit.cells, raw=raw, fit=fit, held=None))
-    return replace(_together(anew, base.cells), held=held)
+    return replace(joined_like(anew, base.cells), held=held)
 
 
 def with_fewer_cells(base: Base, most: int) -> Base:
@@ -564,7 +564,7 @@ def with_fewer_cells(base: Base, most: int) -> Base:
         plain = UnweightedMetric.of(cells)
         blocks.append(replace(one, cells=cells, white=white, plain=plain, fit=fit, held=None))
     few_cells = base.cells.take(np.concatenate(chosen))
-    return _together(blocks, few_cells)
+    return joined_like(blocks, few_cells)
 
 
 # ---- What a fit says: values with errors, correlations, bounds.

@@ -175,7 +175,7 @@ STRETCH = (
         "start",
         "--from",
         str,
-        "Only rows from this moment on: seconds since the first sample, or a stamp as in the log.",
+        "Only rows from this moment on: seconds since the first sample, or an ISO stamp.",
     ),
     TableOption("stop", "--to", str, "Only rows before this moment, likewise."),
 )

@@ -129,8 +129,10 @@ def likely_number(text: str) -> str:
         value = float(found[1].replace(",", "."))
         if found[2] is None and "," in found[1]:
             return f"the decimal sign is a point: {value:g}"
-        if found[2] is not None and unit is not None:
+        if found[2] is not None and unit is not None and "," not in found[1]:
             factor, offset, si = free_to_si(unit)
+            if (factor, offset) == (1.0, 0.0):
+                return f"leave the unit out: {value:g}"
             return f"{value:g} {unit} is {factor * value + offset:.4g} {si}"
     return ""
 

@@ -500,7 +500,7 @@ def ranking_of(
         shared = excess > LEAST_SHARE_OF_FLOOR * floor and not unphysical
         share = share_of_all if tuple(selected) == (a.id,) else removed / excess if shared else 0.0
         own[a.id] = a, float(np.clip(share, 0.0, 1.0))
-    p = {s.named.id: s.named.assessed.p for s in found.steps[1:] if s.named is not None}
+    p = {s.named.id: s.named.assessed.p for s in found.steps if s.named is not None}
     order = dict.fromkeys([*selected, *(r.id for r in first.contenders), *own])
     groups = {s.named.id: s.group for s in found.steps if s.named is not None}
     return tuple(
