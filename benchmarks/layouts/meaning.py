@@ -345,6 +345,14 @@ def _long_tables() -> Iterator[Case]:
             )  # fmt: skip
         yield text_case("long tables", f"{name} of each row, one signal",
                         f"time,{name},value\n" + "".join(one), setup("value"))  # fmt: skip
+    turns = [n // 300 for n in range(ROWS)]
+    places = [("straight", "curve")[n // 200 % 2] for n in range(ROWS)]
+    damaged = ["fro#t" if n == ROWS // 2 else "front" for n in range(ROWS)]
+    for name, cells in (("id", turns), ("measurement", turns), ("tag", places), ("name", damaged)):
+        yield text_case("long tables", f"{name} beside one signal", f"time,a,{name}\n"
+                        + table([t, A, cells]), setup("a"))  # fmt: skip
+    yield text_case("text", "index in seconds", "index,a,b\n" + table([t, A, B]),
+                    setup("a", "b"), BOTH)  # fmt: skip
     for kind in ("object", "category"):
         columns = {
             "time": np.tile(T, 2),

@@ -51,6 +51,7 @@ def test_a_log_that_spans_centuries_is_no_inflation_test(folder: Path, tirelog: 
     ("words", "says"),
     [
         ("model predict beam.toml --speed 20kmh", "20 km/h is 5.556 m/s"),
+        ("model predict beam.toml --speed 20m/s", "leave the unit out: 20"),
         ("model predict beam.toml --speed 80", "--speed 80 is 288 km/h; 80 km/h is 22.22"),
         ("model forces beam.toml --speed 80", "--speed 80 is 288 km/h; 80 km/h is 22.22"),
         ("model modes beam.toml --load 350kgf", "350 kgf is 3432 N"),

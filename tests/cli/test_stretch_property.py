@@ -55,6 +55,9 @@ def test_a_stamp_is_a_moment_of_the_log(folder: Path, tirelog: Command, begin: s
     by_stamp = tirelog("speed", "log.csv", "--from", begin, "--to", "2.5")
     assert by_stamp.status == 0, by_stamp.err
     assert by_stamp.out == tirelog("speed", "log.csv", "--from", "1", "--to", "2.5").out
+    if len(begin) > len("12:00:01"):  # with an offset from UTC it is of the log's clock too
+        zoned = tirelog("speed", "log.csv", "--from", f"{begin}+02:00", "--to", "2.5")
+        assert zoned.out == by_stamp.out
     wrong = tirelog("speed", "log.csv", "--from", "first")
     assert "a stamp such as 2024-05-01T12:00:00" in wrong.err
 

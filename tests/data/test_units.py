@@ -85,7 +85,7 @@ def test_one_gravity() -> None:
     ("text", "means"),
     [
         ("20kmh", "20 km/h is 5.556 m/s"),
-        ("2,2 bar", "2.2 bar is 2.2e+05 Pa"),
+        ("2.2 bar", "2.2 bar is 2.2e+05 Pa"), ("10,20kmh", ""),
         ("20 degC", "20 degC is 293.1 K"),
         ("350kgf", "350 kgf is 3432 N"),
         ("-5mm", "-5 mm is -0.005 m"),

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
 from tests.strain.conftest import make_drive, without_rows
 from tests.strain.strain_truth import Beam, Ring
@@ -239,9 +240,9 @@ def loosened(values):
     return np.where(np.arange(values.size) < values.size // 2, values, 0.5 * values)
 
 
-def averaged(values):
-    """An instrument that gives the mean of the last seven samples."""
-    return np.convolve(values, np.ones(7) / 7.0, "same")
+def averaged(values, samples=7):
+    """An instrument that gives the mean of so many samples."""
+    return np.convolve(values, np.ones(samples) / samples, "same")
 
 
 def interpolated(values):
@@ -263,3 +264,18 @@ def test_what_sensor_and_logger_do_gives_no_factor_that_is_ok(radius_m, change):
     wrong = (off > 5.0 * found.factor_se_1_m) & (off > 0.02 * clean.factor_1_m)
     assert wrong.any()
     assert not (ok & wrong).any()
+
+
+@pytest.mark.parametrize("samples", [4, 16, 32])
+def test_a_mean_of_many_samples_leaves_no_factor_that_is_ok(radius_m, samples):
+    drive = make_drive([0, 10], [10, 10], seed=1772)
+    found = energy_of(drive.with_values(averaged(drive.values, samples)), radius_m, 1.0)[1]
+    assert not good(found.quality).any()
+
+
+@pytest.mark.parametrize("cutoff_Hz", [200.0, 300.0, 400.0])
+def test_a_smooth_low_pass_of_the_instrument_is_no_running_mean(radius_m, cutoff_Hz):
+    drive = make_drive([0, 10], [10, 10], seed=1773)
+    passed = sosfiltfilt(butter(4, cutoff_Hz, fs=2500.0, output="sos"), drive.values)
+    found = energy_of(drive.with_values(passed), radius_m, 1.0)[1]
+    assert good(found.quality)[1:-1].all()

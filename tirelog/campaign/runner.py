@@ -289,14 +289,19 @@ def _finished(
 
 
 def _outcome(task: LogTask, future: DaskFuture[Any]) -> Entry:
-    """The entry by a worker of the cluster, or one that no worker finished it."""
+    """The entry by a worker of the cluster, or one that no worker finished it.
+
+    ConnectionError: the scheduler is gone, which cancels what was left to do.
+    """
+    if future.cancelled():
+        raise ConnectionError
     if future.status == "finished":
         entry: Entry = future.result()
         return entry
     return _of_the_machine(
         task,
         f"{task.log}: no worker of the cluster finished it "
-        f"({future.exception() or future.status}); look at the cluster's own log",
+        f"({future.exception()}); look at the cluster's own log",
     )
 
 

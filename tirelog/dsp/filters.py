@@ -414,12 +414,20 @@ def running_mean_of(channel: Channel) -> int:
         loud = sliding_mean(np.abs(moves), 2 * LONGEST_MEAN + 1)
         quiet = np.where(loud <= np.quantile(loud, QUIET), moves, 0.0)
         quiet /= max(float(np.std(quiet)), 1e-300)
-        totals += [float(quiet[lag:] @ quiet[: quiet.size - lag]) for lag in range(totals.size)]
+        used = (quiet != 0.0).astype(float)
+        # loud samples leave fewer pairs the further these are apart
+        totals += [
+            float(quiet[lag:] @ quiet[: quiet.size - lag])
+            / max(float(used[lag:] @ used[: quiet.size - lag]), 1.0)
+            for lag in range(totals.size)
+        ]
     most = SHORTEST_MEAN + int(np.argmin(totals[SHORTEST_MEAN:]))
     # a hum comes back again and again
     other = np.abs(np.delete(totals, slice(most - 3, most + 4)))[SHORTEST_MEAN:]
     alone = -totals[most] > 2.0 * other.max(initial=0.0)
-    return most if alone and totals[most] < -OPPOSITE * totals[0] else 1
+    # noise that a filter has made smooth is no mean of white noise
+    white = totals[1] < -OPPOSITE * totals[0]
+    return most if white and alone and totals[most] < -OPPOSITE * totals[0] else 1
 
 
 # ---- Means and medians over sliding windows: x (n,), width --> (n,), the array reflected at its

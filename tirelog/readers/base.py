@@ -271,8 +271,7 @@ _OTHER_WORDS = {
     *("speed", "velocity", "rpm", "drehzahl", "acc", "accel", "acceleration", "force", "kraft"),
     *("load", "torque", "moment", "strain", "stress", "pressure", "druck", "wavelength", "level"),
     *("temp", "temperature", "temperatur", "volume", "mass", "weight", "fuel", "flow", "energy"),
-    *("power", "charge", "voltage", "current", "frequency", "sample", "samples", "index", "idx"),
-    *("row", "record", "frame", "packet", "line", "number", "count", "counter", "id"),
+    *("power", "charge", "voltage", "frequency"),
 }
 #: times whose unit is known from the instrument alone: Xsens sensors count microseconds
 _KNOWN_UNITS = {"sampletimefine": "us"}
@@ -328,7 +327,8 @@ def is_of_other_quantity(name: str, unit: str) -> bool:
     """
     own = words(name_without_unit(name))
     named = units.canonical(unit) if unit else None
-    if named is None and len(own) > 1 and not own[-1].isdigit():
+    # of one letter only the metre: others are as often numbers of channels or the t of a time
+    if named is None and len(own) > 1 and (len(own[-1]) > 1 or own[-1] == "m"):
         named = units.canonical(own[-1])
     if named is not None:
         return units.UNITS[named][0] != "time"
@@ -337,8 +337,8 @@ def is_of_other_quantity(name: str, unit: str) -> bool:
 
 #: words of names of columns that say which signal a row is of
 _SIGNAL_WORDS = {
-    *("name", "channel", "kanal", "signal", "sensor", "variable", "parameter", "tag", "topic"),
-    *("measurement", "quantity", "metric", "series", "id"),
+    *("name", "channel", "kanal", "signal", "sensor", "variable", "parameter", "topic"),
+    *("quantity", "metric", "series"),
 }
 
 

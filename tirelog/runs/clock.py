@@ -338,6 +338,11 @@ class ClockFit:
         if self.edges:
             return self._explicit(stamps)
         least_s, tick_s = stamps.ticks()
+        if tick_s > self.resolution_s:
+            self.remarks.append(
+                f"the stamps are whole steps of {tick_s:g} s; they count as rounded times of even "
+                "samples"
+            )
         self.resolution_s, self._grown_s = max(self.resolution_s, tick_s), tick_s - least_s
         ticks = int(stamps.clock_index(last) - stamps.clock_index(first))
         period, digit = (end - start) / ticks, max(self.resolution_s, 1e-9)
@@ -430,10 +435,8 @@ class ClockFit:
             share = max(error / period, 1.0 / reach, self._grown_s / (reach * period))
             given = declared is not None and period == 1.0 / declared
             if share > _MOST_VAGUE and not given and self.size >= _FEW:
-                coarse_stamps = (
-                    f"stamps of {self.resolution_s:g} s that tell the rate to {share:.0%} alone"
-                )
-                return self._by_rate(declared, coarse_stamps)
+                coarse_stamps = f"stamps of {self.resolution_s:g} s, too coarse for a rate"
+                return self._by_rate(declared, f"{coarse_stamps} (an error of {share:.1%})")
             return replace(axis, rate_error=share if share > _VAGUE and not given else 0.0)
         if rounding and period < _HIDES * rounding:
             # a sample may lack that stamps of so few digits cannot tell from a drift
@@ -453,8 +456,7 @@ class ClockFit:
 
         None if it was declared, or is a round number of three digits.
         """
-        rates = [1.0 / period, self.setup_rate_Hz, self.file_rate_Hz]
-        rates[0] = float(f"{rates[0]:.3g}")
+        rates = (float(f"{1.0 / period:.3g}"), self.setup_rate_Hz, self.file_rate_Hz)
         known = any(rate and period == 1.0 / rate for rate in rates)
         return replace(axis, rate_error=share if share > _VAGUE and not known else 0.0)
 

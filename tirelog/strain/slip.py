@@ -210,11 +210,10 @@ def _friction_of(recording: Recording, found: TableRows, wheel: WheelTurns) -> T
     press = means_between(loads[0], wheel.begin_s, wheel.end_s) if loads else load
     table = found.columns
     names = ("slip", "slip_se", "speed_m_s", "slip_delay_se")
-    mu, slip, se, speed, late = (
-        np.asarray(x, float) for x in (-pull / press, *(table[name] for name in names))
-    )
+    slip, se, speed, late = (np.asarray(table[name], float) for name in names)
     late = np.copysign(late, wheel.acceleration_m_s2)
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mu = np.asarray(-pull / press, float)
         # of a brush with f_s = 0.8 the slope is then right to 1 %, of one with 0.4 to 8 %; twice as
         # much of mu would be off by as much on a dry road
         used = (np.asarray(table["quality"]) == OK) & (np.abs(mu) < 0.2) & (se > 0.0)

@@ -433,17 +433,20 @@ def _one_turn(
     # rows that were dropped may take whole teeth with them, and leave the others even
     doubtful |= np.abs(np.diff(turn[order])) > MOST_MOVED_DEG
     parts = np.split(order, 1 + np.flatnonzero(doubtful))
-    lost, moved, doubt, before = 0.0, 0, False, np.zeros(0)
+    lost, shown, moved, doubt, before = 0.0, 0.0, 0, False, np.zeros(0)
     for rows in parts:
         own = rows[sound[rows]]
-        if own.size and before.size:
-            move = float(np.median(turn[own[:BESIDE]]) - np.median(before))
+        if before.size:
+            some = own if own.size else rows
+            move = float(np.median(turn[some[:BESIDE]]) - np.median(before))
             teeth = round(move / tooth) * tooth
             # what is between two teeth is neither, and a small move may be either
             between = abs(move - teeth) > MOST_MOVED_DEG
             doubt = between or (teeth != 0.0 and abs(move) <= MOST_MOVED_DEG)
-            moved += not doubt and teeth != lost
             lost = lost if doubt else teeth
+            if own.size:
+                moved += lost != shown
+                shown = lost
         turn[rows] -= lost
         unclear[rows] = doubt
         before = before if doubt else np.append(before, turn[own])[-BESIDE:]

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, TimeAxis
+from tirelog.dsp.filters import of_the_log
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, Records, records
 from tirelog.vocabulary.quality import QualityFlags
 
@@ -240,10 +241,16 @@ def off_clock(axis: TimeAxis, begin_s: FloatArray, end_s: FloatArray) -> BoolArr
     far = np.abs(period / np.median(period) - 1.0) > OFF_CLOCK
     # beside a change of the clock a turn has some of both: the turns before and after it are held
     # against each other
-    changed = np.flatnonzero(far[2:] != far[:-2])
-    times, counts = (np.abs(np.log(one[changed + 2] / one[changed])) for one in (time, samples))
+    at = np.flatnonzero(far[2:] != far[:-2])
+    at = at[(at >= 2) & (at + 4 < known.size)]
+    # less the trend of the turns around: a wheel that gains speed changes both
+    logs = (np.log(one) for one in (time, np.maximum(samples, 1.0)))
+    times, counts = (
+        np.abs(one[at + 2] - one[at] - 0.5 * (one[at] - one[at - 2] + one[at + 4] - one[at + 2]))
+        for one in logs
+    )
     if far.any() and float(np.sum(times)) > float(np.sum(counts)):
-        off[known] = far if np.mean(far) < MOST_OFF_CLOCK else True
+        off[known] = of_the_log(far, MOST_OFF_CLOCK)
     return off
 
 

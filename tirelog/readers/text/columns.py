@@ -11,6 +11,7 @@ blanks and underscores are forgiven if that leaves one column), or `#3`, the thi
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -406,10 +407,12 @@ def refuse_long_form(layout: Layout, name: str) -> None:
     if named is None:
         return
     cells, by_name = layout.cells(named), is_signal_name(layout.name(named))
-    first, seen = cells[: len(cells) // 2], {*cells} - {""}
+    # a name that comes once is a damaged cell
+    first, seen = cells[: len(cells) // 2], {c for c, n in Counter(cells).items() if c and n > 1}
     many = len(seen)
     if layout.kinds[named] == "number":  # in turns, or sorted: else they are what is measured
-        by_name = first[many:] == first[:-many] or cells == sorted(cells)
+        in_turns = len({*first[:many]}) == many and first[many:] == first[:-many]
+        by_name = in_turns or (by_name and cells == sorted(cells))
     in_turn = sum(a != b for a, b in pairwise(first)) > 0.5 * len(first)
     if (by_name or (in_turn and layout.kinds[named] == "text")) and 2 <= many <= 0.3 * len(first):
         raise long_form(layout, named, seen, name)
@@ -431,9 +434,11 @@ def one_signal(layout: Layout) -> tuple[int, str] | None:
     None if there is none. Rows of another signal may follow, in a table that is sorted by it.
     """
     named = _signal_column(layout)
-    seen = {*layout.cells(named)} if named is not None and layout.kinds[named] == "text" else set()
-    by_name = len(seen) == 1 and is_signal_name(layout.name(named or 0))
-    return (named or 0, seen.pop()) if by_name else None
+    if named is None or layout.kinds[named] != "text":
+        return None
+    seen = {*layout.cells(named)}
+    by_name = len(seen) == 1 and is_signal_name(layout.name(named))
+    return (named, seen.pop()) if by_name else None
 
 
 def _signal_column(layout: Layout) -> int | None:
@@ -444,7 +449,8 @@ def _signal_column(layout: Layout) -> int | None:
     kinds = layout.kinds[: layout.width]
     numbers = [k for k, kind in enumerate(kinds) if kind == "number"]
     named = [k for k, kind in enumerate(kinds) if kind == "text"]
-    named = named or [k for k in numbers if is_signal_name(layout.name(k))]
+    if not named and len(numbers) == 3:
+        named = [k for k in numbers if is_signal_name(layout.name(k))]
     others = len({*numbers} - {*named})
     return named[0] if len(named) == 1 and others <= 2 else None
 

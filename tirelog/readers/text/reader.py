@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Generator, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, suppress
@@ -233,10 +233,14 @@ class TextReader:
         cell = re.compile(rb"(?:^|[,;|\s])[\"' ]*" + spelt + rb"[\"' ]*(?=[,;|\s]|$)", re.MULTILINE)
         if len(cell.findall(block)) >= block.count(b"\n"):
             return
+        others = Counter[str]()
         for line in block.decode(layout.encoding, "replace").splitlines():
             cells = split_cells(line.replace(layout.quote, '"'), layout.separator, layout.timed)
             other = cells[column] if len(cells) == layout.width else ""
             if other not in ("", signal, *layout.names[column : column + 1]):
+                others[other] += 1
+        for other, rows in others.most_common(1):
+            if rows > 1:  # one is a damaged cell
                 raise long_form(layout, column, {signal, other}, self.name)
 
     def _whole(self, block: bytes) -> bytes:
@@ -349,7 +353,7 @@ class TextReader:
                 )
         said = filter(None, map(_PROMISE.fullmatch, self.layout.preamble))
         promised = max((int(n) for one in said for n in re.findall(r"\d+", one[1])), default=0)
-        if rows < promised:
+        if rows + len(self._bad["row"]) < promised:
             report.losses.append(
                 f"the header promises {promised} samples and {rows} are there: the file is cut "
                 "off; copy it again"

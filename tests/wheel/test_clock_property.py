@@ -1,0 +1,47 @@
+"""Property: a clock that runs wrong is told from an instrument that changes its rate."""
+
+import numpy as np
+import pytest
+
+from tirelog.data.recording import TimeAxis
+from tirelog.wheel.rolling import off_clock
+
+TURN_M = 2.0
+#: the jump is while the wheel gains or loses speed
+SECONDS, JUMP_S = 40.0, 35.0
+
+
+def turns(knots_s: list[float], speeds_m_s: list[float]) -> np.ndarray:
+    """Ends of the turns [s] of a wheel that drives so."""
+    fine = np.arange(0.0, SECONDS, 1e-3)
+    turned = np.cumsum(np.interp(fine, knots_s, speeds_m_s)) * 1e-3 / TURN_M
+    return np.interp(np.arange(1, int(turned[-1])), turned, fine)
+
+
+def marked(stamps_s: np.ndarray, ends_s: np.ndarray) -> np.ndarray:
+    return off_clock(TimeAxis.of_times(stamps_s), ends_s[:-1], ends_s[1:])
+
+
+DRIVES = {
+    "constant": ([0, 40], [10, 10]),
+    "faster": ([0, 32, 38, 40], [6, 6, 16, 16]),
+    "slower": ([0, 32, 38, 40], [16, 16, 6, 6]),
+}
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_an_instrument_that_changes_its_rate_has_a_right_clock(drive: str) -> None:
+    before = np.arange(0.0, JUMP_S, 1.0 / 2500.0)
+    stamps = np.concatenate([before, np.arange(JUMP_S, SECONDS, 1.0 / 2400.0)])
+    assert not marked(stamps, turns(*DRIVES[drive])).any()
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_a_clock_that_runs_slow_is_found_whatever_the_wheel_does(drive: str) -> None:
+    true = np.arange(SECONDS * 2500.0) / 2500.0
+    stamps = np.where(true < JUMP_S, true, JUMP_S + 1.06 * (true - JUMP_S))
+    ends = turns(*DRIVES[drive])
+    late = ends[:-1] > JUMP_S
+    found = marked(stamps, np.interp(ends, true, stamps))
+    assert found[late][1:].all()
+    assert not found[~late][:-1].any()
