@@ -308,8 +308,8 @@ def _factors(
     `parts` (n, PARTS) of each revolution's factor with its noise [1/m], their `sizes` (n, PARTS) to
     which noise is proportional, by `white` at least; `near` (PARTS,): the parts of the patch with
     its shoulders. The half of the revolution that is opposite to the patch does not bend: its
-    median is the noise. A part away from the patch that is far above the same part of the turns
-    around holds a disturbance, or a hit of the road.
+    median is the noise. A part away from the patch may be far above the same part of the
+    turns around: that is a disturbance, or a hit of the road.
     """
     if not parts.shape[0]:
         return np.zeros(0), np.zeros(0), np.zeros(0, bool)
