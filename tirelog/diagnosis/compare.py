@@ -55,6 +55,7 @@ from tirelog.inference.cells.pieces import MOST_PIECES, Pieces, pieces_of_logs
 from tirelog.inference.fit.cells import centred
 from tirelog.inference.floor import UnweightedMetric, at_mean_speed, scatter_columns
 from tirelog.inference.measured import without_motion_parameters
+from tirelog.inference.metric import per_group
 from tirelog.inference.nuisances import shared_by
 from tirelog.inference.stacks.cut import Stacks
 from tirelog.physics.model.file import unit_remarks
@@ -108,8 +109,7 @@ def start_from(pieces: Sequence[Pieces], model: Model, *, several: bool = True) 
     cells = [cells_of(part) for part in pieces]
     if len(cells) == 1:
         return prepare(cells[0], model, several=several)
-    drive = [part.manoeuvre for part in pieces]
-    return prepare_together(cells, drive, model, several=several)
+    return prepare_together(cells, [part.manoeuvre for part in pieces], model, several=several)
 
 
 def observables_of(pieces: Sequence[Pieces]) -> tuple[str, ...]:
@@ -357,16 +357,12 @@ def _map(base: Base, axis: FloatArray, name: str) -> Map:
     residual, whitened = _residual(base)
     edges = np.linspace(axis.min(), axis.max() + 1e-9, min(24, axis.size) + 1)
     row = np.clip(np.searchsorted(edges, axis, side="right") - 1, 0, edges.size - 2)
-    alike = [row == r for r in np.unique(row)]
-    count = [np.maximum(np.isfinite(residual[own]).sum(axis=0), 1) for own in alike]
-    means, errors = (
-        np.stack(
-            [np.nansum(x[own], axis=0) / n**power for own, n in zip(alike, count, strict=True)]
-        )
-        for x, power in ((residual, 1.0), (whitened, 0.5))
-    )
-    centre = np.array([axis[own].mean() for own in alike])
-    return Map(centre, name, np.nanmean(base.cells.phi, axis=0), means, errors)
+    row = np.unique(row, return_inverse=True)[1]
+    number = np.maximum(per_group(np.isfinite(residual).astype(float), row), 1.0)
+    means = per_group(np.nan_to_num(residual), row) / number
+    errors = per_group(np.nan_to_num(whitened), row) / np.sqrt(number)
+    centres = np.bincount(row, axis) / np.bincount(row)
+    return Map(centres, name, np.nanmean(base.cells.phi, axis=0), means, errors)
 
 
 # ---- tables --------------------------------------------------------------------------------------

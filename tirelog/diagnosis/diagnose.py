@@ -497,9 +497,8 @@ def _unexplained(
     near = [c for c in ranking if c.excess_removed >= REST_SHARE]
     tells = left.significant and not decision["selected"]
     nearest = max(near, key=lambda c: c.excess_removed, default=None) if tells else None
-    apart = {"shape", "phi_rad"}
-    if left.observable is None:  # of one, or of several together
-        apart |= {"observable", "contradicts"}
+    # of one, or of several together
+    apart = () if left.observable is not None else ("observable", "contradicts")
     facts = {name: value for name, value in vars(left).items() if name not in apart} | {
         "size": float(np.sqrt(max(left.size, 0.0))),
         "share_of_excess": min(decision["excess_after"] / excess, 1.0) if counts else 0.0,

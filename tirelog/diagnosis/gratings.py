@@ -465,8 +465,8 @@ class Gathered:
             after = frames_of(members_held(self.every, result))
             still = {f.frame for f in after if f.matters and f.size > before.get(f.frame, 0.0)}
             found = replace(found, agreeing=tuple(n for n in found.alone if n not in still))
-        one_fit = self.searched is self.pieces
-        seen = members_of(result) if one_fit else members_held(self.pieces, result)
+        whole = self.searched is self.pieces
+        seen = members_of(result) if whole else members_held(self.pieces, result)
         return replace(found, strengths=strengths_of(seen, result, selected))
 
 

@@ -220,8 +220,9 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
     """
     own = next(e for e in base.model.effects if e.id == effect)
     names = [f"{effect}.{name}" for name in own.effect.strength]
-    each = [linearised(base.model, one.cells, names, {})[1] for one in base.blocks]
-    slopes = of_all(base.cells, each)
+    slopes = of_all(
+        base.cells, [linearised(base.model, one.cells, names, {})[1] for one in base.blocks]
+    )
     columns = np.concatenate([slopes, np.ones_like(base.cells.phi)[..., None]], axis=-1)
     residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside)
     normal = Normal.of(base.white(columns), base.white(residual), base.cells.log)
@@ -241,12 +242,11 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
         for i, name in enumerate(names):
             visible = normal.gram[log, i, i] > 1e-6 * normal.gram[:, i, i].max()
             p = base.model.parameters[name]
-            row = {
+            rows.append(of | {
                 "log": logname, "parameter": name, "unit": p.unit,
                 "value": p.value + float(step[log, i]) if visible else None,
                 "se": se[i] if visible else None,
                 "distance_km": float(np.mean(known.distance_km)),
                 "load_N": float(np.mean(known.load_N)),
-            }  # fmt: skip
-            rows.append(of | row)
+            })  # fmt: skip
     return rows

@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -169,16 +168,13 @@ class Leftover:
 
     `size` held-out mean square that the best free shape removes [unit^2]; `in_pressure` if a
     change of the contact pressure explains it best, `in_time` if a shape over the time since the
-    exit edge does; `shape` (m,) the residual's leading one over
-    `phi_rad` (m,). `observable`: of several fitted together the one that it describes;
+    exit edge does. `observable`: of several fitted together the one that it describes;
     `contradicts`: nothing repeats within that one, but it contradicts the others.
     """
 
     significant: bool
     p: float
     size: float
-    shape: FloatArray
-    phi_rad: FloatArray
     where: str | None = None
     parity: str | None = None
     follows: str | None = None
@@ -194,23 +190,22 @@ class Leftover:
 def _describe_several(base: JointBase) -> Leftover:
     """The rest of the observable in which it is largest."""
     parts = bases_by_observable(base)
+    labels = [part.cells.label for part in parts]
     share = [part.plain.weight / base.plain.weight for part in parts]
     # one test for each observable
     found = [replace(left, p=min(left.p * len(parts), 1.0)) for left in map(describe, parts)]
-    sizes = [
-        left.size / part.floor.square * part_share
-        for left, part, part_share in zip(found, parts, share, strict=True)
-    ]
-    told = [size * left.significant for size, left in zip(sizes, found, strict=True)]
-    most = int(np.argmax(told if any(left.significant for left in found) else sizes))
+    floors = [part.floor.square for part in parts]
+    sizes = np.array([left.size for left in found]) * share / floors
+    repeating = sizes * [left.significant for left in found]
+    most = int(np.argmax(repeating if repeating.any() else sizes))
     if found[most].significant:
-        return replace(found[most], size=sum(told), observable=parts[most].cells.label)
+        return replace(found[most], size=float(repeating.sum()), observable=labels[most])
     against = max(contributions(base), key=lambda one: one.size * one.contradicts)
     if not against.contradicts:
-        return replace(found[most], size=sizes[most])
-    at = [part.cells.label for part in parts].index(against.observable)
-    told_of = replace(found[at], significant=True, observable=against.observable, contradicts=True)
-    return replace(told_of, p=against.p, size=against.size * share[at])
+        return replace(found[most], size=float(sizes[most]))
+    own = labels.index(against.observable)
+    rest = replace(found[own], p=against.p, size=against.size * share[own])
+    return replace(rest, significant=True, observable=against.observable, contradicts=True)
 
 
 def _shapes(base: Base) -> FloatArray:
@@ -290,8 +285,7 @@ def describe(base: Base) -> Leftover:
     free *= factors[name][:, None, None]  # in place: this is what takes most memory of a diagnosis
     held_white, held_plain = held_out_losses(cells, base.white, base.plain, base.fit, free)
     size = mean_drop(base, held_plain)
-    phi = np.nanmean(cells.phi, axis=0)
-    left = Leftover(True, float(p[best]), size, leading_shape(base), phi)
+    left = Leftover(True, float(p[best]), size)
     surely = surely_gains(*gain_and_error(base.held_white, held_white), left.p, base.share(size))
     if p[best] > ALARM_P or not surely or size < LEAST_SHARE_OF_FLOOR * base.floor.square:
         return replace(left, significant=False)
@@ -309,7 +303,7 @@ def describe(base: Base) -> Leftover:
     left = replace(left, follows=follows, speed_exponent=exponent, together=together)
     if cells.phi.shape[1] == 1:
         return left
-    where, parity = ("exit", "mixed") if in_time else place_and_parity(base, left.shape, phi)
+    where, parity = ("exit", "mixed") if in_time else place_and_parity(base)
     side = _one_side(base, taken, residual, free, exponent or 0.0) if where == "patch" else None
     return replace(
         left,
@@ -392,13 +386,13 @@ def half_angle(base: Base) -> float:
     return float(np.mean(model.half_length_m(conditions))) / model.values["radius_m"]
 
 
-def place_and_parity(base: Base, shape: FloatArray, phi: FloatArray) -> tuple[str, str]:
-    """(entry, patch, exit or away; even, odd or mixed) of a shape (m,) at angles (m,).
+def place_and_parity(base: Base) -> tuple[str, str]:
+    """(entry, patch, exit or away; even, odd or mixed) of the residual's leading shape.
 
     What is far from the patch is away; what is as strong on one side as on the other belongs to the
     patch, else to the edge of its side.
     """
-    edge = half_angle(base)
+    edge, phi, shape = half_angle(base), np.nanmean(base.cells.phi, axis=0), leading_shape(base)
     energy, total = shape**2, (shape**2).sum() + 1e-300
     even = even_share(shape, phi)
     # share of the energy that makes a parity: the other one is then a third as large. With twice
@@ -429,8 +423,8 @@ def _frequency(base: Base) -> float | None:
     ) -> tuple[float, float]:
         """What the best ring-down of at least so many turns explains, and its number."""
         found = []
-        pairs = product(numbers.tolist(), decays)
-        for number, decay in (pair for pair in pairs if pair[0] * pair[1] >= turns):
+        pairs = [(n, decay) for n in numbers.tolist() for decay in decays if n * decay >= turns]
+        for number, decay in pairs:
             turn, fall = phase * (2.0 * np.pi * number), np.exp(-phase / decay)[..., None]
             wave = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * fall
             columns = np.concatenate([wave, factor * wave], axis=-1)
