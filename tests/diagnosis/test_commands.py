@@ -45,6 +45,8 @@ def test_tables_and_picture_of_compare(folder, capfd):
     assert (folder / "c.png").stat().st_size > 10_000
     assert command(folder, "compare", "--by", "angle") == 0
     assert {row["angle"] for row in rows(capfd)} == {"entry", "patch", "exit", "away"}
+    assert command(folder, "compare", "--by", "regimes") == 2
+    assert "nearest: regime" in capfd.readouterr().err
 
 
 def test_ladder_keeps_its_history_beside_the_model(folder, capfd):
@@ -80,11 +82,6 @@ def test_of_one_log_none_can_be_left_out(folder, capfd):
     assert page.startswith(("NOTHING MISSING", "TOO FEW", "UNKNOWN", "SCATTER", "MISSING"))
     assert "How often such a verdict is right is not known: " in page
     assert "next: tirelog" in page
-
-
-def test_an_unknown_table_is_refused(folder, capfd):
-    assert command(folder, "compare", "--by", "regimes") == 2
-    assert "nearest: regime" in capfd.readouterr().err
 
 
 def test_a_full_disk_is_said_in_one_line(folder, capfd, monkeypatch):

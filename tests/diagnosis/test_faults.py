@@ -36,11 +36,6 @@ def model():
     return Model.new("beam", radius_m=0.305).with_nuisance("form", "off")
 
 
-def test_fewer_than_six_revolutions():
-    with pytest.raises(UsageError, match=r"5 passages in channel .*at least 8"):
-        stacks_from_logs(recordings((Manoeuvre(1.0, 10.0),)))
-
-
 def test_one_manoeuvre_is_too_few_and_ranks(one_cruise, model):
     result = diagnose(stacks_from_logs(one_cruise), model)
     assert result.verdict == "too_few"
@@ -49,18 +44,19 @@ def test_one_manoeuvre_is_too_few_and_ranks(one_cruise, model):
     assert result.effects
 
 
-def test_no_channel_for_the_observable(one_cruise):
-    with pytest.raises(UsageError, match="no channel"):
-        stacks_from_logs(one_cruise, "radial_acceleration")
-
-
-def test_surface_swapped_is_found_and_said(one_cruise):
+def test_logs_without_enough_passages_the_channel_or_the_right_surface_are_refused(one_cruise):
     swapped = [
         replace(r, channels={name: replace(c, surface="inner") for name, c in r.channels.items()})
         for r in one_cruise
     ]
-    with pytest.raises(UsageError, match='write surface = "outer"'):
-        stacks_from_logs(swapped)
+    short = recordings((Manoeuvre(1.0, 10.0),))
+    for logs, observable, said in (
+        (short, "strain", r"5 passages in channel .*at least 8"),
+        (one_cruise, "radial_acceleration", "no channel"),
+        (swapped, "strain", 'write surface = "outer"'),
+    ):
+        with pytest.raises(UsageError, match=said):
+            stacks_from_logs(logs, observable)
 
 
 def test_a_condition_that_is_not_known_leaves_its_effects_untested(one_cruise, model):

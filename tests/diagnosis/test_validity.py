@@ -4,6 +4,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from tests.diagnosis.toy import stack
 from tirelog.data.recording import Conditions
@@ -20,34 +21,33 @@ def remarks(model: Model, revolutions: tuple[int, ...], **conditions: object) ->
     return out_of_range(SimpleNamespace(model=model, cells=cells))  # type: ignore[arg-type]
 
 
-def test_revolutions_outside_are_counted() -> None:
-    model = Model.new("beam", "phase_shift").with_effect("speed_trend", linear_rad=0.01)
-    speed = np.array([8.0, 10.0, 25.0, 30.0])
-    assert remarks(model, (5, 30, 38, 7), speed_m_s=speed) == [
-        "speed_trend is valid for speed from 10 to 25 m/s; 12 of 80 revolutions are outside, by "
-        "means of similar ones"
-    ]
-    assert remarks(model, (5, 7), speed_m_s=np.array([10.0, 25.0])) == []
+TREND = Model.new("beam", "phase_shift").with_effect("speed_trend", linear_rad=0.01)
+OFF = Model.new("beam", "phase_shift").with_effect("speed_trend")
+WORN = Model.new("beam").with_effect("wear", amplitude=0.3)
+LOSSY = Model.new("beam").with_effect("hysteresis", loss_factor=0.7)
 
 
-def test_what_is_off_or_not_known_leaves_no_range() -> None:
-    speed = np.array([8.0, 30.0])
-    off = Model.new("beam", "phase_shift").with_effect("speed_trend")
-    assert remarks(off, (5, 5), speed_m_s=speed) == []
-    worn = Model.new("beam").with_effect("wear", amplitude=0.3)
-    assert remarks(worn, (5, 5), speed_m_s=speed) == []
-    said = remarks(worn, (5, 5), speed_m_s=speed, distance_km=np.array([1e3, 5e4]))
-    assert len(said) == 1
-    assert said[0].startswith("wear is valid for tread distance from 0 to 40000 km; 5 of 10")
-
-
-def test_a_parameter_outside_is_said() -> None:
-    model = Model.new("beam").with_effect("hysteresis", loss_factor=0.7)
-    assert remarks(model, (5,), speed_m_s=10.0) == [
-        "hysteresis is valid for loss_factor from 0 to 0.5; its value is 0.7"
-    ]
-    mild = model.with_values({"hysteresis.loss_factor": 0.5})
-    assert remarks(mild, (5,), speed_m_s=10.0) == []
+@pytest.mark.parametrize(
+    ("model", "revolutions", "conditions", "said"),
+    [
+        (TREND, (5, 30, 38, 7), {"speed_m_s": [8.0, 10.0, 25.0, 30.0]},
+         "speed_trend is valid for speed from 10 to 25 m/s; 12 of 80 revolutions are outside, by "
+         "means of similar ones"),
+        (TREND, (5, 7), {"speed_m_s": [10.0, 25.0]}, ""),
+        (OFF, (5, 5), {"speed_m_s": [8.0, 30.0]}, ""),
+        (WORN, (5, 5), {"speed_m_s": [8.0, 30.0]}, ""),  # at distances that are not known
+        (WORN, (5, 5), {"speed_m_s": [8.0, 30.0], "distance_km": [1e3, 5e4]},
+         "wear is valid for tread distance from 0 to 40000 km; 5 of 10"),
+        (LOSSY, (5,), {"speed_m_s": 10.0},
+         "hysteresis is valid for loss_factor from 0 to 0.5; its value is 0.7"),
+        (LOSSY.with_values({"hysteresis.loss_factor": 0.5}), (5,), {"speed_m_s": 10.0}, ""),
+    ],
+)  # fmt: skip
+def test_what_is_outside_is_said(model, revolutions, conditions, said) -> None:
+    known = {name: np.array(values) for name, values in conditions.items()}
+    found = remarks(model, revolutions, **known)
+    assert len(found) == bool(said)
+    assert not said or found[0].startswith(said)
 
 
 def test_compare_says_it() -> None:

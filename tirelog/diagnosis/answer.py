@@ -11,7 +11,7 @@ Numbers of a table stand in the unit in which a person reads them; whoever shows
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from math import isfinite, sqrt
 from pathlib import Path
@@ -162,24 +162,21 @@ def plain_values(value: Any) -> Any:
 #     -> one sentence, or none if everything that effects follow varies
 
 
-def not_varied(conditions: Conditions, effects: Iterable[Effect]) -> str:
+def not_varied(conditions: Conditions, effects: Sequence[Effect]) -> str:
     """The sentence, '' if there is nothing to say."""
-    same, unknown, who = list[str](), list[str](), dict[str, None]()
-    candidates = list(effects)
+    parts: dict[str, list[str]] = {"constant": [], "not known": []}
+    who = dict[str, None]()
     for field in SETUP_KEYS:
-        followers = [e.id for e in candidates if field in [name for name, _ in e.followed]]
+        followers = [e.id for e in effects if field in [name for name, _ in e.followed]]
         values, condition = getattr(conditions, field), CONDITIONS[field]
         known = bool(np.isfinite(values).all())
         # a range below this share of the largest value is none: what follows the square of it then
         # changes by 4 %; doubled, by 8 %
         if not followers or (known and np.ptp(values) > 0.02 * np.abs(values).max()):
             continue
-        if known:
-            same.append(f"{condition.name} {np.mean(values):.6g} {condition.unit}")
-        else:
-            unknown.append(condition.name)
+        value = f" {np.mean(values):.6g} {condition.unit}" if known else ""
+        parts["constant" if known else "not known"].append(f"{condition.name}{value}")
         who |= dict.fromkeys(followers)
-    parts = {"constant": same, "not known": unknown}
     said = "; ".join(f"{word}: {', '.join(names)}" for word, names in parts.items() if names)
     if not who:
         return ""
@@ -325,10 +322,9 @@ def _goes_with(scatter: Mapping[str, Any]) -> str:
     if not follows:
         return " Nothing that the logs hold is found to go with it."
     if follows.startswith("log "):
-        size = "larger" if grows else "smaller"
-        return f" It is {size} in log {int(follows[4:]) + 1} than in the others."
-    way = "grows" if grows else "falls"
-    return f" It {way} with {follows}{_or_those(scatter['together'])}."
+        log = int(follows[4:]) + 1
+        return f" It is {'larger' if grows else 'smaller'} in log {log} than in the others."
+    return f" It {'grows' if grows else 'falls'} with {follows}{_or_those(scatter['together'])}."
 
 
 def percent(share: float) -> str:
@@ -417,13 +413,11 @@ def unexplained_sentence(facts: Mapping[str, Any], few: bool) -> str:
         if facts["in_pressure"] and not rings
         else "",
     )
-    near = ""
+    said = f"What remains repeats: {', '.join(filter(None, parts))}."
     if facts["nearest_effect"]:
-        near = (
-            f" The nearest effect is {facts['nearest_effect']}: "
-            f"{percent(facts['nearest_share'])} of the excess."
-        )
-    return f"What remains repeats: {', '.join(filter(None, parts))}.{near}"
+        share = percent(facts["nearest_share"])
+        said += f" The nearest effect is {facts['nearest_effect']}: {share} of the excess."
+    return said
 
 
 def _following(facts: Mapping[str, Any]) -> str:

@@ -17,7 +17,6 @@ table. A diagnosis of another kind than all cases gets no number, and a reason.
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -72,8 +71,8 @@ _CONFIDENCE = 0.95
 
 def least_share(right: int, cases: int) -> float:
     """The lower limit of the Clopper-Pearson interval of a share, by `right` of so many cases."""
-    tail = 0.5 * (1.0 - _CONFIDENCE)
-    return float(betaincinv(right, cases - right + 1.0, tail)) if right else 0.0
+    below = 0.5 * (1.0 - _CONFIDENCE)
+    return float(betaincinv(right, cases - right + 1.0, below)) if right else 0.0
 
 
 @dataclass(frozen=True)
@@ -108,7 +107,7 @@ class Certainty:
         but = f" None had an {' or an '.join(self.lacking)}." if self.lacking else ""
         return (
             f"{self.right} of {self.cases} simulated cases of this kind were right: at least "
-            f"{math.floor(100.0 * self.probability)} % ({self.bound}; {self.tires} tires, "
+            f"{int(100.0 * self.probability)} % ({self.bound}; {self.tires} tires, "
             f"{self.date}).{but}"
         )
 
@@ -213,8 +212,8 @@ def inclusion(
     the draws that named each effect, and the share that named `none`.
     """
     extra, count, steps = tuple(extra), found.before.cells.manoeuvres, []
-    random = np.random.default_rng(seed)
-    times = random.multinomial(count, np.full(count, 1.0 / count), size=draws).astype(float)
+    even = np.full(count, 1.0 / count)
+    times = np.random.default_rng(seed).multinomial(count, even, size=draws).astype(float)
     for i, step in enumerate(found.steps, start=1):
         shares, named = _shares(step, i, times, extra), step.named.id if step.named else None
         none = max(1.0 - sum(shares.values()), 0.0)

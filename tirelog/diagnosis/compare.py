@@ -55,6 +55,7 @@ from tirelog.inference.cells.pieces import MOST_PIECES, Pieces, pieces_of_logs
 from tirelog.inference.fit.cells import centred
 from tirelog.inference.floor import UnweightedMetric, at_mean_speed, scatter_columns
 from tirelog.inference.measured import without_motion_parameters
+from tirelog.inference.metric import per_group
 from tirelog.inference.nuisances import shared_by
 from tirelog.inference.stacks.cut import Stacks
 from tirelog.physics.model.file import unit_remarks
@@ -108,8 +109,7 @@ def start_from(pieces: Sequence[Pieces], model: Model, *, several: bool = True) 
     cells = [cells_of(part) for part in pieces]
     if len(cells) == 1:
         return prepare(cells[0], model, several=several)
-    drive = [part.manoeuvre for part in pieces]
-    return prepare_together(cells, drive, model, several=several)
+    return prepare_together(cells, [part.manoeuvre for part in pieces], model, several=several)
 
 
 def observables_of(pieces: Sequence[Pieces]) -> tuple[str, ...]:
@@ -136,18 +136,16 @@ def compare(measured: Measured, model: Model, others: Sequence[Model] = ()) -> C
     """
     pieces = measured_pieces(measured)
     base = start_from(pieces, model)
-    result, beside = comparison_of(base, single_revolutions(measured)), with_best_nuisances(base)
-    formed = beside if form_explains(beside, base) else None
-    errors: dict[str, Any] | None = None
+    beside, with_nuisances = with_best_nuisances(base), None
     if beside is not base:
-        more, names = comparison_of(beside), groups_of(base)
-        errors = {"nuisances": [name for name in groups_of(beside) if name not in names]}
-        errors |= {name: getattr(more, name) for name in ERRORS}
-    with_form = with_form_errors(base, formed)
+        came_in = [name for name in groups_of(beside) if name not in groups_of(base)]
+        errors = _errors(beside)
+        with_nuisances = {"nuisances": came_in} | {name: errors[name] for name in ERRORS}
+    with_form = with_form_errors(base, beside if form_explains(beside, base) else None)
     return replace(
-        result,
+        comparison_of(base, single_revolutions(measured)),
         parameters=parameters_of(with_form),
-        with_nuisances=errors,
+        with_nuisances=with_nuisances,
         extra_errors=extra_errors(base),
         checks=posterior_checks(base),
         ranking=_ranking([base, *(start_from(pieces, other) for other in others)]),
@@ -190,23 +188,21 @@ def comparison_of(base: Base, stacks: Revolutions = ()) -> Comparison:
     parts = tuple(map(_comparison_of_one, bases, stacks or [()] * len(bases)))
     if not isinstance(base, JointBase):
         return parts[0]
-    known, cells, first = contributions(base), base.cells, parts[0]
+    known, first = contributions(base), parts[0]
     units = {name: p.unit for name, p in base.model.parameters.items()}
     word = "grating" if all(part.member for part in parts) else "observable"
-    values = cells.values - base.fit.beside
-    level = np.array([np.nanmean(values[cells.part == i]) for i in range(len(base.channels))])
-    waves, floor = first.waveforms, cells.scales[0]
+    waves, floor = first.waveforms, base.cells.scales[0]
     shown = {name: getattr(waves, name) / floor for name in ("measured", "predicted", "floor")}
     return replace(
         first,
         waveforms=replace(waves, **shown),
         by_speed=replace(first.by_speed, residual=first.by_speed.residual / floor),
         by_time=replace(first.by_time, residual=first.by_time.residual / floor),
-        observable=cells.observable,
+        observable=base.cells.observable,
         unit=FLOORS,
         member="",
         model=without_ratios(base.model),
-        **_errors(base, values - level[cells.part][:, None]),
+        **_errors(base),
         tables={},
         remarks=tuple(remarks_of(base)),
         parts=parts,
@@ -215,9 +211,12 @@ def comparison_of(base: Base, stacks: Revolutions = ()) -> Comparison:
     )
 
 
-def _errors(base: Base, about: FloatArray) -> dict[str, Any]:
-    """The errors of a comparison; `about` is what was measured about its level, (C, m)."""
-    spread = base.plain.mean_square((base.plain(np.nan_to_num(about)) ** 2).sum())
+def _errors(base: Base) -> dict[str, Any]:
+    """The errors of a comparison by the names of its fields."""
+    measured, part = base.cells.values - base.fit.beside, base.cells.part
+    level = np.array([np.nanmean(measured[part == i]) for i in range(len(base.blocks))])
+    about = np.nan_to_num(measured - level[part][:, None])
+    spread = base.plain.mean_square((base.plain(about) ** 2).sum())
     spread += base.floor.within
     left = float(np.sqrt(max(base.square_held, 0.0) / spread)) if spread > 0.0 else 1.0
     fitted, held = float(np.sqrt(max(base.square_fit, 0.0))), base.rmse_held
@@ -242,8 +241,7 @@ def _errors(base: Base, about: FloatArray) -> dict[str, Any]:
 
 def _comparison_of_one(base: Base, stacks: Sequence[Stack]) -> Comparison:
     """The comparison of one observable."""
-    cells, measured = base.cells, base.cells.values - base.fit.beside
-    known = OBSERVABLES[base.model.observable]
+    cells, known = base.cells, OBSERVABLES[base.model.observable]
     # time over all logs, one after the other
     time_s, logs = cells.conditions.time_s, range(int(cells.log.max()) + 1)
     begins = np.cumsum([0.0, *(time_s[cells.log == log].max(initial=0.0) for log in logs)])
@@ -253,7 +251,7 @@ def _comparison_of_one(base: Base, stacks: Sequence[Stack]) -> Comparison:
         unit=known.unit,
         member=cells.member,
         model=without_ratios(base.model),
-        **_errors(base, np.asarray(measured - np.nanmean(measured))),
+        **_errors(base),
         tables=error_tables(base),
         by_revolution=partial(_by_revolution, base, stacks),
         waveforms=_waveforms(base),
@@ -313,9 +311,7 @@ def of_rounding(base: Base) -> list[str]:
         return [
             f"{p.cells.label}: {said}" for p in bases_by_observable(base) for said in of_rounding(p)
         ]
-    held = base.square_fit
-    if isinstance(base, Base) and base.rmse_held is not None:
-        held = base.square_held
+    held = base.square_fit if base.rmse_held is None else base.square_held
     return rounding_sentences(base.model.observable, held, base.floor.square, base.square_rounding)
 
 
@@ -361,16 +357,12 @@ def _map(base: Base, axis: FloatArray, name: str) -> Map:
     residual, whitened = _residual(base)
     edges = np.linspace(axis.min(), axis.max() + 1e-9, min(24, axis.size) + 1)
     row = np.clip(np.searchsorted(edges, axis, side="right") - 1, 0, edges.size - 2)
-    alike = [row == r for r in np.unique(row)]
-    count = [np.maximum(np.isfinite(residual[own]).sum(axis=0), 1) for own in alike]
-    means, errors = (
-        np.stack(
-            [np.nansum(x[own], axis=0) / n**power for own, n in zip(alike, count, strict=True)]
-        )
-        for x, power in ((residual, 1.0), (whitened, 0.5))
-    )
-    centre = np.array([axis[own].mean() for own in alike])
-    return Map(centre, name, np.nanmean(base.cells.phi, axis=0), means, errors)
+    row = np.unique(row, return_inverse=True)[1]
+    number = np.maximum(per_group(np.isfinite(residual).astype(float), row), 1.0)
+    means = per_group(np.nan_to_num(residual), row) / number
+    errors = per_group(np.nan_to_num(whitened), row) / np.sqrt(number)
+    centres = np.bincount(row, axis) / np.bincount(row)
+    return Map(centres, name, np.nanmean(base.cells.phi, axis=0), means, errors)
 
 
 # ---- tables --------------------------------------------------------------------------------------
@@ -378,61 +370,54 @@ def _map(base: Base, axis: FloatArray, name: str) -> Map:
 
 def error_tables(base: Base) -> dict[str, list[dict[str, Any]]]:
     """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions."""
-    c, conditions = base.cells, base.cells.conditions
+    c, conditions, plain = base.cells, base.cells.conditions, base.plain
+    share = plain.weights**2
+    noise = np.where(share > 0, c.sd, 0.0) ** 2 * (1.0 - (plain.basis**2).sum(axis=-1))
+    spread = np.einsum("cmi,cij,cmj->cm", c.scattering, c.random_cov, c.scattering)
+    # what the model leaves of each value above `within`, without what noise does
+    left = plain(np.nan_to_num(c.values - base.fit.prediction - base.fit.beside)) ** 2
+    left -= share * (noise + spread)
+    within = share * np.where(share > 0, c.within, 0.0)
+
+    def row(
+        where: NDArray[np.bool_], about: dict[str, Any], between: float = base.floor.between
+    ) -> dict[str, Any]:
+        """Errors of some values, those of a mask (C, 1) or (1, m)."""
+        chosen, weight = np.broadcast_to(where, share.shape), (share * where).sum()
+        repeats, above = ((x * where).sum() / weight for x in (within, left))
+        rmse, floor = (float(np.sqrt(max(repeats + x, 0.0))) for x in (above, between))
+        return about | {
+            "rmse": rmse,
+            "noise_floor": floor,
+            "excess": excess_of(rmse, floor),
+            "excess_within": float(np.sqrt(max(above, 0.0))),
+            "revolutions": int(c.revolutions[chosen.any(axis=1)].sum()),
+        }
+
     band = np.floor(conditions.speed_m_s / 2.0) * 2.0 + 1.0
-    kept = {
+    by_angle = base.floor.between_by_angle if c.phi.shape[1] > 1 else np.array([base.floor.between])
+    of_logs = {
         log: {name: float(np.mean(getattr(conditions, name)[c.log == log])) for name in SETUP_KEYS}
         for log in dict.fromkeys(c.log.tolist())
     }
     return {
-        "angle": _by_angle(base),
+        "angle": [
+            row(zone[None], {"angle": name}, float(by_angle[zone].mean()))
+            for name, zone in zones(base)
+        ],
         "speed": [
-            _row(base, band == speed, {"speed_m_s": speed}) for speed in np.unique(band).tolist()
+            row((band == speed)[:, None], {"speed_m_s": speed})
+            for speed in np.unique(band).tolist()
         ],
         "regime": [
-            _row(base, c.regime == regime, {"regime": str(regime)})
+            row((c.regime == regime)[:, None], {"regime": str(regime)})
             for regime in dict.fromkeys(c.regime.tolist())
         ],
         "conditions": [
-            _row(base, c.log == log, {"log": c.logs[log], **means}) for log, means in kept.items()
+            row((c.log == log)[:, None], {"log": c.logs[log], **means})
+            for log, means in of_logs.items()
         ],
     }
-
-
-def _row(base: Base, rows: NDArray[np.bool_], description: dict[str, Any]) -> dict[str, Any]:
-    """Errors over some cells."""
-    index = np.flatnonzero(rows)
-    plain = UnweightedMetric.of(base.cells.take(index))
-    residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside)[index]
-    left, within = plain.mean_square((plain(residual) ** 2).sum()), base.cells.within[index]
-    between, number = base.floor.between, base.cells.revolutions[index]
-    return description | _sizes(left, _mean_within(plain, within), between, number)
-
-
-def _sizes(left: float, within: float, between: float, revolutions: IntArray) -> dict[str, Any]:
-    """The errors of a row of a table, of the mean squares that a model leaves above `within`."""
-    rmse, floor = (float(np.sqrt(max(within + more, 0.0))) for more in (left, between))
-    return {
-        "rmse": rmse, "noise_floor": floor, "excess": excess_of(rmse, floor),
-        "excess_within": float(np.sqrt(max(left, 0.0))), "revolutions": int(revolutions.sum()),
-    }  # fmt: skip
-
-
-def _by_angle(base: Base) -> list[dict[str, Any]]:
-    """Errors by part of the turn: entry, patch, exit, away."""
-    if base.cells.phi.shape[1] == 1:
-        return [_row(base, np.ones(len(base.cells), bool), {"angle": "all"})]
-    cells, share = base.cells, base.plain.weights**2
-    spread = np.einsum("cmi,cij,cmj->cm", cells.random, cells.random_cov, cells.random)
-    bias = np.where(share > 0, cells.sd, 0.0) ** 2 + spread
-    square = share * (np.nan_to_num(_residual(base)[0]) ** 2 - bias)
-    noise = share * np.where(share > 0, cells.within, 0.0)
-    rows = []
-    for name, zone in zones(base):
-        left, within = (x[:, zone].sum() / share[:, zone].sum() for x in (square, noise))
-        between = float(base.floor.between_by_angle[zone].mean())
-        rows.append({"angle": name} | _sizes(left, within, between, cells.revolutions))
-    return rows
 
 
 def _by_revolution(base: Base, stacks: Sequence[Stack]) -> Iterator[list[dict[str, Any]]]:
@@ -555,12 +540,7 @@ def _on_locked_of_one(after: Base, locked: Pieces) -> tuple[float, float]:
         cells = replace(cells, shared=beside)
         nuisances = beside.columns @ after.fit.amplitudes + bends(cells, fit, after.cells)
     left = plain(np.nan_to_num(cells.values - fit.prediction - offsets[:, None] - nuisances))
-    within = _mean_within(plain, cells.within)
+    share = plain.weights**2
+    within = float((share * np.where(share > 0, cells.within, 0.0)).sum() / plain.weight)
     rmse = float(np.sqrt(max(within + plain.mean_square((left**2).sum()), 0.0)))
     return rmse, float(np.sqrt(within + after.floor.between))
-
-
-def _mean_within(plain: UnweightedMetric, within: FloatArray) -> float:
-    """Mean square [unit^2] within manoeuvres, of that of each value (C, m)."""
-    share = plain.weights**2
-    return float((share * np.where(share > 0, within, 0.0)).sum() / plain.weight)

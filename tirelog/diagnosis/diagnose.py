@@ -86,8 +86,8 @@ from tirelog.diagnosis.compare import (
     comparison_of,
     measured_pieces,
     of_rounding,
+    remarks_of,
     single_revolutions,
-    start_from,
 )
 from tirelog.diagnosis.gratings import Gathered, GratingsFound, gathered
 from tirelog.diagnosis.residual_structure import (
@@ -113,7 +113,6 @@ from tirelog.diagnosis.rules import (
     verdict_of,
 )
 from tirelog.errors import TirelogError, UsageError
-from tirelog.inference.base import JointBase
 from tirelog.inference.cells.joint import one_drive
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.stacks.cut import outlines
@@ -202,7 +201,7 @@ class Diagnosis(AnswerRecord):
             "rmse_heldout_without_nuisances": (found.given or found.before).rmse_held,
             "nuisance_or_effect": found.alike,
             "nuisances": {n.nuisance: n for n in self.nuisances},
-            "remarks": self.before.remarks,
+            "remarks": remarks_of(found.before),
         }
         fields = record_fields(self) | plain_fields(more)
         return {n: value for n, value in fields.items() if value is not None or n not in later}
@@ -231,7 +230,7 @@ class Diagnosis(AnswerRecord):
     def below(self) -> tuple[list[AnswerTable], list[str]]:
         """The ranking; how sure, the errors, notes, and what to do next."""
         said = [self.certainty.sentence, self.errors_sentence(), *self.further_sentences()]
-        return [self.ranking_table()], [*said, *self.before.remarks]
+        return [self.ranking_table()], [*said, *remarks_of(self.found.before)]
 
     def ranking_table(self, most: int | None = None) -> AnswerTable:
         """The candidates by what they remove, the selected with a star; `most` strengths each."""
@@ -251,12 +250,14 @@ class Diagnosis(AnswerRecord):
 
     def errors_sentence(self) -> str:
         """Errors before and after, the floor, and how much was measured."""
-        factor, unit = shown(self.before.observable, self.before.unit)
+        base, given = self.found.before, self.found.given
+        factor, unit = shown(*observed(base))
         errors = [in_unit(e, factor) for e in (self.rmse_heldout_before, self.rmse_heldout_after)]
         error = f"held-out error {' -> '.join(errors)} {unit}"
         if self.rmse_heldout_before is None:
-            error = f"error of the fit {in_unit(self.before.rmse, factor)} {unit}, none held out"
-        elif (given := self.found.given) is not None and self.found.came_in:
+            fitted = float(np.sqrt(max(base.square_fit, 0.0)))
+            error = f"error of the fit {in_unit(fitted, factor)} {unit}, none held out"
+        elif given is not None and self.found.came_in:
             named = " and ".join(NUISANCES_SAID[name] for name in self.found.came_in)
             error += f" (both with {named}; {in_unit(given.rmse_held, factor)} without)"
         return (
@@ -297,23 +298,20 @@ def diagnose(
     """
     extra = tuple(effects)
     progress("fitting the model")
-    pieces, stacks, gratings = measured_pieces(measured), single_revolutions(measured), None
-    if any(part.member for part in pieces):
-        gratings = gathered(pieces, model)
-        whole, left = gratings.searched is gratings.pieces, [p.member for p in gratings.pieces]
-        stacks = [own for own in stacks if whole and outlines(own)[0].member in left]
-    base = start_from(pieces, model) if gratings is None else gratings.base
+    asked = gathered(measured_pieces(measured), model)
+    base, members = asked.base, [part.member for part in asked.pieces]
+    whole = asked.searched is asked.pieces
+    stacks = [
+        own for own in single_revolutions(measured) if whole and outlines(own)[0].member in members
+    ]
     progress(f"{len(base.cells)} cells of {base.cells.manoeuvres} manoeuvres; testing candidates")
     found = replace(search_effects(base, extra, progress), given=base)
     progress("describing what is left")
-    return conclude(found, stacks, gratings)
+    return conclude(found, stacks, asked)
 
 
 def conclude(found: SearchResult, stacks: Revolutions, asked: Gathered | None = None) -> Diagnosis:
-    """The verdict and all that goes with it.
-
-    `asked`: of several gratings what they gave before.
-    """
+    """The verdict and all that goes with it; `asked`: what the search was asked of."""
     decision, before = decide(found), found.before
     verdict, selected, floor = (decision[name] for name in ("verdict", "selected", "floor"))
     if selected:
@@ -327,10 +325,8 @@ def conclude(found: SearchResult, stacks: Revolutions, asked: Gathered | None = 
     beside, checks = nuisances_found(result), posterior_checks(result)
     suspected = suspects(result) if unnamed or scatter else ()
     advice, notes = _advice(found, verdict)
-    gratings = None
-    if asked is not None and isinstance(result, JointBase):
-        gratings = asked.with_strengths(result, selected)
-        notes += gratings.sentences()
+    gratings = None if asked is None else asked.with_strengths(result, selected)
+    notes += [] if gratings is None else gratings.sentences()
     stayed = tuple(n.nuisance for n in beside if n.stayed)
     left_before = out_of_range(before)
     notes += [
@@ -501,9 +497,8 @@ def _unexplained(
     near = [c for c in ranking if c.excess_removed >= REST_SHARE]
     tells = left.significant and not decision["selected"]
     nearest = max(near, key=lambda c: c.excess_removed, default=None) if tells else None
-    apart = {"shape", "phi_rad"}
-    if left.observable is None:  # of one, or of several together
-        apart |= {"observable", "contradicts"}
+    # of one, or of several together
+    apart = () if left.observable is not None else ("observable", "contradicts")
     facts = {name: value for name, value in vars(left).items() if name not in apart} | {
         "size": float(np.sqrt(max(left.size, 0.0))),
         "share_of_excess": min(decision["excess_after"] / excess, 1.0) if counts else 0.0,
@@ -632,8 +627,12 @@ def logs_of(pieces: Sequence[Pieces]) -> dict[str, tuple[str, ...]]:
 
 def of_logs(pieces: Sequence[Pieces], logs: Iterable[str]) -> list[Pieces]:
     """The pieces of some of the logs; UsageError: there is none."""
-    names = set(logs)
-    parts = [some for part in pieces if (some := _of_logs(part, names)) is not None]
+    names, parts = set(logs), list[Pieces]()
+    for part in pieces:
+        some = part.take(np.isin(part.log, [i for i, log in enumerate(part.logs) if log in names]))
+        if len(some):
+            number, log = np.unique(some.log, return_inverse=True)
+            parts.append(replace(some, log=log, logs=tuple(part.logs[i] for i in number)))
     if not parts:
         raise UsageError("no log is left", allowed="one at least", do="give more logs")
     if len(parts) < len(pieces):
@@ -643,14 +642,3 @@ def of_logs(pieces: Sequence[Pieces], logs: Iterable[str]) -> list[Pieces]:
             do="give more logs",
         )
     return one_drive(parts)
-
-
-def _of_logs(pieces: Pieces, names: set[str]) -> Pieces | None:
-    """The pieces of some logs, logs and manoeuvres numbered anew; None if there is none."""
-    mine = np.isin(pieces.log, np.flatnonzero([log in names for log in pieces.logs]))
-    if not mine.any():
-        return None
-    some = pieces.take(mine)
-    number, log = np.unique(some.log, return_inverse=True)
-    manoeuvre = np.unique(some.manoeuvre, return_inverse=True)[1]
-    return replace(some, log=log, manoeuvre=manoeuvre, logs=tuple(pieces.logs[i] for i in number))

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.optimize import nnls
 
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.answer import AnswerRecord, AnswerTable, in_unit, plain_fields
@@ -393,20 +394,16 @@ def draws(fit: Fit) -> list[Model]:
     # eigenvectors of like values turn with the rounding of a machine, a triangle does not
     unit = np.where(se > 0.0, se, 1.0)
     root = np.linalg.cholesky(covariance / np.outer(unit, unit) + 1e-12 * np.eye(len(se)))
+    # the nearest model in standard errors, and of what is kept in standard deviations: pushed off
+    # by what is broken, never pulled
+    spread = covariance @ rows.T
+    triangle = np.linalg.cholesky(rows @ spread + np.eye(floor.size))
     # models that are drawn for an error: with 200 of them it is known to a twentieth
     for normal in np.random.default_rng(0).standard_normal((200, len(se))):
         theta = mean + unit * (root @ normal)
-        moved, below = theta, np.zeros(floor.size, bool)
-        # rounds at most until a drawn model keeps what it must; more only matter if many places
-        # pull
-        for _ in range(20):
-            before, below = below, rows @ moved + floor < 0.0
-            if np.array_equal(before, below):
-                break
-            kept = rows[below]
-            spread = kept @ covariance
-            gain = np.linalg.solve(spread @ kept.T + np.eye(len(kept)), kept @ theta + floor[below])
-            moved = theta - spread.T @ gain
-        values = np.clip(moved, low, high).tolist()
+        broken = np.linalg.solve(triangle, -(rows @ theta + floor))
+        # nnls of nothing would end the process
+        pushed = nnls(triangle.T, broken, maxiter=100 * floor.size)[0] if floor.size else floor
+        values = np.clip(theta + spread @ pushed, low, high).tolist()
         models.append(fit.model.with_values(dict(zip(names, values, strict=True))))
     return models

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -437,27 +437,27 @@ MOST_SEARCHED = 4
 
 @dataclass(frozen=True)
 class Gathered:
-    """Several gratings as they are asked: all that agree, and what effects are searched on.
+    """What a question is asked of: of several gratings all that agree, and those that are searched.
 
     `base`: the model fitted to what is `searched`, which is all `pieces` if they are few; `every`:
-    those with what others contradict.
+    those with what others contradict; `found`: what the gratings say, None of no gratings.
     """
 
     every: list[Pieces]
     pieces: list[Pieces]
     searched: list[Pieces]
-    base: JointBase
-    found: GratingsFound
+    base: Base
+    found: GratingsFound | None = None
 
-    def with_strengths(self, result: JointBase, selected: Sequence[str]) -> GratingsFound:
+    def with_strengths(self, result: Base, selected: Sequence[str]) -> GratingsFound | None:
         """What was found, and each selected effect's strength as every grating has it.
 
         What one grating alone showed before anything was named may be what a free shape leaves of
         the effect: it is asked again beside it.
         """
-        if not selected:
-            return self.found
         found = self.found
+        if found is None or not isinstance(result, JointBase) or not selected:
+            return found
         if found.alone:
             # share of what a grating showed alone that stays with it beside a named effect: all of
             # it if the grating is bad, a tenth if it is what a free shape left of the effect
@@ -465,34 +465,34 @@ class Gathered:
             after = frames_of(members_held(self.every, result))
             still = {f.frame for f in after if f.matters and f.size > before.get(f.frame, 0.0)}
             found = replace(found, agreeing=tuple(n for n in found.alone if n not in still))
-        one_fit = self.searched is self.pieces
-        seen = members_of(result) if one_fit else members_held(self.pieces, result)
+        whole = self.searched is self.pieces
+        seen = members_of(result) if whole else members_held(self.pieces, result)
         return replace(found, strengths=strengths_of(seen, result, selected))
 
 
 def gathered(pieces: list[Pieces], model: Model) -> Gathered:
-    """What is to be asked of several gratings: those that no other contradicts.
+    """What is to be asked: of several gratings those that no other contradicts.
 
     A grating that shows what no other does is left out if most remain, two at least.
     """
-
     every, searched = pieces, spread_out(pieces)
-    names = tuple(part.member for part in pieces if part.member)
-    places = tuple(float(np.degrees(part.place_rad) % 360.0) for part in pieces if part.member)
-    base = cast(JointBase, start_from(searched, model))
+    base, gratings = start_from(searched, model), [part for part in pieces if part.member]
+    if not isinstance(base, JointBase) or not gratings:
+        return Gathered(every, pieces, searched, base)
+    names = tuple(part.member for part in gratings)
+    places = tuple(float(np.degrees(part.place_rad) % 360.0) for part in gratings)
     frames = frames_of(members_of(base) if searched is pieces else members_held(pieces, base))
     found = GratingsFound(names, places, frames, ())
     out = found.alone
-    if out and len(names) - len(out) >= max(2, len(out) + 1):
-        found = replace(found, set_apart=out)
+    if len(names) - len(out) < max(2, len(out) + 1):
+        out = ()
+    if out:
         pieces = [part for part in pieces if part.member not in out]
         searched = spread_out(pieces)
-        base = cast(JointBase, start_from(searched, model))
-    found = replace(
-        found,
-        asked=tuple(name for name in names if name not in found.set_apart),
-        searched=() if searched is pieces else tuple(part.member for part in searched),
-    )
+        base = start_from(searched, model)
+    asked = tuple(name for name in names if name not in out)
+    some = () if searched is pieces else tuple(part.member for part in searched)
+    found = replace(found, set_apart=out, asked=asked, searched=some)
     return Gathered(every, pieces, searched, base, found)
 
 

@@ -34,7 +34,7 @@ from tirelog.diagnosis.compare import (
     start,
     untouched,
 )
-from tirelog.diagnosis.gratings import gathered, inverse_of
+from tirelog.diagnosis.gratings import gathered
 from tirelog.diagnosis.history import outcome_of
 from tirelog.diagnosis.propose.propose import propose
 from tirelog.diagnosis.results import Ladder, LadderStep
@@ -42,7 +42,7 @@ from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base
 from tirelog.inference.cells.joint import linearised, of_all
-from tirelog.inference.metric import Normal, solve_scaled
+from tirelog.inference.metric import Normal
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 
@@ -67,12 +67,10 @@ def ladder(
     # with twice as many, logs of fewer than 27 manoeuvres have none locked
     seen, locked = locked_away(measured_pieces(measured), first=3, every=7, least=12)
     progress("fitting the model")
-    asked = gathered(seen, model) if any(part.member for part in seen) else None
-    if asked is not None:
-        seen = asked.searched
-        left = [part.member for part in seen]
-        locked = [part for part in locked if part.member in left]
-    base = start(seen, model) if asked is None else asked.base
+    asked = gathered(seen, model)
+    seen, base = asked.searched, asked.base
+    members = [part.member for part in seen]
+    locked = [part for part in locked if part.member in members]
     effects = tuple(effects)
     found = search_effects(base, effects, progress)
     after, steps = found.after, list(_steps(found))
@@ -129,7 +127,7 @@ def ladder(
         manoeuvres_locked=kept_back,
         remarks=(
             *remarks_of(found.before),
-            *(() if asked is None else asked.found.sentences()),
+            *(() if asked.found is None else asked.found.sentences()),
             *(said for said in out_of_range(after) if said not in left_before),
             *nuisance_sentences(nuisances_found(after), after, fails=fails),
             *more,
@@ -222,12 +220,13 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
     """
     own = next(e for e in base.model.effects if e.id == effect)
     names = [f"{effect}.{name}" for name in own.effect.strength]
-    each = [linearised(base.model, one.cells, names, {})[1] for one in base.blocks]
-    slopes = of_all(base.cells, each)
+    slopes = of_all(
+        base.cells, [linearised(base.model, one.cells, names, {})[1] for one in base.blocks]
+    )
     columns = np.concatenate([slopes, np.ones_like(base.cells.phi)[..., None]], axis=-1)
     residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside)
     normal = Normal.of(base.white(columns), base.white(residual), base.cells.log)
-    step = solve_scaled(normal.gram, normal.right)
+    step, variance = normal.solved()
     rows: list[Mapping[str, Any]] = []
     for log in np.unique(base.cells.log).tolist():
         of, logname = {}, base.cells.logs[log]
@@ -238,17 +237,16 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
                 of["grating"] = part.member
             if not normal.gram[log, : len(names), : len(names)].any():
                 continue
-        se = np.sqrt(np.maximum(np.diag(inverse_of(normal.gram[log])), 0.0)).tolist()
+        se = np.sqrt(np.maximum(variance[log], 0.0)).tolist()
         known = base.cells.conditions.take(np.flatnonzero(base.cells.log == log))
         for i, name in enumerate(names):
             visible = normal.gram[log, i, i] > 1e-6 * normal.gram[:, i, i].max()
             p = base.model.parameters[name]
-            row = {
+            rows.append(of | {
                 "log": logname, "parameter": name, "unit": p.unit,
                 "value": p.value + float(step[log, i]) if visible else None,
                 "se": se[i] if visible else None,
                 "distance_km": float(np.mean(known.distance_km)),
                 "load_N": float(np.mean(known.load_N)),
-            }  # fmt: skip
-            rows.append(of | row)
+            })  # fmt: skip
     return rows

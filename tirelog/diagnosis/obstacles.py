@@ -487,6 +487,14 @@ class HitResult:
             "quality": quality_text(unlike),
         }
 
+    def remarks(self) -> list[str]:
+        """What a reader should know of the hit."""
+        doubt = (
+            f"{self.log.log}: the model covers little of what happened at {self.hit.time_s:.4g} s; "
+            "the obstacle's dimensions, the model, or another event are to be doubted"
+        )
+        return [*self.hit.remarks, *[doubt] * (self.row()["quality"] != OK)]
+
     def time_rows(self) -> list[dict[str, Any]]:
         """Rows of 10 ms after the hit."""
         bins = (self.hit.since_s / BIN_S).astype(np.int64)
@@ -560,6 +568,16 @@ class TransientComparison:
         numbers["covered"] = _covered(numbers)
         return plain_fields({**numbers, "nuisance_parameters": NUISANCES * len(rows), "hits": rows})
 
+    def page(self) -> list[str | AnswerTable]:
+        """What a terminal shows of the hits."""
+        total, table = self.to_json(), self.hits_table()
+        text = (
+            f"obstacles: {len(self.hits)} hits; the model covers {100.0 * total['covered']:.0f} "
+            f"% of what they added ({total['nuisance_parameters']} nuisance numbers: when, "
+            "phase, level and alignment of each)"
+        )
+        return [text, table.columns(*table.names[:-2])]
+
     def hits_table(self, log_name: Callable[[str], str] = str) -> AnswerTable:
         """Hit by hit: what the obstacle added, what of it the model misses, errors and floor."""
         factor, unit = shown(self.observable, self.unit)
@@ -585,19 +603,13 @@ def compare_transients(
 
     ModelError if the model cannot be driven over their roads.
     """
-    results: list[HitResult] = []
-    remarks: list[str] = []
-    for log in logs:
-        for ordinal, (near, rough, window) in enumerate(_windows(log, WINDOW_S)):
-            hit = fit_hit(near, model, rough, window)
-            results.append(_result(near, ordinal, hit, model))
-            remarks += [remark for remark in hit.remarks if remark not in remarks]
-            if results[-1].row()["quality"] != OK:
-                remarks.append(
-                    f"{log.log}: the model covers little of what happened at {hit.time_s:.4g} s; "
-                    "the obstacle's dimensions, the model, or another event are to be doubted"
-                )
-    return TransientComparison(model.observable, unit, tuple(results), tuple(remarks))
+    hits = tuple(
+        _result(near, ordinal, fit_hit(near, model, rough, window), model)
+        for log in logs
+        for ordinal, (near, rough, window) in enumerate(_windows(log, WINDOW_S))
+    )
+    remarks = dict.fromkeys(remark for hit in hits for remark in hit.remarks())
+    return TransientComparison(model.observable, unit, hits, tuple(remarks))
 
 
 def _windows(log: TransientLog, most_s: float) -> Iterator[tuple[TransientLog, float, float]]:

@@ -19,11 +19,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 from scipy.special import stdtrit
 
 from tirelog.diagnosis.candidates.assessment import (
@@ -168,16 +168,13 @@ class Leftover:
 
     `size` held-out mean square that the best free shape removes [unit^2]; `in_pressure` if a
     change of the contact pressure explains it best, `in_time` if a shape over the time since the
-    exit edge does; `shape` (m,) the residual's leading one over
-    `phi_rad` (m,). `observable`: of several fitted together the one that it describes;
+    exit edge does. `observable`: of several fitted together the one that it describes;
     `contradicts`: nothing repeats within that one, but it contradicts the others.
     """
 
     significant: bool
     p: float
     size: float
-    shape: FloatArray
-    phi_rad: FloatArray
     where: str | None = None
     parity: str | None = None
     follows: str | None = None
@@ -193,23 +190,22 @@ class Leftover:
 def _describe_several(base: JointBase) -> Leftover:
     """The rest of the observable in which it is largest."""
     parts = bases_by_observable(base)
+    labels = [part.cells.label for part in parts]
     share = [part.plain.weight / base.plain.weight for part in parts]
     # one test for each observable
     found = [replace(left, p=min(left.p * len(parts), 1.0)) for left in map(describe, parts)]
-    sizes = [
-        left.size / part.floor.square * part_share
-        for left, part, part_share in zip(found, parts, share, strict=True)
-    ]
-    told = [size * left.significant for size, left in zip(sizes, found, strict=True)]
-    most = int(np.argmax(told if any(left.significant for left in found) else sizes))
+    floors = [part.floor.square for part in parts]
+    sizes = np.array([left.size for left in found]) * share / floors
+    repeating = sizes * [left.significant for left in found]
+    most = int(np.argmax(repeating if repeating.any() else sizes))
     if found[most].significant:
-        return replace(found[most], size=sum(told), observable=parts[most].cells.label)
+        return replace(found[most], size=float(repeating.sum()), observable=labels[most])
     against = max(contributions(base), key=lambda one: one.size * one.contradicts)
     if not against.contradicts:
-        return replace(found[most], size=sizes[most])
-    at = [part.cells.label for part in parts].index(against.observable)
-    told_of = replace(found[at], significant=True, observable=against.observable, contradicts=True)
-    return replace(told_of, p=against.p, size=against.size * share[at])
+        return replace(found[most], size=float(sizes[most]))
+    own = labels.index(against.observable)
+    rest = replace(found[own], p=against.p, size=against.size * share[own])
+    return replace(rest, significant=True, observable=against.observable, contradicts=True)
 
 
 def _shapes(base: Base) -> FloatArray:
@@ -289,8 +285,7 @@ def describe(base: Base) -> Leftover:
     free *= factors[name][:, None, None]  # in place: this is what takes most memory of a diagnosis
     held_white, held_plain = held_out_losses(cells, base.white, base.plain, base.fit, free)
     size = mean_drop(base, held_plain)
-    phi = np.nanmean(cells.phi, axis=0)
-    left = Leftover(True, float(p[best]), size, leading_shape(base), phi)
+    left = Leftover(True, float(p[best]), size)
     surely = surely_gains(*gain_and_error(base.held_white, held_white), left.p, base.share(size))
     if p[best] > ALARM_P or not surely or size < LEAST_SHARE_OF_FLOOR * base.floor.square:
         return replace(left, significant=False)
@@ -308,7 +303,7 @@ def describe(base: Base) -> Leftover:
     left = replace(left, follows=follows, speed_exponent=exponent, together=together)
     if cells.phi.shape[1] == 1:
         return left
-    where, parity = ("exit", "mixed") if in_time else place_and_parity(base, left.shape, phi)
+    where, parity = ("exit", "mixed") if in_time else place_and_parity(base)
     side = _one_side(base, taken, residual, free, exponent or 0.0) if where == "patch" else None
     return replace(
         left,
@@ -391,13 +386,13 @@ def half_angle(base: Base) -> float:
     return float(np.mean(model.half_length_m(conditions))) / model.values["radius_m"]
 
 
-def place_and_parity(base: Base, shape: FloatArray, phi: FloatArray) -> tuple[str, str]:
-    """(entry, patch, exit or away; even, odd or mixed) of a shape (m,) at angles (m,).
+def place_and_parity(base: Base) -> tuple[str, str]:
+    """(entry, patch, exit or away; even, odd or mixed) of the residual's leading shape.
 
     What is far from the patch is away; what is as strong on one side as on the other belongs to the
     patch, else to the edge of its side.
     """
-    edge = half_angle(base)
+    edge, phi, shape = half_angle(base), np.nanmean(base.cells.phi, axis=0), leading_shape(base)
     energy, total = shape**2, (shape**2).sum() + 1e-300
     even = even_share(shape, phi)
     # share of the energy that makes a parity: the other one is then a third as large. With twice
@@ -428,8 +423,8 @@ def _frequency(base: Base) -> float | None:
     ) -> tuple[float, float]:
         """What the best ring-down of at least so many turns explains, and its number."""
         found = []
-        pairs = product(numbers.tolist(), decays)
-        for number, decay in (pair for pair in pairs if pair[0] * pair[1] >= turns):
+        pairs = [(n, decay) for n in numbers.tolist() for decay in decays if n * decay >= turns]
+        for number, decay in pairs:
             turn, fall = phase * (2.0 * np.pi * number), np.exp(-phase / decay)[..., None]
             wave = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * fall
             columns = np.concatenate([wave, factor * wave], axis=-1)
@@ -478,18 +473,21 @@ def scattered(base: Base, floor_square: float) -> dict[str, Any]:
     # nothing
     like_load = cells.phi.shape[1] > 1 and bool(along.sum() > 0.5 * square.sum())
     factors = factors_of(base)
-    number = np.bincount(cells.manoeuvre)  # cells of a manoeuvre go together: it is what counts
+
+    def of_manoeuvres(x: FloatArray) -> FloatArray:
+        """Means over the cells of each manoeuvre, which go together: it is what counts."""
+        return np.asarray(np.bincount(cells.manoeuvre, x) / np.bincount(cells.manoeuvre))
+
     sizes = [np.log(np.maximum(square / cells.revolutions, 1e-300))]
     if cells.phi.shape[1] == 1:  # what crosses zero is largest at both ends
         sizes.append(left[:, 0])
-    ranked = [_ranks(np.bincount(cells.manoeuvre, size) / number) for size in sizes]
+    ranked = [_ranks(of_manoeuvres(size)) for size in sizes]
     least, freedom = 1.0, cells.manoeuvres - 2
     if freedom > 0:  # what manoeuvres that follow nothing reach
         t = float(stdtrit(freedom, 1.0 - 0.00135))
         least = max(0.5, t / float(np.sqrt(freedom + t**2)))
     means = {
-        factor: np.bincount(cells.manoeuvre, np.abs(x) if factor in SIGNED else x) / number
-        for factor, x in factors.items()
+        factor: of_manoeuvres(np.abs(x) if factor in SIGNED else x) for factor, x in factors.items()
     }
     ranks = [
         (float(np.corrcoef(of_size, _ranks(mean))[0, 1]), factor)
@@ -538,59 +536,62 @@ def posterior_checks(base: Base, seed: int = 0) -> tuple[Check, ...]:
     other = Offsets.of(cells, white).beside(white(base.fit.moving))
     measured = other.without(white(np.nan_to_num(cells.values - base.fit.prediction)))
     random, used = np.random.default_rng(seed), white.inverse_sd > 0.0
-    statistics = _statistics(base, used)
+    names, statistics = _statistics(base, used)
     # residuals that are drawn, and the standard deviations about their mean that make the range:
     # one of them leaves it by chance in a log in two hundred; twice as many tell the ranges to
     # 3.5 instead of 5 %, in twice the time; with a range twice as wide only what is twice as far
     # off fails
     count, width = 200, 3.3
-    drawn = np.empty((count, len(statistics)))
+    drawn = np.empty((count, len(names)))
     for row in drawn:
         noise = random.standard_normal(measured.shape) * used
         along = np.swapaxes(white.basis, 1, 2) @ noise[..., None]
         # a direction shrunk by so much is free, and no residual has a part in it
         free = (white.shrink > 0.99)[..., None]
-        noise = other.without(noise - (white.basis @ (free * along))[..., 0])
-        row[:] = [statistic(noise) for statistic in statistics.values()]
-    mean, reach = drawn.mean(axis=0).tolist(), (width * drawn.std(axis=0, ddof=1)).tolist()
-    return tuple(
-        Check(name, statistic(measured), middle - far, middle + far)
-        for (name, statistic), middle, far in zip(statistics.items(), mean, reach, strict=True)
-    )
+        row[:] = statistics(other.without(noise - (white.basis @ (free * along))[..., 0]))
+    middle, reach = drawn.mean(axis=0), width * drawn.std(axis=0, ddof=1)
+    rows = np.stack([statistics(measured), middle - reach, middle + reach], axis=1).tolist()
+    return tuple(Check(name, *row) for name, row in zip(names, rows, strict=True))
 
 
-def _statistics(base: Base, used: NDArray[np.bool_]) -> dict[str, Callable[[FloatArray], float]]:
-    """The six numbers, of a whitened residual (C, m)."""
+def _statistics(
+    base: Base, used: NDArray[np.bool_]
+) -> tuple[tuple[str, ...], Callable[[FloatArray], FloatArray]]:
+    """The names of the six numbers, and what gives them (6,) of a whitened residual (C, m)."""
     cells = base.cells
     count = np.maximum(used.sum(axis=1), 1)
     order = np.lexsort((cells.conditions.time_s, cells.manoeuvre))
     beside = np.flatnonzero(np.diff(cells.manoeuvre[order]) == 0)
     before, after = order[beside], order[beside + 1]
-    time = np.zeros(len(cells))
-    for log in np.unique(cells.log):
-        rows = cells.log == log
-        own = cells.conditions.time_s[rows]
-        time[rows] = own - own.mean() if np.isfinite(own).all() else 0.0
-    time /= max(float(np.sqrt((time**2).sum())), 1e-300)
+    time, in_log = cells.conditions.time_s, np.maximum(np.bincount(cells.log), 1)
+    # a log that does not know its times has none
+    time = np.nan_to_num(time - (np.bincount(cells.log, time) / in_log)[cells.log])
+    time = time / max(float(np.sqrt((time**2).sum())), 1e-300)
+    names = (
+        "largest mean square of a cell",
+        "autocorrelation over the angle",
+        "Ljung-Box over ten angles",
+        "autocorrelation from cell to cell",
+        "kurtosis",
+        "drift along the logs",
+    )
 
-    def square(r: FloatArray) -> float:
-        return max(float((r**2).sum()), 1e-300)
-
-    def ljung_box(r: FloatArray) -> float:
+    def statistics(r: FloatArray) -> FloatArray:
+        square, number = max(float((r**2).sum()), 1e-300), float(used.sum())
         # lags of the angle; of a ringing of 400 Hz at 20 m/s ten are a period at 256 angles
-        lags = [float((r[:, k:] * r[:, :-k]).sum()) / square(r) for k in range(1, 11)]
-        return float(used.sum()) * float(np.mean(np.square(lags)))
+        lags = np.array([(r[:, k:] * r[:, :-k]).sum() for k in range(1, 11)]) / square
+        return np.array(
+            [
+                ((r**2).sum(axis=1) / count).max(),
+                lags[0],
+                number * np.mean(lags**2),
+                (r[before] * r[after]).sum() / square,
+                np.square(r**2).sum() * number / square**2,
+                time @ (r.sum(axis=1) / np.sqrt(count)),
+            ]
+        )
 
-    return {
-        "largest mean square of a cell": lambda r: float(((r**2).sum(axis=1) / count).max()),
-        "autocorrelation over the angle": lambda r: float((r[:, 1:] * r[:, :-1]).sum()) / square(r),
-        "Ljung-Box over ten angles": ljung_box,
-        "autocorrelation from cell to cell": lambda r: (
-            float((r[before] * r[after]).sum()) / square(r)
-        ),
-        "kurtosis": lambda r: float(np.square(r**2).sum()) * float(used.sum()) / square(r) ** 2,
-        "drift along the logs": lambda r: float(time @ (r.sum(axis=1) / np.sqrt(count))),
-    }
+    return names, statistics
 
 
 def check_sentences(checks: tuple[Check, ...]) -> list[str]:
@@ -670,15 +671,12 @@ def _least_root(left: Callable[[float], float], freedom: float) -> float | None:
     0 if it is without; None if no size makes it so.
     """
     wanted = freedom + ERROR_SIGMAS * float(np.sqrt(2.0 * freedom))
-    if left(0.0) <= wanted:
+    none, most = -30.0, 30.0  # powers of ten of variances, in any unit
+    if left(10.0**none) <= wanted:
         return 0.0
-    low, high = 1e-30, 1e30  # variances in any unit
-    if left(high) > wanted:
+    if left(10.0**most) > wanted:
         return None
-    for _ in range(60):  # halves of the exponent: to 1e-16 of it
-        middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if left(middle) > wanted else (low, middle)
-    return float(np.sqrt(high))
+    return float(10.0 ** (0.5 * brentq(lambda power: left(10.0**power) - wanted, none, most)))
 
 
 @dataclass(frozen=True)

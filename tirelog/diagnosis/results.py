@@ -110,6 +110,11 @@ class Check:
         return f"{self.low:.3g} to {self.high:.3g}"
 
 
+def _size_or_more(own: Mapping[str, Any]) -> float:
+    """The size of an extra error; one that no size removes is the largest."""
+    return float("inf") if own["size"] is None else float(own["size"])
+
+
 def _extra_row(own: Mapping[str, Any]) -> list[Any]:
     """A row of the table of extra errors, in the unit in which a person reads it."""
     of, name, size = (own[key] for key in ("of", "name", "size"))
@@ -258,40 +263,23 @@ class Comparison(AnswerRecord):
 
         Of logs that met an obstacle also what the model says of each hit.
         """
-        gratings, said = all(part.member for part in self.parts), self.nuisances_sentence()
-        each, hits = list[str | AnswerTable](), list[str | AnswerTable]()
-        if not self.parts:
-            first = self._errors_page()
-        else:
-            head = f"{self.observable}, fitted together, in {self.unit}: {self._measured}"
-            first = [head, self.together_table(), self.agreement]
-        if not gratings:
-            each = ["without an observable: the error that the others alone would leave"]
-            each += [line for part in self.parts for line in ("", *part._errors_page())]
-        if (hit := self.obstacles) is not None:
-            total, table = hit.to_json(), hit.hits_table()
-            text = (
-                f"obstacles: {len(hit.hits)} hits; the model covers {100.0 * total['covered']:.0f} "
-                f"% of what they added ({total['nuisance_parameters']} nuisance numbers: when, "
-                "phase, level and alignment of each)"
-            )
-            hits = [text, table.columns(*table.names[:-2])]
-        wrong = [part for table in self.wrongness() for part in (table.caption, table)]
-        said_of = [said] if said else []
-        return [*first, self.parameters_table(), *each, *said_of, *wrong, *hits]
+        head = f"{self.observable}, fitted together, in {self.unit}: {self._measured}"
+        together = [head, self.together_table(), self.agreement] if self.parts else []
+        page = [*(together or self._errors_page()), self.parameters_table()]
+        if not all(part.member for part in self.parts):
+            page.append("without an observable: the error that the others alone would leave")
+            page += [line for part in self.parts for line in ("", *part._errors_page())]
+        page += filter(None, [self.nuisances_sentence()])
+        page += [part for table in self.wrongness() for part in (table.caption, table)]
+        return page if self.obstacles is None else page + self.obstacles.page()
 
     def _worst_errors(self) -> list[Mapping[str, Any]]:
         """The extra errors of zones and parameters, and the largest of each kind of condition."""
-        worst: dict[tuple[str, ...], Mapping[str, Any]] = {}
-        # one that no size removes is the largest
-        sizes = {
-            id(own): np.inf if own["size"] is None else own["size"] for own in self.extra_errors
-        }
-        for own in sorted(self.extra_errors, key=lambda own: sizes[id(own)]):
-            each = own["of"] in ("zone", "parameter")
-            worst[own["of"], own["observable"], own["name"] if each else ""] = own
-        order = {id(own): number for number, own in enumerate(self.extra_errors)}
-        return sorted(worst.values(), key=lambda own: order[id(own)])
+        kinds: dict[tuple[str, ...], list[Mapping[str, Any]]] = {}
+        for own in self.extra_errors:
+            name = own["name"] if own["of"] in ("zone", "parameter") else ""
+            kinds.setdefault((own["of"], own["observable"], name), []).append(own)
+        return [max(alike, key=_size_or_more) for alike in kinds.values()]
 
     @property
     def _measured(self) -> str:
@@ -691,6 +679,9 @@ class Contribution:
 def contributions(base: JointBase) -> tuple[Contribution, ...]:
     """What each observable of the base brings."""
     cells, fit = base.cells, base.fit
+    if not fit.names:
+        labels = [part.cells.label for part in base.channels]
+        return tuple(Contribution(label, {}, 0.0, 0, 1.0, 0.0) for label in labels)
     offsets = Offsets.of(cells, base.white)
     slopes = offsets.without(base.white(fit.moving))
     left = np.where(np.isfinite(cells.values), cells.values - fit.prediction, 0.0)
