@@ -15,13 +15,12 @@ import logging
 import os
 import sys
 import tempfile
-import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack, closing, contextmanager, suppress
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
@@ -209,7 +208,7 @@ _ATTEMPTS = 3
 #: so many logs in a row that fail for a reason outside of them end the run: a store or scheduler
 #: that is gone would be asked for every log, 8 s each
 _MOST_IN_A_ROW = 5
-#: a cluster without workers is reported after this time [s], and again after six times as long
+#: a cluster without workers is reported after this time [s]
 _WORKERLESS_S = 10.0
 
 
@@ -233,7 +232,11 @@ def _on_cluster(
     for name in ("distributed", "distributed.client"):  # they print tracebacks of this error
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
-        with Client(scheduler, timeout=ANSWER_S) as client, _workers_watched(client, remark):
+        with Client(scheduler, timeout=ANSWER_S) as client:
+            try:
+                client.wait_for_workers(1, timeout=_WORKERLESS_S)
+            except TimeoutError:
+                remark("the cluster has no worker; start one, or interrupt")
             suspects = []
             for task, future in _finished(client, tasks, "all"):
                 if future.status != "finished" and isinstance(future.exception(), KilledWorker):
@@ -249,27 +252,6 @@ def _on_cluster(
             allowed="allowed is tcp://HOST:PORT",
             do="start it, then run this again: finished logs are kept",
         ) from None
-
-
-@contextmanager
-def _workers_watched(client: Client, remark: Callable[[str], None]) -> Iterator[None]:
-    """While open, a remark says that the cluster has no worker, soon and then now and then."""
-    ended = threading.Event()
-
-    def watch() -> None:
-        wait_s = _WORKERLESS_S
-        while not ended.wait(wait_s):
-            wait_s = _WORKERLESS_S
-            with suppress(Exception):  # a scheduler that is gone is found by the futures
-                if not client.nthreads():
-                    wait_s = 6 * _WORKERLESS_S
-                    remark("the cluster has no worker; start one, or interrupt")
-
-    threading.Thread(target=watch, daemon=True).start()
-    try:
-        yield
-    finally:
-        ended.set()
 
 
 def _finished(
@@ -392,7 +374,7 @@ def to_do(tasks: Iterable[LogTask], ledger: Ledger, *, retry_failed: bool = Fals
     """
     there, left = ledger.folder.names(), []
     for task in tasks:
-        entry = ledger.entry(task.name)
+        entry = ledger.entries.get(task.name)
         if entry is None or entry.key != task.key:
             left.append(task)
         elif entry.error:
@@ -454,7 +436,8 @@ def run_tasks(
             if is_open:
                 left_open.append(entry.error)
             else:
-                ledger.record(_with_tables(entry, by_name[entry.name], ledger.entry(entry.name)))
+                before = ledger.entries.get(entry.name)
+                ledger.record(_with_tables(entry, by_name[entry.name], before))
             report(entry, number, len(tasks))
             in_a_row = _in_a_row(in_a_row, entry.error if is_open else "")
     return left_open
@@ -559,7 +542,7 @@ def write_summary(campaign: Campaign, ledger: Ledger) -> str:
     writer.writerow([*about, "peak_memory_MB", *tags])
     order = [*campaign.tables]
     for log in campaign.logs:
-        entry, row = ledger.entry(log.name), ["open", "", "", "", "", "", ""]
+        entry, row = ledger.entries.get(log.name), ["open", "", "", "", "", "", ""]
         if entry is not None:
             # tables in the manifest's order, others behind, their quality words in the alphabet's
             made = [table for table in order if table in entry.rows]
