@@ -112,7 +112,7 @@ def test_an_effect_is_named_beside_the_wheel(monkeypatch):
     assert (held.verdict, held.sentence) == (result.verdict, result.sentence)
     # held out below the floor, and not beyond doubt: nothing of a size is missing, named or not
     step = found.steps[0]
-    doubtful = replace(step.named, assessed=replace(step.named.assessed, p=0.005))
+    doubtful = replace(step.named, p=0.005)
     held = found.before.held_white, 0.0 * found.before.held_plain
     low = replace(found.before, held=held)
     small = replace(found, before=low, steps=(replace(step, named=doubtful), *found.steps[1:]))

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Self
 
 import numpy as np
 
@@ -68,7 +69,7 @@ class Variant:
         return self.effect.id
 
     @property
-    def without_columns(self) -> Variant:
+    def without_columns(self) -> Self:
         """The same once its columns have served."""
         return replace(self, columns=np.zeros((0, 0, 0)))
 
