@@ -135,14 +135,14 @@ def driven(base: Base, manoeuvre: CandidateManoeuvre) -> bool:
         cells = alike & (number == one)
         speed, acceleration = c.speed_m_s[cells], float(np.mean(c.acceleration_m_s2[cells]))
         if low == high:
-            if np.abs(speed - low).min() <= same * low and abs(acceleration) < CRUISE_M_S2:
-                return True
-        elif acceleration * manoeuvre.acceleration_m_s2 > 0.0:
+            there = np.abs(speed - low).min() <= same * low and abs(acceleration) < CRUISE_M_S2
+        else:
             passed = min(speed.max(), high) - max(speed.min(), low)
             ratio = acceleration / manoeuvre.acceleration_m_s2
             # most of the range, at an acceleration no further off than by this factor
-            if passed >= 0.7 * (high - low) and 0.4 <= ratio <= 1.0 / 0.4:
-                return True
+            there = passed >= 0.7 * (high - low) and 0.4 <= ratio <= 1.0 / 0.4
+        if there:
+            return True
     return False
 
 
@@ -339,8 +339,6 @@ def drive_next(
     # a verdict without a calibration is taken to be as likely as not
     p = 0.5 if probability is None else probability
     base, rivals = _rivals(found, verdict, p)
-    if base is None:
-        return []
     parted: dict[str, tuple[CandidateManoeuvre, list[tuple[Rival, float]]]] = {}
     for rival in rivals[:4]:  # rivals that are asked about at most
         rows = separations(base, rival.first, rival.second, rival.beside)
@@ -374,7 +372,7 @@ def drive_next(
     return sorted(result, key=lambda row: -row["gain_per_minute"])[:3]  # that are named
 
 
-def _rivals(found: SearchResult, verdict: str, p: float) -> tuple[Base | None, list[Rival]]:
+def _rivals(found: SearchResult, verdict: str, p: float) -> tuple[Base, list[Rival]]:
     """What the verdict may be taken for, and the base that it is measured from."""
     silent = verdict == "nothing_missing"
     named = [s for s in found.steps if s.named is not None and not silent]
@@ -382,14 +380,15 @@ def _rivals(found: SearchResult, verdict: str, p: float) -> tuple[Base | None, l
     base, of_one = first_waveform(step.before)
     # where loads or other conditions are in doubt, these come before any effect
     if base.cells.phi.shape[1] == 1 or verdict in ("unknown", "scatter"):
-        return None, []
+        return base, []
     if verdict == "too_few":
         some = step.contenders[:3]
         mass = 1.0 / max(len(some), 1)
-        return base, [
+        rivals = [
             Rival(r.id, some[0].id, some[0].base.model, r.base.model, mass, mass) for r in some[1:]
         ]
-    rivals = _hidden(found, p) if silent else [*_instead(step, p), *_beside(found, p)]
+    else:
+        rivals = _hidden(found, p) if silent else [*_instead(step, p), *_beside(found, p)]
     return base, [replace(r, first=of_one(r.first), second=of_one(r.second)) for r in rivals]
 
 
@@ -439,17 +438,6 @@ def _hidden(found: SearchResult, p: float) -> list[Rival]:
         if effect.id in reasons
     }
     return [Rival("nothing", name, first, model, mass, p) for name, first in shown.items()]
-
-
-def by_the_minute(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Rows of `separation.advise` for two that are as likely each, best per minute first."""
-    sigmas = [row["separation_sigma"] * row["repeats"] ** 0.5 for row in rows]
-    gains = [expected_gain(0.5, 0.5, sigma) for sigma in sigmas]
-    told = [
-        {**row, "gain": gain, "gain_per_minute": gain / row["minutes"]}
-        for row, gain in zip(rows, gains, strict=True)
-    ]
-    return sorted(told, key=lambda row: -row["gain_per_minute"])
 
 
 def drive_sentences(rows: Sequence[Mapping[str, Any]]) -> list[str]:
