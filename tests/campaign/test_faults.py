@@ -5,7 +5,6 @@ with advice.
 import gzip
 import json
 import re
-import socket
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -84,18 +83,6 @@ def test_a_manifest_that_cannot_be_used(manifest, tirelog, old, new, words):
     assert outcome.status == 2, outcome.err
     assert words in outcome.err
     assert "Traceback" not in outcome.err
-
-
-@pytest.mark.slow
-def test_a_scheduler_that_does_not_answer(manifest: Path) -> None:
-    """In a process of its own: a client that found nothing goes on trying beside later tests."""
-    pytest.importorskip("distributed")
-    with socket.socket() as deaf:  # a port of our own that takes no connection
-        deaf.bind(("127.0.0.1", 0))
-        scheduler = f"tcp://127.0.0.1:{deaf.getsockname()[1]}"
-        process = begun(manifest, dying_on_the_first, "--scheduler", scheduler)
-        assert process.wait(PATIENCE_S) == 2
-    assert "does not answer" in (manifest.parent / "said.txt").read_text()
 
 
 @pytest.mark.slow
