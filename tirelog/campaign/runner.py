@@ -16,7 +16,7 @@ import os
 import sys
 import tempfile
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -202,9 +202,6 @@ def _keep_pieces(recording: Recording, task: LogTask, entry: Entry) -> None:
         entry.pieces[observable] = ""
 
 
-#: a log whose worker died this often, while it worked on nothing else, is failed; twice as many
-#: try a log that ends every worker that often
-_ATTEMPTS = 3
 #: so many logs in a row that fail for a reason outside of them end the run: a store or scheduler
 #: that is gone would be asked for every log, 8 s each
 _MOST_IN_A_ROW = 5
@@ -473,15 +470,14 @@ def _on_processes(tasks: list[LogTask], workers: int) -> Generator[Entry, None, 
     A worker that dies takes the pool with it. Whoever was at work then is a suspect, and is tried
     alone, so that no death is held against a neighbour; then a new pool goes on.
     """
-    waiting = {task.name: task for task in tasks}
-    died: Counter[str] = Counter()  # of suspects: how often each did alone
+    waiting, suspects = {task.name: task for task in tasks}, set[str]()
     one_thread()  # inherited: a worker's share is one core
     # nor do they hear, by multiprocessing's tracker, of what a killed one has left
     warned = os.environ.get("PYTHONWARNINGS", "")
     if "ignore:resource_tracker" not in warned:
         os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (warned, "ignore:resource_tracker")))
     while waiting:
-        suspect = next((task for task in waiting.values() if task.name in died), None)
+        suspect = next((task for task in waiting.values() if task.name in suspects), None)
         at_work: dict[str, LogTask] = {}
         queue = [suspect] if suspect else list(waiting.values())
         try:
@@ -490,16 +486,14 @@ def _on_processes(tasks: list[LogTask], workers: int) -> Generator[Entry, None, 
                 yield entry
         except BrokenProcessPool:
             if suspect is None:
-                died.update(dict.fromkeys(at_work, 0))
+                suspects |= set(at_work)
                 continue
-            died[suspect.name] += 1
-            if died[suspect.name] == _ATTEMPTS:
-                del waiting[suspect.name]
-                yield _of_the_machine(
-                    suspect,
-                    f"{suspect.log}: its worker died {_ATTEMPTS} times (out of memory, or "
-                    "killed); free memory or use fewer workers",
-                )
+            del waiting[suspect.name]
+            yield _of_the_machine(
+                suspect,
+                f"{suspect.log}: its worker died twice (out of memory, or killed); free memory or "
+                "use fewer workers",
+            )
 
 
 def _by_pool(

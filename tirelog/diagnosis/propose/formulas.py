@@ -114,8 +114,9 @@ def unit_columns(
     stage, shape = form.stage, ground.residual.shape
     given = {name: np.atleast_1d(value) for name, value in numbers.items()}
     count = max([value.size for value in given.values()], default=1)
-    texts = [form.text.replace("@", wave) for wave in ("cos", "sin")] if form.wave else [form.text]
     if not stage.acts_on:
+        waves = ("cos", "sin") if form.wave else ("",)
+        texts = [form.text.replace("@", wave) for wave in waves]
         spread = {name: value.reshape(-1, 1, 1) for name, value in given.items()}
         computed = ground.in_bins if in_bins else ground.expression
         each = [np.broadcast_to(computed(text, spread), (count, *shape)) for text in texts]
@@ -128,10 +129,9 @@ def unit_columns(
             Parameter(name, "", "", value, -1e9, 1e9, abs(value) + 1e-3, free=False)
             for name, value in own.items()
         ]
-        for text in texts:
-            body = f"A * ({stage.prefix}{text})"
-            probe = effect_by_expression("probe_", stage.acts_on, body, tuple(parameters))
-            columns.append(ground.response(probe, stage.probe))
+        body = f"A * ({stage.prefix}{form.text})"  # a wave is of the observable alone
+        probe = effect_by_expression("probe_", stage.acts_on, body, tuple(parameters))
+        columns.append(ground.response(probe, stage.probe))
     return np.stack(columns, axis=-1)
 
 
