@@ -162,7 +162,7 @@ def _steps(found: SearchResult) -> Iterable[LadderStep]:
         last = found.after
     final = found.steps[-1]
     if final.named is None and final.assessed:
-        best = final.contenders[0].assessed if final.contenders else final.assessed[0]
+        best = final.contenders[0] if final.contenders else final.assessed[0]
         reason = "within what a different form of the others would leave"
         if found.before.cells.manoeuvres < FEWEST_MANOEUVRES:
             reason = "too few manoeuvres"
