@@ -115,8 +115,9 @@ def _run(
                 alone = f"There is one {model.each} alone: nothing is to be held against it."
                 results[name] = replace(results[name], notes=(*results[name].notes, alone))
             else:
-                how = {"by": model.each, "effects": candidates, "alone": True}
-                results[name] = with_groups(results[name], groups, some, read, **how)
+                results[name] = with_groups(
+                    results[name], groups, some, read, by=model.each, effects=candidates, alone=True
+                )
             said(results[name].notes[-1])
         found = [getattr(results[name], "verdict", ""), *getattr(results[name], "selected", ())]
         outcome = f": {found[0]}" if found[0] else ""

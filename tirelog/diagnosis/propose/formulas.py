@@ -183,7 +183,7 @@ def _turned(
     return np.swapaxes(np.linalg.solve(root, np.swapaxes(scores, 1, 2)), 1, 2), good
 
 
-def _flipped(signs: FloatArray, turned: FloatArray) -> FloatArray:
+def _flipped(signs: np.ndarray, turned: FloatArray) -> FloatArray:
     """T (F, K) under each pattern of signs, of scores (K, M, k)."""
     parts = [
         signs @ np.ascontiguousarray(turned[:, :, i].T, dtype=signs.dtype)
