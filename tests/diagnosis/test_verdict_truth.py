@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.cases import Case, case, planted
+from tests.diagnosis.planted import diagnosed, simulated
 from tests.diagnosis.toy import stack_of
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.answer import probability, rounding_sentences
@@ -26,10 +27,8 @@ from tirelog.diagnosis.compare import remarks_of, start
 from tirelog.diagnosis.diagnose import conclude
 from tirelog.inference.fit.cells import Problem, finish
 from tirelog.inference.floor import held_out_losses
-from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.presets import preset_model
-from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import Road, TrueConditions
 
 pytestmark = pytest.mark.xdist_group("verdicts")  # one worker makes what these tests share
@@ -39,13 +38,7 @@ MODEL = Model.new("beam", radius_m=0.305)
 
 def fitted(scenarios, angles, model=MODEL):
     """The model fitted to the logs of some scenarios."""
-    logs = [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(scenarios)]
-    return start(stacks_from_logs(logs, angles=angles), model)
-
-
-def diagnosed(base):
-    """What `diagnose` says once the model is fitted."""
-    return conclude(search_effects(base), ())
+    return start(simulated(scenarios, angles=angles), model)
 
 
 @pytest.fixture(scope="module")

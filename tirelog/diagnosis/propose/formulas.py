@@ -142,7 +142,8 @@ def scan(ground: Ground) -> Scanned:
     # patterns of signs that are tried: they tell p to 2.4e-4, and a p of 0.01 to 16 % of it; twice
     # as many tell it to 11 %, in twice the time. Of 13 manoeuvres the others are their mirror
     # images, which say the same
-    signs = flip_signs(ground.manoeuvres)[:4096].astype(np.float32)
+    signs = flip_signs(ground.manoeuvres)[:4096]
+    signs = signs.astype(np.float32)
     largest, tried = np.zeros(signs.shape[0], np.float32), 0
     best: dict[tuple[str, str, str], Atom] = {}
     for form in forms():
@@ -183,7 +184,7 @@ def _turned(
     return np.swapaxes(np.linalg.solve(root, np.swapaxes(scores, 1, 2)), 1, 2), good
 
 
-def _flipped(signs: np.ndarray, turned: FloatArray) -> FloatArray:
+def _flipped(signs: FloatArray, turned: FloatArray) -> FloatArray:
     """T (F, K) under each pattern of signs, of scores (K, M, k)."""
     parts = [
         signs @ np.ascontiguousarray(turned[:, :, i].T, dtype=signs.dtype)
