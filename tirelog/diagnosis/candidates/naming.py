@@ -513,10 +513,7 @@ def regrouped(
             untested.append(f"Not tested, what could stand in place of {name}: {without_it.what}.")
             continue
         assessed, reasons = assess_all(without_it, extra)
-        rivals = [
-            a for a in assessed if a.id == name or a.statistic >= CONTENDER * assessed[0].statistic
-        ][: int(MOST_CONTENDERS)]
-        contenders = contend(without_it, leading(rivals), reasons)
+        contenders = contend(without_it, leading(assessed), reasons)
         if contenders and contenders[0].id == name:
             groups[name] = group_of(contenders)
     return groups, untested
