@@ -15,6 +15,7 @@ from tirelog.diagnosis.answer import probability, rounding_sentences
 from tirelog.diagnosis.candidates import search, separation
 from tirelog.diagnosis.candidates.assessment import candidate_effects, least_p
 from tirelog.diagnosis.candidates.naming import Step
+from tirelog.diagnosis.candidates.nuisances import with_nuisance
 from tirelog.diagnosis.candidates.search import SearchResult, search_effects
 from tirelog.diagnosis.candidates.separation import (
     ALLOWED,
@@ -245,7 +246,7 @@ def test_what_these_logs_cannot_show_is_advised_by_the_minute(two_pressures, mon
 def test_what_a_wheel_may_do_as_well_parts_less(two_pressures):
     shaped = MODEL.with_effect("gauge_length", length_m=0.1)
     apart = {r["manoeuvre"]: r for r in separations(two_pressures, shaped, MODEL)}
-    beside = separations(two_pressures, shaped, MODEL, ("wheel",))
+    beside = separations(with_nuisance(two_pressures, "wheel"), shaped, MODEL)
     assert {r["manoeuvre"] for r in beside} == set(apart)
     less = [r["separation_sigma"] / apart[r["manoeuvre"]]["separation_sigma"] for r in beside]
     assert max(less) <= 1.0 + 1e-6

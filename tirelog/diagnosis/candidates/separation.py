@@ -26,7 +26,6 @@ from tirelog.diagnosis.candidates.assessment import (
     with_candidate,
 )
 from tirelog.diagnosis.candidates.naming import Step
-from tirelog.diagnosis.candidates.nuisances import groups_of
 from tirelog.diagnosis.candidates.search import SearchResult
 from tirelog.diagnosis.rules import LIKE
 from tirelog.errors import ModelError, or_refusal
@@ -34,7 +33,7 @@ from tirelog.inference.base import Base, JointBase, bases_by_observable
 from tirelog.inference.cells.joint import linearised, model_of, predicted
 from tirelog.inference.fit.cells import free_names
 from tirelog.inference.metric import Offsets, orthonormal, projected_out, stacked
-from tirelog.inference.nuisances import freed, frees, shared_by
+from tirelog.inference.nuisances import shared_by
 from tirelog.inference.stacks.manoeuvres import CRUISE_M_S2
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.conditions import CONDITIONS
@@ -147,18 +146,14 @@ def driven(base: Base, manoeuvre: CandidateManoeuvre) -> bool:
 
 
 @or_refusal
-def separations(
-    base: Base, first: Model, second: Model, beside: Sequence[str] = ()
-) -> list[dict[str, Any]]:
+def separations(base: Base, first: Model, second: Model) -> list[dict[str, Any]]:
     """How far every allowed manoeuvre would part `first` from `second`, best first.
 
-    `first` is taken as true, and parted from any refit of `second`, with the nuisances `beside` it:
-    the base's own, and those that are held against `first`. What repeats on the wheel has one
-    amplitude in the logs so far and on the planned stretch.
+    `first` is taken as true, and parted from any refit of `second` beside the base's nuisances.
+    What repeats on the wheel has one amplitude in the logs so far and on the planned stretch.
     """
     names = free_names(second, base.cells)
-    held = () if base.cells.shared is None else base.cells.shared.groups
-    groups = tuple(dict.fromkeys((*held, *beside)))
+    groups = () if base.cells.shared is None else base.cells.shared.groups
     cells = replace(base.cells, shared=None)
     shared = shared_by(cells, base.fit, groups)
     mine = predicted(first, cells)
@@ -270,8 +265,8 @@ def advise(
 # ---- What to drive next: the manoeuvre that makes the verdict's probability grow fastest.
 #
 #     the verdict's probability -> how likely each rival is instead
-#     rivals: other effects that were refitted, nuisances that do as well, effects that these logs
-#             cannot show since what they follow is the same throughout
+#     rivals: other effects that were refitted, effects that these logs cannot show since what they
+#             follow is the same throughout
 #         -> `separation`: how far each manoeuvre on the list parts the two, refitted
 #         -> by how much the probability of naming the right one grows, per minute of driving
 #
@@ -293,8 +288,8 @@ LEAST_GAIN = 0.005
 class Rival:
     """What else may be: its name, the model that has the verdict's, and that of the rival.
 
-    `first` is taken as true and parted from any refit of `second` with the nuisances `beside`;
-    `mass` and `verdict_mass` are the probabilities of the rival and of the verdict.
+    `first` is taken as true and parted from any refit of `second`; `mass` and `verdict_mass` are
+    the probabilities of the rival and of the verdict.
     """
 
     name: str
@@ -303,7 +298,6 @@ class Rival:
     second: Model
     mass: float
     verdict_mass: float
-    beside: tuple[str, ...] = ()
 
     def gain(self, sigma: float, repeats: int) -> float:
         """What so many runs that part by `sigma` each add to the probability of being right."""
@@ -341,7 +335,7 @@ def drive_next(
     base, rivals = _rivals(found, verdict, p)
     parted: dict[str, tuple[CandidateManoeuvre, list[tuple[Rival, float]]]] = {}
     for rival in rivals[:4]:  # rivals that are asked about at most
-        rows = separations(base, rival.first, rival.second, rival.beside)
+        rows = separations(base, rival.first, rival.second)
         for row in [] if isinstance(rows, ModelError) else rows:
             if not driven(base, row["plan"]):
                 _, pairs = parted.setdefault(row["manoeuvre"], (row["plan"], []))
@@ -388,7 +382,7 @@ def _rivals(found: SearchResult, verdict: str, p: float) -> tuple[Base, list[Riv
             Rival(r.id, some[0].id, some[0].base.model, r.base.model, mass, mass) for r in some[1:]
         ]
     else:
-        rivals = _hidden(found, p) if silent else [*_instead(step, p), *_beside(found, p)]
+        rivals = _hidden(found, p) if silent else _instead(step, p)
     return base, [replace(r, first=of_one(r.first), second=of_one(r.second)) for r in rivals]
 
 
@@ -405,22 +399,6 @@ def _instead(step: Step, p: float) -> list[Rival]:
     rest = (1.0 - p) / (1.0 + sum(w for name, w in weight.items() if name not in step.group))
     mass = {n: share if n in step.group else rest * w for n, w in weight.items()}
     return [Rival(r.id, step.named.id, best.model, r.base.model, mass[r.id], share) for r in others]
-
-
-def _beside(found: SearchResult, p: float) -> list[Rival]:
-    """Nuisances that do as well as an effect that is named: as likely as it."""
-    rivals = []
-    for nuisance, effect in found.alike:
-        if effect not in found.named or nuisance in groups_of(found.after):
-            continue
-        without = or_refusal(found.after.model.without_effect)(effect)
-        if isinstance(without, ModelError):
-            continue
-        linear = not frees(without, nuisance)
-        second = without if linear else freed(without, [nuisance])
-        beside = (nuisance,) * linear
-        rivals.append(Rival(nuisance, effect, found.after.model, second, 0.5 * p, 0.5 * p, beside))
-    return rivals
 
 
 def _hidden(found: SearchResult, p: float) -> list[Rival]:
