@@ -2,6 +2,7 @@
 that does not answer, or dies, leaves logs open, and one run after it is back ends with all done.
 """
 
+import shutil
 import socket
 import subprocess
 import sys
@@ -13,7 +14,6 @@ import pytest
 
 from tests.campaign.conftest import dataset, make_campaign
 from tests.campaign.processes import PATIENCE_S, begun, dying_on_the_first, dying_once, waited_for
-from tests.campaign.test_campaign import remove
 from tirelog.campaign import runner
 from tirelog.cli import run
 
@@ -26,7 +26,7 @@ def whole(manifest: Path) -> dict[str, bytes]:
     results = manifest.parent / "results"
     assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
     found = dataset(results)
-    remove(results)
+    shutil.rmtree(results)
     return found
 
 
