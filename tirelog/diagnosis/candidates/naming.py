@@ -62,8 +62,9 @@ from tirelog.inference.base import (
     with_fewer_cells,
     with_fits,
 )
-from tirelog.inference.fit.cells import NULL, Fit, descended, free_names, starts
+from tirelog.inference.fit.cells import NULL, Fit, descended, errors_of, free_names, starts
 from tirelog.inference.floor import held_out_losses_with
+from tirelog.inference.metric import Offsets, stacked
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.process_pool import made_apart
@@ -309,13 +310,15 @@ def strength_sigmas(base: Base, effect_id: str) -> float:
     """
     fit, own = base.fit, next(e.effect for e in base.model.effects if e.id == effect_id)
     strengths = [f"{effect_id}.{name}" for name in own.strength]
-    error = np.sqrt(np.diag(fit.known.covariance))
+    columns = stacked(Offsets.of(base.cells, base.white).without(base.white(fit.moving)))
+    # priors of a form are no evidence: the errors are those of the data alone
+    known = errors_of(columns, max(1.0, fit.reduced_chi2))
+    error = np.sqrt(np.diag(known.covariance))
     mine = np.flatnonzero(np.isin(fit.names, strengths) & (error > 0.0))
-    blind = base.cells.phi.shape[1] == 1 and np.isinf(fit.known.se[mine]).any()
-    if fit.stuck or blind or not mine.size:
+    if not mine.size or (base.cells.phi.shape[1] == 1 and np.isinf(known.se[mine]).any()):
         return 0.0
     sigmas = np.array([base.model.values[fit.names[i]] for i in mine]) / error[mine]
-    alike = fit.known.covariance[np.ix_(mine, mine)] / np.outer(error[mine], error[mine])
+    alike = known.covariance[np.ix_(mine, mine)] / np.outer(error[mine], error[mine])
     evidence = sigmas @ np.linalg.pinv(alike, rcond=NULL, hermitian=True) @ sigmas
     return float(np.sqrt(evidence / mine.size))
 
