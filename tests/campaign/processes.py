@@ -10,8 +10,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
+
+import psutil
 
 from tirelog.campaign.ledger import Entry, Folder
 from tirelog.campaign.manifest import LogTask
@@ -22,6 +25,7 @@ from tirelog.storage.whole import whole_file
 #: a busy machine may take so long [s] for what takes one second
 PATIENCE_S = 240.0
 _GATE = "TIRELOG_TEST_GATE"
+_ENDED = (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
 
 
 def waited_for(event: Callable[[], bool]) -> bool:
@@ -128,50 +132,27 @@ def killed_in_the_midst(manifest: Path, tickets: int, later_s: float, gate: Path
         del os.environ[_GATE]
 
 
-# ---- processes by their number -------------------------------------------------------------------
+# ---- what a process has started ------------------------------------------------------------------
 
 
-def children(pid: int) -> dict[int, str]:
-    """What `pid` has started, and what those have started: number -> begin, by what the kernel
-    says.
-    """
-    found: dict[int, str] = {}
-    for task in Path(f"/proc/{pid}/task").glob("*/children"):
-        try:
-            numbers = [int(word) for word in task.read_text().split()]
-        except OSError:  # it has just ended
-            continue
-        for number in numbers:
-            found |= {number: begin_of(number), **children(number)}
-    return {number: begin for number, begin in found.items() if begin}
+def children(pid: int) -> list[psutil.Process]:
+    """What `pid` has started, and what those have started."""
+    return psutil.Process(pid).children(recursive=True)
 
 
-def begin_of(pid: int) -> str:
-    """What tells a living process from another that was given its number later; '' once it has
-    ended.
-    """
-    try:
-        words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    except OSError:
-        return ""
-    return "" if words[0] in "ZX" else words[19]
+def alive(started: list[psutil.Process]) -> list[psutil.Process]:
+    """Those of `children` that have not ended; one that was given a number later is none."""
+    return [one for one in started if one.is_running() and one.status() not in _ENDED]
 
 
-def alive(started: dict[int, str]) -> list[int]:
-    """Those of `children` that have not ended."""
-    return [pid for pid, begin in started.items() if begin_of(pid) == begin]
-
-
-def kill_all(process: "subprocess.Popen[bytes]", known: dict[int, str] | None = None) -> None:
+def kill_all(process: "subprocess.Popen[bytes]", known: Iterable[psutil.Process] = ()) -> None:
     """SIGKILL for the process, what it has started and what was `known` of that, and for nobody
     else.
     """
-    started = (known or {}) | children(process.pid)
+    started = [*known, *(children(process.pid) if process.poll() is None else ())]
     process.kill()
     process.wait()
-    for pid in alive(started):
-        try:
-            os.kill(pid, signal.SIGKILL)
-        except ProcessLookupError:
-            continue
+    for one in alive(started):
+        with suppress(psutil.NoSuchProcess):
+            one.kill()
     assert waited_for(lambda: not alive(started))

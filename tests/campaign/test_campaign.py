@@ -1,6 +1,7 @@
 """Property: a campaign's result depends on bytes, setups, options and version alone."""
 
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -36,7 +37,7 @@ def test_tables_of_every_log_read_as_one_whatever_the_workers(manifest, tmp_path
     assert summary["driver"].tolist() == ["ben", "anna", "ben", "anna"]
     assert (summary["peak_memory_MB"] < 400).all()
     want = dataset(tmp_path / "results")
-    remove(tmp_path / "results")
+    shutil.rmtree(tmp_path / "results")
     assert call("campaign", "run", manifest, "--quiet", "--workers", 2) == 0
     assert dataset(tmp_path / "results") == want
 
@@ -68,11 +69,6 @@ def test_what_changed_or_is_gone_is_done_again_and_nothing_else(
     assert len(touched()) == 4
 
 
-def remove(folder: Path) -> None:
-    for path in sorted(folder.rglob("*"), reverse=True):
-        path.unlink() if path.is_file() else path.rmdir()
-
-
 @pytest.mark.slow
 def test_killed_at_any_moment_and_resumed(tmp_path: Path) -> None:
     """The same folder, undisturbed and killed at random moments: the same dataset, bit for bit."""
@@ -80,7 +76,7 @@ def test_killed_at_any_moment_and_resumed(tmp_path: Path) -> None:
     results = tmp_path / "results"
     assert call("campaign", "run", manifest, "--quiet") == 0
     want = dataset(results)
-    remove(results)
+    shutil.rmtree(results)
     rng = np.random.default_rng(1)
     for tickets in (1, 2, 2, 3):
         killed_in_the_midst(manifest, tickets, 0.15 * rng.random(), tmp_path / "gate")

@@ -27,7 +27,7 @@ def test_an_ended_campaign_leaves_no_process(tmp_path: Path, how: signal.Signals
     manifest = make_campaign(tmp_path, logs=2, seconds=0.5)
     results, parts = tmp_path / "results", "table=speed/log=*/.part.parquet.*.part"
     process = begun(manifest, stuck, "--workers", "2")
-    started: dict[int, str] = {}
+    started = []
     try:
         assert waited_for(lambda: process.poll() is not None or len(list(results.glob(parts))) == 2)
         started = children(process.pid)

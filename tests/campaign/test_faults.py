@@ -5,7 +5,6 @@ with advice.
 import gzip
 import json
 import re
-import socket
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -29,7 +28,7 @@ from tirelog.campaign.ledger import (
 from tirelog.campaign.manifest import load_manifest
 from tirelog.campaign.runner import plan_tasks
 from tirelog.cli.session import campaign_progress
-from tirelog.errors import TirelogError, UsageError
+from tirelog.errors import TirelogError
 from tirelog.inference.cells.pieces import pieces_of
 from tirelog.wheel.calibration import Calibration, SpeedMap, write_calibration
 
@@ -87,23 +86,11 @@ def test_a_manifest_that_cannot_be_used(manifest, tirelog, old, new, words):
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_does_not_answer(manifest: Path) -> None:
-    """In a process of its own: a client that found nothing goes on trying beside later tests."""
-    pytest.importorskip("distributed")
-    with socket.socket() as deaf:  # a port of our own that takes no connection
-        deaf.bind(("127.0.0.1", 0))
-        scheduler = f"tcp://127.0.0.1:{deaf.getsockname()[1]}"
-        process = begun(manifest, dying_on_the_first, "--scheduler", scheduler)
-        assert process.wait(PATIENCE_S) == 2
-    assert "does not answer" in (manifest.parent / "said.txt").read_text()
-
-
-@pytest.mark.slow
 def test_only_the_log_that_ends_its_workers_stays_open(manifest: Path, tmp_path: Path) -> None:
     assert begun(manifest, dying_on_the_first, "--workers", "2").wait(PATIENCE_S) == 3
     summary = pd.read_csv(tmp_path / "results" / "summary.csv").set_index("name")
     assert summary["status"].tolist() == ["open", "done", "done", "done"]
-    assert "died 3 times" in (tmp_path / "said.txt").read_text()
+    assert "died twice" in (tmp_path / "said.txt").read_text()
     assert len(dataset(tmp_path / "results")) == 6
 
 
@@ -111,6 +98,7 @@ MAP = SpeedMap(0.01, 0.0, np.zeros((2, 2)), 5.0, 20.0, 0.05, 60)
 FLAT = Calibration(10.0, MAP, MAP, 30.0, 0.0, 0.01, 0.0, 1e-5)
 
 ROWS = [
+    ("run_0.csv,y\n", "driven = 'y'; allowed are true, yes"),
     ("run_0.csv,3000\nrun_1.csv,3100\nrun_0.csv,4000\n", "conditions.csv:4: log 'run_0.csv' has"),
     ("run_0.csv,3000,7\n", "conditions.csv:2: has more cells than the header"),
     ("run_0.csv,heavy\n", "conditions.csv:2: load_N = 'heavy'; allowed is a number"),
@@ -119,23 +107,18 @@ ROWS = [
 
 @pytest.mark.parametrize(("rows", "words"), ROWS)
 def test_a_row_of_conditions_that_cannot_be_taken_is_told(manifest, tmp_path, tirelog, rows, words):
-    (tmp_path / "conditions.csv").write_text(f"log,load_N\n{rows}")
+    condition = "driven" if "driven" in words else "load_N"
+    (tmp_path / "conditions.csv").write_text(f"log,{condition}\n{rows}")
     outcome = tirelog("campaign", "run", manifest, "--quiet")
     assert outcome.status == 2
     assert words in outcome.err
     assert not (tmp_path / "results").exists()
 
 
-@pytest.mark.parametrize(("cell", "driven"), [("y", None), ("yes", True), ("0", False)])
-def test_a_wheel_is_driven_or_not_and_nothing_else(manifest, tmp_path, cell, driven):
+@pytest.mark.parametrize(("cell", "driven"), [("yes", True), ("0", False)])
+def test_a_wheel_is_driven_or_not(manifest, tmp_path, cell, driven):
     (tmp_path / "conditions.csv").write_text(f"log,driven\nrun_0.csv,{cell}\n")
-    if driven is None:
-        with pytest.raises(UsageError, match="driven = 'y'; allowed are true, yes"):
-            load_manifest(manifest)
-    else:
-        setup = load_manifest(manifest).logs[0].setup
-        assert setup is not None
-        assert setup.conditions.driven is driven
+    assert load_manifest(manifest).logs[0].setup.conditions.driven is driven
 
 
 @pytest.mark.usefixtures("in_this_process")
@@ -183,19 +166,11 @@ def test_pieces_that_were_cut_are_damaged_and_no_defect() -> None:
 
 
 ODD = [
-    ("campaign = 1", "[campaign] is not a table"),
-    ("[campaign]\nname = 1", "name = 1 in [campaign]; allowed is text of one line"),
-    ('[campaign]\noutput = ""', "output = '' in [campaign]; allowed is text of one line"),
-    ("logs = 1", "logs is not a list"),
-    ('[logs]\nglob = "*.csv"', "allowed are entries that begin with [[logs]]"),
     ("[[logs]]\nglob = 1", "glob = 1 in [[logs]] number 1; allowed is a pattern"),
     ('[[logs]]\nglob = "."', "glob '.' "),
     ('[[logs]]\nglob = "**foo"', "glob '**foo' is no pattern"),
     ('[[logs]]\nglob = "a.csv"\nconditions = "."', "cannot be read"),
-    ("tables = 1", "[tables] is not a table"),
-    ("[tables]\nspeed = 1", "[tables.speed] is not a table"),
     ("[tables.footprint]\ncutoff = -400", "cut-off '-400.0Hz'; allowed are"),
-    ("[tables.footprint]\nstart = 4", "unknown key 'start' in [tables.footprint]"),
     (
         "[tables.dissipation]\nsteady_step = -1",
         "--steady-step -1; allowed is a step above 0 m/s",
@@ -252,17 +227,7 @@ def test_an_entry_of_the_ledger_that_was_damaged_is_made_again() -> None:
         assert _entry(json.dumps(whole | other).encode()) is None
 
 
-@pytest.mark.parametrize(
-    "data",
-    [
-        b"[" * 100_000,
-        b'{"a":' * 40 + b"1" + b"}" * 40,
-        b"9" * 5000,
-        b'{"a": ' + b"9" * 400 + b"}",
-        b"[]",
-        b"\xff",
-    ],
-)
+@pytest.mark.parametrize("data", [b"[" * 100_000, b"9" * 5000, b"[]", b"\xff"])
 def test_a_file_of_ours_that_was_damaged_is_an_empty_one(data: bytes) -> None:
     assert json_table(data) == {}
 
@@ -277,12 +242,8 @@ def test_a_log_s_name_does_not_reach_the_terminal_as_it_is(capsys):
 @pytest.mark.usefixtures("in_this_process")
 def test_a_log_that_stands_twice_is_in_no_model(tmp_path, tirelog):
     manifest = make_campaign(tmp_path, logs=1)
-    assert (
-        tirelog(
-            "model", "new", "--setup", tmp_path / "setup.toml", "-o", tmp_path / "beam.toml"
-        ).status
-        == 0
-    )
+    new = ("model", "new", "--setup", tmp_path / "setup.toml", "-o", tmp_path / "beam.toml")
+    assert tirelog(*new).status == 0
     again = tmp_path / "logs" / "again.csv.gz"
     again.write_bytes(gzip.compress((tmp_path / "logs" / "run_0.csv").read_bytes()))
     text = MANIFEST.replace("logs/*.csv", "logs/*.csv*").replace(

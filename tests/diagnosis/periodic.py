@@ -56,10 +56,6 @@ def _box(random: Random, half: float) -> Shape:
     )
 
 
-def _half_sine(random: Random, half: float) -> Shape:
-    return lambda x: np.where(np.abs(x) < half, np.cos(0.5 * np.pi * x / half), 0.0)
-
-
 def _asymmetric(random: Random, half: float) -> Shape:
     """A bump with flanks of two widths, and one shoulder."""
     before, behind = half * random.uniform(0.3, 0.9, 2)
@@ -68,14 +64,6 @@ def _asymmetric(random: Random, half: float) -> Shape:
         np.where(x < 0.0, _bump(x, 0.0, before), _bump(x, 0.0, behind))
         - share * (_bump(x, 2.0 * half, 0.7 * half))
     )
-
-
-def _saddle(random: Random, half: float) -> Shape:
-    """Two bumps near to each other."""
-    apart = half * random.uniform(0.2, 0.5)
-    second = random.uniform(0.6, 1.4)
-    width = half * random.uniform(0.4, 0.6)
-    return lambda x: _bump(x, -apart, width) + second * _bump(x, apart, width)
 
 
 def _fourier(random: Random, half: float) -> Shape:
@@ -103,9 +91,7 @@ def _spline(random: Random, half: float) -> Shape:
 SHAPES: Mapping[str, Callable[[Random, float], Shape]] = MappingProxyType(
     {
         "box": _box,
-        "half_sine": _half_sine,
         "asymmetric": _asymmetric,
-        "saddle": _saddle,
         "fourier": _fourier,
         "spline": _spline,
     }

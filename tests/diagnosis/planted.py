@@ -2,14 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 
 from tests.diagnosis.toy import stack_of
 from tirelog.data.recording import Conditions, Stack
+from tirelog.diagnosis.candidates.search import search_effects
+from tirelog.diagnosis.diagnose import Diagnosis, conclude
+from tirelog.inference.base import Base
+from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics import Model
+from tirelog.simulation import Scenario, simulate, to_recording
 from tirelog.vocabulary.arrays import FloatArray
+
+
+def simulated(scenarios: Iterable[Scenario], **how: Any) -> list[Stack]:
+    """Stacks of the logs that scenarios give, solved apart from the models."""
+    logs = [to_recording(simulate(one), f"log_{i}") for i, one in enumerate(scenarios)]
+    return list(stacks_from_logs(logs, **how))
+
+
+def diagnosed(base: Base) -> Diagnosis:
+    """What `diagnose` says once the model is fitted."""
+    return conclude(search_effects(base), ())
+
 
 _BEAM = Model.new("beam", radius_m=0.3, load_N=3434.0)
 #: patch length and lever arm are free: what is asked here does not need more

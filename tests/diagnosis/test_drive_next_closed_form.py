@@ -6,7 +6,6 @@ import pytest
 
 from tirelog.diagnosis.candidates.separation import (
     ALLOWED,
-    by_the_minute,
     drive_sentences,
     expected_gain,
     probability_after,
@@ -52,13 +51,3 @@ def test_a_row_as_a_sentence():
         "from drift; of 100 such verdicts 25.0 more would be right (20 per minute, counted from "
         "even odds)."
     ]
-
-
-def test_formulas_that_are_as_good_part_by_the_minute():
-    slow = {"manoeuvre": "a", "separation_sigma": 3.0, "repeats": 1, "minutes": 10.0}
-    quick = {"manoeuvre": "b", "separation_sigma": 1.5, "repeats": 4, "minutes": 2.0}
-    rows = by_the_minute([slow, quick])
-    assert [row["manoeuvre"] for row in rows] == ["b", "a"]
-    # four runs of 1.5 are one of 3: Phi(1.5) in place of even odds
-    assert [row["gain"] for row in rows] == pytest.approx([0.933193 - 0.5] * 2, abs=1e-5)
-    assert rows[0]["gain_per_minute"] == pytest.approx(rows[0]["gain"] / 2.0)

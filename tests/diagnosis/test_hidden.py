@@ -12,20 +12,19 @@ import pytest
 
 from benchmarks.cases import Case, case
 from benchmarks.nuisance_worlds import PER_K
+from tests.diagnosis.planted import simulated
 from tests.diagnosis.toy import done
 from tirelog.diagnosis import diagnose as diagnosing
 from tirelog.diagnosis.certainty import certainty_of
 from tirelog.diagnosis.diagnose import diagnose
-from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
-from tirelog.simulation import scenario_of, simulate, to_recording
+from tirelog.simulation import scenario_of
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
 
 def stacks(effects, seed, **how):
-    logs = case(effects, seed=seed, how=Case(**{"plan": "short", "logs": 2, **how}))
-    return stacks_from_logs([to_recording(simulate(log), f"log_{i}") for i, log in enumerate(logs)])
+    return simulated(case(effects, seed=seed, how=Case(**{"plan": "short", "logs": 2, **how})))
 
 
 @pytest.fixture(scope="module")
@@ -78,8 +77,7 @@ def test_a_baseline_that_follows_a_measured_temperature_is_named(
     tables = tomllib.loads((SAMPLES / "scenarios" / "thermal_drift.toml").read_text())
     tables["effects"][0]["drift"] = drift
     tables["nuisances"] = {"warming": warming} if warming else {}
-    log = to_recording(simulate(scenario_of({**tables, "seed": seed})), "warm")
-    result = diagnose(stacks_from_logs([log]), model)
+    result = diagnose(simulated([scenario_of({**tables, "seed": seed})]), model)
     assert (result.verdict, result.selected) == (verdict, selected)
     if drift:
         found = result.effects[0].strengths["drift"]

@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.cases import Case, case
 from benchmarks.nuisance_worlds import CaseOf
+from tests.diagnosis.planted import diagnosed, simulated
 from tirelog.diagnosis import diagnose
 from tirelog.diagnosis.candidates.assessment import at_noise_floor
 from tirelog.diagnosis.candidates.nuisances import (
@@ -21,9 +22,7 @@ from tirelog.diagnosis.residual_structure import describe
 from tirelog.inference.base import bends, prepare
 from tirelog.inference.cells.cells import SharedEffects
 from tirelog.inference.nuisances import relative_changes, shared_effects
-from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
-from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import (
     ForceVariation,
     LoadWander,
@@ -45,21 +44,10 @@ WHEEL = Nuisances(
 MODEL = Model.new("beam", radius_m=0.305)
 
 
-def stacks_of(logs, angles=64):
-    """Stacks of simulated logs."""
-    recordings = [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(logs)]
-    return stacks_from_logs(recordings, angles=angles)
-
-
 def measured(nuisances, planted=(), seed=403, how=SHORT):
     """Stacks of two short logs in a world."""
-    return stacks_of(
-        [replace(log, nuisances=nuisances) for log in case(planted, seed=seed, how=how)]
-    )
-
-
-def diagnosed(stacks, model=MODEL):
-    return conclude(search_effects(start(stacks, model)), ())
+    logs = [replace(log, nuisances=nuisances) for log in case(planted, seed=seed, how=how)]
+    return simulated(logs, angles=64)
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +56,7 @@ def wheel_null():
 
 
 def test_run_out_and_force_variation_are_told_with_their_size(wheel_null):
-    result = diagnosed(wheel_null)
+    result = diagnosed(start(wheel_null, MODEL))
     assert result.verdict == "nothing_missing"
     wheel = next(n for n in result.nuisances if n.nuisance == "wheel")
     assert wheel.stayed
@@ -112,7 +100,7 @@ def test_an_effect_is_named_beside_the_wheel(monkeypatch):
     assert (held.verdict, held.sentence) == (result.verdict, result.sentence)
     # held out below the floor, and not beyond doubt: nothing of a size is missing, named or not
     step = found.steps[0]
-    doubtful = replace(step.named, assessed=replace(step.named.assessed, p=0.005))
+    doubtful = replace(step.named, p=0.005)
     held = found.before.held_white, 0.0 * found.before.held_plain
     low = replace(found.before, held=held)
     small = replace(found, before=low, steps=(replace(step, named=doubtful), *found.steps[1:]))
@@ -126,7 +114,7 @@ def test_an_effect_is_named_beside_the_wheel(monkeypatch):
 
 def test_a_radius_that_is_wrong_and_grows_is_no_effect():
     stacks = measured(Nuisances(rolling_radius=RollingRadius(-0.015, 0.02)))
-    result = diagnosed(stacks)
+    result = diagnosed(start(stacks, MODEL))
     assert result.verdict == "nothing_missing"
     (rolling,) = (n for n in result.nuisances if n.stayed)
     assert rolling.nuisance == "rolling"
@@ -156,8 +144,7 @@ def test_two_at_once_come_in_together(microstrain):
             case((), seed=413, how=replace(SHORT, plan="mixed")), (3e4, 5e3), strict=True
         )
     ]
-    stacks = stacks_of(logs)
-    found = search_effects(start(stacks, MODEL))
+    found = search_effects(start(simulated(logs, angles=64), MODEL))
     assert found.named == ()
     assert set(groups_of(found.before)) == {"wheel", "patch_law"}
     exponent = found.before.model.parameters["patch_load_exponent"]
@@ -240,7 +227,9 @@ def test_a_load_that_wanders_is_in_the_floor():
 
 def test_loads_that_scatter_by_3_percent_leave_a_null_at_its_floor():
     logs = CaseOf("scatter_3", 2).scenarios()
-    base = start(stacks_of(logs, 256), Model.new("beam", radius_m=logs[0].tire.rolling_radius_m))
+    base = start(
+        simulated(logs, angles=256), Model.new("beam", radius_m=logs[0].tire.rolling_radius_m)
+    )
     assert 0.015 < base.floor.scatter.load_sd < 0.04
     assert base.reduced_chi2 < 1.15  # 2 and more if a waveform were straight in its load
     assert at_noise_floor(base, base.floor.square)

@@ -202,7 +202,7 @@ def test_a_name_needs_a_p_of_its_own(monkeypatch, own_p, named):
     base.excess = 3.0
     with_wear = base_of(np.zeros((4, 2)), after, after)
     known = [variant("wear", own_p), variant("traction", 0.001)], {}
-    refitted = [Refitted(known[0][0], with_wear)]
+    refitted = [Refitted(**vars(known[0][0]), base=with_wear)]
     monkeypatch.setattr(naming, "contend", lambda *given: refitted)
     monkeypatch.setattr(naming, "group_of", lambda contenders: ())
     step = naming.next_step(base, (), known)

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from benchmarks.cases import Case, case, planted
+from tests.diagnosis.planted import diagnosed, simulated
 from tests.diagnosis.toy import stack_of
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.answer import probability, rounding_sentences
 from tirelog.diagnosis.candidates import search, separation
 from tirelog.diagnosis.candidates.assessment import candidate_effects, least_p
 from tirelog.diagnosis.candidates.naming import Step
+from tirelog.diagnosis.candidates.nuisances import with_nuisance
 from tirelog.diagnosis.candidates.search import SearchResult, search_effects
 from tirelog.diagnosis.candidates.separation import (
     ALLOWED,
@@ -26,10 +28,8 @@ from tirelog.diagnosis.compare import remarks_of, start
 from tirelog.diagnosis.diagnose import conclude
 from tirelog.inference.fit.cells import Problem, finish
 from tirelog.inference.floor import held_out_losses
-from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.presets import preset_model
-from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import Road, TrueConditions
 
 pytestmark = pytest.mark.xdist_group("verdicts")  # one worker makes what these tests share
@@ -39,13 +39,7 @@ MODEL = Model.new("beam", radius_m=0.305)
 
 def fitted(scenarios, angles, model=MODEL):
     """The model fitted to the logs of some scenarios."""
-    logs = [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(scenarios)]
-    return start(stacks_from_logs(logs, angles=angles), model)
-
-
-def diagnosed(base):
-    """What `diagnose` says once the model is fitted."""
-    return conclude(search_effects(base), ())
+    return start(simulated(scenarios, angles=angles), model)
 
 
 @pytest.fixture(scope="module")
@@ -252,7 +246,7 @@ def test_what_these_logs_cannot_show_is_advised_by_the_minute(two_pressures, mon
 def test_what_a_wheel_may_do_as_well_parts_less(two_pressures):
     shaped = MODEL.with_effect("gauge_length", length_m=0.1)
     apart = {r["manoeuvre"]: r for r in separations(two_pressures, shaped, MODEL)}
-    beside = separations(two_pressures, shaped, MODEL, ("wheel",))
+    beside = separations(with_nuisance(two_pressures, "wheel"), shaped, MODEL)
     assert {r["manoeuvre"] for r in beside} == set(apart)
     less = [r["separation_sigma"] / apart[r["manoeuvre"]]["separation_sigma"] for r in beside]
     assert max(less) <= 1.0 + 1e-6

@@ -100,7 +100,7 @@ def _log(task: LogTask, waiting: LogTask | None, ledger: Ledger) -> LogStatus:
     if waiting is not None:
         kept = (f"{name} for models" for name in waiting.observables)
         return LogStatus(task.log, "open", "", (*waiting.tables, *kept))
-    entry = ledger.entry(task.name)
+    entry = ledger.entries.get(task.name)
     error = "" if entry is None else entry.error
     return LogStatus(task.log, "failed" if error else "done", error, ())
 
@@ -192,7 +192,7 @@ def run_campaign(
                 "the dataset holds logs that the manifest does not have: "
                 f"{', '.join(more)}; remove their log=... folders"
             )
-        entries = [e for task in tasks if (e := ledger.entry(task.name)) is not None]
+        entries = [e for task in tasks if (e := ledger.entries.get(task.name)) is not None]
         if campaign.models and only is not None:
             progress("models are over the whole campaign; they need a run without --only")
         elif campaign.models and left_open:

@@ -40,6 +40,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any, cast
 from zipfile import BadZipFile
@@ -284,13 +285,23 @@ class Entry:
     fault: str = "log"
 
 
+@dataclass
 class Ledger:
     """The entries in a campaign's output folder."""
 
-    def __init__(self, folder: Folder) -> None:
-        self.folder = folder
-        self._hashes: dict[str, list[Any]] | None = None
-        self._entries: dict[str, Entry] | None = None
+    folder: Folder
+
+    @cached_property
+    def _hashes(self) -> dict[str, list[Any]]:
+        """Of each log what changes with its bytes, and their hash."""
+        return json_table(self.folder.read(_HASHES))
+
+    @cached_property
+    def entries(self) -> dict[str, Entry]:
+        """What is known of each log, by its name; nothing where the file was damaged."""
+        files = [file for file in self.folder.names() if file.startswith(_DONE)]
+        found = map(_entry, self.folder.read_all(files).values())
+        return {entry.name: entry for entry in found if entry is not None}
 
     def sha256(self, log: str) -> str:
         """The hash of a log's bytes.
@@ -298,8 +309,6 @@ class Ledger:
         A log that has not changed since it was last asked for is not read again. OSError,
         ReadError: it cannot be read.
         """
-        if self._hashes is None:
-            self._hashes = json_table(self.folder.read(_HASHES))
         state = state_of(log)
         known = self._hashes.get(log)
         if isinstance(known, list) and known[:-1] == state:
@@ -310,17 +319,9 @@ class Ledger:
         return digest
 
     def save_hashes(self) -> None:
-        data = json_bytes(self._hashes or {})
+        data = json_bytes(self._hashes)
         if self.folder.read(_HASHES) != data:
             self.folder.write(_HASHES, data)
-
-    def entry(self, name: str) -> Entry | None:
-        """What is known of a log, or None (also if the file was damaged)."""
-        if self._entries is None:
-            files = [file for file in self.folder.names() if file.startswith(_DONE)]
-            found = map(_entry, self.folder.read_all(files).values())
-            self._entries = {entry.name: entry for entry in found if entry is not None}
-        return self._entries.get(name)
 
     def forget(self, names: set[str]) -> None:
         """The logs are open again: their outcome and their parts are removed."""
@@ -328,14 +329,12 @@ class Ledger:
         self.folder.remove(
             sorted(file for file in self.folder.names() if file in gone or log_of(file) in names)
         )
-        known = self._entries or {}
-        for name in names & set(known):
-            del known[name]
+        for name in names:
+            self.entries.pop(name, None)
 
     def record(self, entry: Entry) -> None:
+        self.entries[entry.name] = entry
         self.folder.write(f"{_DONE}{entry.name}.json", json_bytes(asdict(entry)))
-        if self._entries is not None:
-            self._entries[entry.name] = entry
 
 
 def log_of(name: str) -> str:

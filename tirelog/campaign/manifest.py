@@ -36,7 +36,14 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
-from tirelog.data.setup import LogConditions, Setup, load_setup, parse_setup, setup_beside
+from tirelog.data.setup import (
+    LogConditions,
+    Setup,
+    load_setup,
+    names_beside,
+    parse_setup,
+    setup_beside,
+)
 from tirelog.errors import SetupError, TirelogError, UsageError
 from tirelog.products import OF_A_DRIVE, checked
 from tirelog.storage.remote import address, match_remote, open_input, read_remote
@@ -271,9 +278,8 @@ def _setup_beside(log: str) -> Setup | None:
     if url is None:
         beside = setup_beside(log)
         return load_setup(beside) if beside is not None else None
-    folder, _, name = url.rpartition("/")
-    stems = [name[:at] for at in range(len(name) - 1, 0, -1) if name[at] == "."]
-    found = (_remote_setup(f"{folder}/{stem}.toml") for stem in stems)
+    folder = url.rpartition("/")[0]
+    found = (_remote_setup(f"{folder}/{place.name}") for place in dict.fromkeys(names_beside(url)))
     return next((setup for setup in found if setup is not None), None)
 
 

@@ -34,10 +34,7 @@ from tirelog.physics.model.user_effects import own_effects
 from tirelog.version import __version__
 
 if TYPE_CHECKING:
-    from tirelog.diagnosis.diagnose import Diagnosis
     from tirelog.inference.cells.pieces import Pieces
-    from tirelog.physics.effects import Effect
-    from tirelog.physics.model.model import Model
 
 #: changes with what a result is made of beside logs, setups and models, so that older results are
 #: made again
@@ -72,24 +69,16 @@ def _run(
     measured = [
         t
         for t in tasks
-        if (entry := ledger.entry(t.name))
+        if (entry := ledger.entries.get(t.name))
         and not entry.error
         and entry.pieces.get(model.observable) == ""
     ]
-    try:
-        text = model.file.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as problem:
-        raise UsageError(
-            f"cannot be read ({problem})",
-            allowed="a model is a TOML file",
-            do="correct its path in the manifest",
-        ) from None
     if not measured:
         raise UsageError(
             f"no log of the campaign measures {model.observable}, so there is nothing to hold "
             "the model against"
         )
-    read = load_model(model.file)
+    read, text = load_model(model.file), model.file.read_text("utf-8")
     own = [] if read.effects_file is None else [_digest(read.effects_file.read_bytes())]
     own += [f"each {model.each}"] if model.each else []
     key = _digest(json.dumps([[t.key for t in measured], text, __version__, _FORM, *own]).encode())
@@ -102,7 +91,7 @@ def _run(
     if not waiting:
         return
     from tirelog.diagnosis.compare import compare
-    from tirelog.diagnosis.diagnose import diagnose
+    from tirelog.diagnosis.diagnose import diagnose, with_groups
     from tirelog.diagnosis.ladder import ladder
 
     candidates = own_effects(read.effects_file, asked=False)
@@ -122,17 +111,21 @@ def _run(
                 return _pieces(chosen, model.observable, ledger)[0]
 
             groups = _groups(measured, model.each)
-            results[name] = _with_each(results[name], read, candidates, groups, some, model.each)
+            if len(groups) < 2:
+                alone = f"There is one {model.each} alone: nothing is to be held against it."
+                results[name] = replace(results[name], notes=(*results[name].notes, alone))
+            else:
+                results[name] = with_groups(
+                    results[name], groups, some, read, by=model.each, effects=candidates, alone=True
+                )
             said(results[name].notes[-1])
         found = [getattr(results[name], "verdict", ""), *getattr(results[name], "selected", ())]
         outcome = f": {found[0]}" if found[0] else ""
         outcome += f", {' '.join(found[1:])}" if found[1:] else ""
         said(f"{ledger.folder.root}/{folder}/{name}.json{outcome}")
     ledger.folder.write(f"{folder}/page.json", json_bytes(_page(pieces, results, manifest)))
-    for (
-        name,
-        result,
-    ) in results.items():  # after the page, which is whole once these say so by their key
+    # after the page, which is whole once these say so by their key
+    for name, result in results.items():
         ledger.folder.write(
             f"{folder}/{name}.json", json_bytes({"key": key, **about, **result.to_json()})
         )
@@ -146,23 +139,6 @@ def _groups(tasks: list[LogTask], by: str) -> dict[str, list[str]]:
         name = task.name if by == "log" else tire or "the tire without a name"
         groups.setdefault(name, []).append(task.name)
     return groups
-
-
-def _with_each(
-    found: Diagnosis,
-    model: Model,
-    effects: Sequence[Effect],
-    groups: Mapping[str, Sequence[str]],
-    some: Callable[[Sequence[str]], Pieces],
-    by: str,
-) -> Diagnosis:
-    """The diagnosis with that of each log or tire alone, and of all without it."""
-    from tirelog.diagnosis import diagnose as diagnosing
-
-    if len(groups) < 2:
-        said = f"There is one {by} alone: nothing is to be held against it."
-        return replace(found, notes=(*found.notes, said))
-    return diagnosing.with_groups(found, groups, some, model, by=by, effects=effects, alone=True)
 
 
 def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str, Any]:

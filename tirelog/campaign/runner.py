@@ -15,13 +15,12 @@ import logging
 import os
 import sys
 import tempfile
-import threading
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack, closing, contextmanager, suppress
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
@@ -203,13 +202,10 @@ def _keep_pieces(recording: Recording, task: LogTask, entry: Entry) -> None:
         entry.pieces[observable] = ""
 
 
-#: a log whose worker died this often, while it worked on nothing else, is failed; twice as many
-#: try a log that ends every worker that often
-_ATTEMPTS = 3
 #: so many logs in a row that fail for a reason outside of them end the run: a store or scheduler
 #: that is gone would be asked for every log, 8 s each
 _MOST_IN_A_ROW = 5
-#: a cluster without workers is reported after this time [s], and again after six times as long
+#: a cluster without workers is reported after this time [s]
 _WORKERLESS_S = 10.0
 
 
@@ -233,7 +229,11 @@ def _on_cluster(
     for name in ("distributed", "distributed.client"):  # they print tracebacks of this error
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
-        with Client(scheduler, timeout=ANSWER_S) as client, _workers_watched(client, remark):
+        with Client(scheduler, timeout=ANSWER_S) as client:
+            try:
+                client.wait_for_workers(1, timeout=_WORKERLESS_S)
+            except TimeoutError:
+                remark("the cluster has no worker; start one, or interrupt")
             suspects = []
             for task, future in _finished(client, tasks, "all"):
                 if future.status != "finished" and isinstance(future.exception(), KilledWorker):
@@ -249,27 +249,6 @@ def _on_cluster(
             allowed="allowed is tcp://HOST:PORT",
             do="start it, then run this again: finished logs are kept",
         ) from None
-
-
-@contextmanager
-def _workers_watched(client: Client, remark: Callable[[str], None]) -> Iterator[None]:
-    """While open, a remark says that the cluster has no worker, soon and then now and then."""
-    ended = threading.Event()
-
-    def watch() -> None:
-        wait_s = _WORKERLESS_S
-        while not ended.wait(wait_s):
-            wait_s = _WORKERLESS_S
-            with suppress(Exception):  # a scheduler that is gone is found by the futures
-                if not client.nthreads():
-                    wait_s = 6 * _WORKERLESS_S
-                    remark("the cluster has no worker; start one, or interrupt")
-
-    threading.Thread(target=watch, daemon=True).start()
-    try:
-        yield
-    finally:
-        ended.set()
 
 
 def _finished(
@@ -392,7 +371,7 @@ def to_do(tasks: Iterable[LogTask], ledger: Ledger, *, retry_failed: bool = Fals
     """
     there, left = ledger.folder.names(), []
     for task in tasks:
-        entry = ledger.entry(task.name)
+        entry = ledger.entries.get(task.name)
         if entry is None or entry.key != task.key:
             left.append(task)
         elif entry.error:
@@ -454,7 +433,8 @@ def run_tasks(
             if is_open:
                 left_open.append(entry.error)
             else:
-                ledger.record(_with_tables(entry, by_name[entry.name], ledger.entry(entry.name)))
+                before = ledger.entries.get(entry.name)
+                ledger.record(_with_tables(entry, by_name[entry.name], before))
             report(entry, number, len(tasks))
             in_a_row = _in_a_row(in_a_row, entry.error if is_open else "")
     return left_open
@@ -490,15 +470,14 @@ def _on_processes(tasks: list[LogTask], workers: int) -> Generator[Entry, None, 
     A worker that dies takes the pool with it. Whoever was at work then is a suspect, and is tried
     alone, so that no death is held against a neighbour; then a new pool goes on.
     """
-    waiting = {task.name: task for task in tasks}
-    died: Counter[str] = Counter()  # of suspects: how often each did alone
+    waiting, suspects = {task.name: task for task in tasks}, set[str]()
     one_thread()  # inherited: a worker's share is one core
     # nor do they hear, by multiprocessing's tracker, of what a killed one has left
     warned = os.environ.get("PYTHONWARNINGS", "")
     if "ignore:resource_tracker" not in warned:
         os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (warned, "ignore:resource_tracker")))
     while waiting:
-        suspect = next((task for task in waiting.values() if task.name in died), None)
+        suspect = next((task for task in waiting.values() if task.name in suspects), None)
         at_work: dict[str, LogTask] = {}
         queue = [suspect] if suspect else list(waiting.values())
         try:
@@ -507,16 +486,14 @@ def _on_processes(tasks: list[LogTask], workers: int) -> Generator[Entry, None, 
                 yield entry
         except BrokenProcessPool:
             if suspect is None:
-                died.update(dict.fromkeys(at_work, 0))
+                suspects |= set(at_work)
                 continue
-            died[suspect.name] += 1
-            if died[suspect.name] == _ATTEMPTS:
-                del waiting[suspect.name]
-                yield _of_the_machine(
-                    suspect,
-                    f"{suspect.log}: its worker died {_ATTEMPTS} times (out of memory, or "
-                    "killed); free memory or use fewer workers",
-                )
+            del waiting[suspect.name]
+            yield _of_the_machine(
+                suspect,
+                f"{suspect.log}: its worker died twice (out of memory, or killed); free memory or "
+                "use fewer workers",
+            )
 
 
 def _by_pool(
@@ -559,7 +536,7 @@ def write_summary(campaign: Campaign, ledger: Ledger) -> str:
     writer.writerow([*about, "peak_memory_MB", *tags])
     order = [*campaign.tables]
     for log in campaign.logs:
-        entry, row = ledger.entry(log.name), ["open", "", "", "", "", "", ""]
+        entry, row = ledger.entries.get(log.name), ["open", "", "", "", "", "", ""]
         if entry is not None:
             # tables in the manifest's order, others behind, their quality words in the alphabet's
             made = [table for table in order if table in entry.rows]

@@ -420,7 +420,7 @@ def shares_explained(
     first = names[0]
     left_alone = max(first.base.square_held - found.after.floor.square, 0.0)
     share, alone = (1.0 - x / before if before > 0.0 else 0.0 for x in (after, left_alone))
-    if any(r.assessed.p > BEYOND_DOUBT_P for r in names):
+    if any(r.p > BEYOND_DOUBT_P for r in names):
         return before, share, alone, 0.0
     # what does not repeat is no effect's to explain: it is a size of its own, and vetoes no name
     size, by_size = removed_by(found.before, found.after, sure=True)

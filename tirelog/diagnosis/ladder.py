@@ -151,16 +151,16 @@ def _steps(found: SearchResult) -> Iterable[LadderStep]:
             break
         others = [name for name in step.group if name != named.id]
         decision = f"added (or {', '.join(others)})" if others else "added"
-        noise = probability(named.assessed.p, base.cells.manoeuvres)
+        noise = probability(named.p, base.cells.manoeuvres)
         sentence = f"{named.id} added: the improvement has probability {noise} of being noise."
-        yield _row(base, last, named.id, decision, sentence, named.assessed.p)
+        yield _row(base, last, named.id, decision, sentence, named.p)
         last = base
     if found.dropped:
         yield _removed(found.after, last, found.dropped)
         last = found.after
     final = found.steps[-1]
     if final.named is None and final.assessed:
-        best = final.contenders[0].assessed if final.contenders else final.assessed[0]
+        best = final.contenders[0] if final.contenders else final.assessed[0]
         reason = "within what a different form of the others would leave"
         if found.before.cells.manoeuvres < FEWEST_MANOEUVRES:
             reason = "too few manoeuvres"

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Self
 
 import numpy as np
 
@@ -68,7 +69,7 @@ class Variant:
         return self.effect.id
 
     @property
-    def without_columns(self) -> Variant:
+    def without_columns(self) -> Self:
         """The same once its columns have served."""
         return replace(self, columns=np.zeros((0, 0, 0)))
 
@@ -326,7 +327,7 @@ _EXACT = 13
 #: and beyond them so many random ones, some at a time: they tell a p of ALARM_P to 8 % of it; twice
 #: as many to 5.5 %
 _RANDOM = 16383
-#: patterns of signs that are worked on at a time: memory and time depend on it alone
+#: patterns of signs that are drawn at a time, in so much less memory
 _BLOCK = 1024
 
 
@@ -384,7 +385,7 @@ def flip_signs(manoeuvres: int, seed: int = 0) -> FloatArray:
         bits = (np.arange(2**manoeuvres)[:, None] >> np.arange(manoeuvres)) & 1
         return np.asarray(1.0 - 2.0 * bits, dtype=np.float64)
     random, signs = np.random.default_rng(seed), np.empty((_RANDOM + 1, manoeuvres))
-    for block in np.split(signs, (_RANDOM + 1) // _BLOCK):  # the signs of one draw, in less memory
+    for block in np.split(signs, (_RANDOM + 1) // _BLOCK):
         block[:] = random.integers(0, 2, block.shape) * 2.0 - 1.0
     signs[0] = 1.0
     return signs
@@ -395,14 +396,11 @@ def statistics(candidates: Sequence[Scores], signs: FloatArray) -> FloatArray:
     result = np.zeros((signs.shape[0], len(candidates)))
     for i, candidate in enumerate(candidates):
         root = candidate.root()
-        projected = candidate.scores @ root
-        for start in range(0, signs.shape[0], _BLOCK):
-            rows = slice(start, start + _BLOCK)
-            flipped = signs[rows] @ projected
-            if candidate.one_sided and root.size:
-                result[rows, i] = np.maximum(np.sign(root[0, 0]) * flipped[:, 0], 0.0)
-            else:
-                result[rows, i] = np.linalg.norm(flipped, axis=1)
+        flipped = signs @ (candidate.scores @ root)
+        if candidate.one_sided and root.size:
+            result[:, i] = np.maximum(np.sign(root[0, 0]) * flipped[:, 0], 0.0)
+        else:
+            result[:, i] = np.linalg.norm(flipped, axis=1)
     return result
 
 

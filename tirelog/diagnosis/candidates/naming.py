@@ -62,7 +62,7 @@ from tirelog.inference.base import (
     with_fewer_cells,
     with_fits,
 )
-from tirelog.inference.fit.cells import NULL, Fit, descended, free_names, starts
+from tirelog.inference.fit.cells import NULL, Fit, descended, errors_of, free_names, starts
 from tirelog.inference.floor import held_out_losses_with
 from tirelog.inference.metric import Offsets, stacked
 from tirelog.physics.effects import Effect
@@ -181,8 +181,8 @@ def refits(base: Base, candidates: Sequence[Variant]) -> list[Base | ModelError]
     ]
 
 
-@dataclass(frozen=True)
-class Refitted:
+@dataclass(frozen=True, kw_only=True)
+class Refitted(Variant):
     """A candidate in the model, refitted.
 
     The base with it, and its likeness to the best of its step. The likeness is given in whitened
@@ -190,15 +190,10 @@ class Refitted:
     strengths differ from nothing.
     """
 
-    assessed: Variant
     base: Base
     likeness: float = 1.0
     likeness_of_size: float = 1.0
     sigmas: float = float("inf")
-
-    @property
-    def id(self) -> str:
-        return self.assessed.id
 
     @property
     def established(self) -> bool:
@@ -241,7 +236,7 @@ class Step:
         doubtful = [r.base for r in contenders if not r.established]
         named = named and contenders[0].established
         named = named and not any(clearly_worse(contenders[0].base, rest) for rest in doubtful)
-        light = tuple(replace(r, assessed=r.assessed.without_columns) for r in contenders)
+        light = tuple(r.without_columns for r in contenders)
         best, group = (light[0], group_of(contenders)) if named else (None, ())
         return cls(before, tuple(a.without_columns for a in assessed), reasons, light, best, group)
 
@@ -281,7 +276,8 @@ def contend(base: Base, chosen: Sequence[Variant], reasons: dict[str, str]) -> l
         if isinstance(found, ModelError):
             reasons[one.id] = found.what
         else:
-            tried.append(Refitted(one, found, sigmas=strength_sigmas(found, one.id)))
+            sigmas = strength_sigmas(found, one.id)
+            tried.append(Refitted(**vars(one), base=found, sigmas=sigmas))
     return ranked(base, tried)
 
 
@@ -315,22 +311,16 @@ def strength_sigmas(base: Base, effect_id: str) -> float:
     fit, own = base.fit, next(e.effect for e in base.model.effects if e.id == effect_id)
     strengths = [f"{effect_id}.{name}" for name in own.strength]
     columns = stacked(Offsets.of(base.cells, base.white).without(base.white(fit.moving)))
-    norm = np.linalg.norm(columns, axis=0)
-    seen = norm > 0.0
-    names, norm, unit = np.array(fit.names)[seen], norm[seen], columns[:, seen] / norm[seen]
-    mine = np.flatnonzero(np.isin(names, strengths))
-    if not mine.size:
+    # priors of a form are no evidence: the errors are those of the data alone
+    known = errors_of(columns, max(1.0, fit.reduced_chi2))
+    error = np.sqrt(np.diag(known.covariance))
+    mine = np.flatnonzero(np.isin(fit.names, strengths) & (error > 0.0))
+    if not mine.size or (base.cells.phi.shape[1] == 1 and np.isinf(known.se[mine]).any()):
         return 0.0
-    values = norm[mine] * [base.model.values[name] for name in names[mine].tolist()]
-    size, direction = np.linalg.eigh(unit.T @ unit)
-    good = size > NULL * size[-1]
-    # share of such a direction that makes a strength undetermined; a cosine: twice as much lets a
-    # strength be told of which a fifth cannot be seen
-    if base.cells.phi.shape[1] == 1 and np.abs(direction[mine][:, ~good]).max(initial=0.0) > 0.1:
-        return 0.0
-    root = direction[mine][:, good] / np.sqrt(size[good])
-    evidence = values @ np.linalg.pinv(root @ root.T, rcond=NULL, hermitian=True) @ values
-    return float(np.sqrt(evidence / (max(1.0, fit.reduced_chi2) * mine.size)))
+    sigmas = np.array([base.model.values[fit.names[i]] for i in mine]) / error[mine]
+    alike = known.covariance[np.ix_(mine, mine)] / np.outer(error[mine], error[mine])
+    evidence = sigmas @ np.linalg.pinv(alike, rcond=NULL, hermitian=True) @ sigmas
+    return float(np.sqrt(evidence / mine.size))
 
 
 def clearly_worse(one: Base, other: Base) -> bool:
@@ -446,8 +436,8 @@ def step_beside_form(base: Base, without: Sequence[Variant], step: Step) -> Step
     p = _p_of_gains(base, best, len(without))
     if p > ALARM_P or not worth_it(base, best.base, p):
         return step
-    best = replace(best, assessed=replace(best.assessed, p=p))
-    assessed = [best.assessed if a.id == best.id else a for a in step.assessed]
+    best = replace(best, p=p)
+    assessed = [best if a.id == best.id else a for a in step.assessed]
     return Step.of(base, assessed, step.reasons, [best, *others], named=True)
 
 
@@ -456,17 +446,6 @@ def _p_of_gains(base: Base, refitted: Refitted, candidates: int) -> float:
     gains = base.held_white - refitted.base.held_white
     as_much = flip_signs(gains.size) @ gains >= gains.sum() * (1.0 - 1e-9)
     return float(min(1.0, candidates * as_much.mean()))
-
-
-def _with_own_p(base: Base, refitted: Refitted, candidates: int) -> Refitted:
-    """The refitted candidate with the p that its name rests on.
-
-    Family-wise, by its slopes or by what its refit gains. Another candidate's alarm is no evidence
-    for this one. Slopes show badly what is far from linear.
-    """
-    slopes = refitted.assessed.p
-    p = slopes if slopes <= ALARM_P else min(slopes, _p_of_gains(base, refitted, candidates))
-    return replace(refitted, assessed=replace(refitted.assessed, p=p))
 
 
 def next_step(
@@ -489,8 +468,13 @@ def next_step(
     contenders = contend(base, leading(assessed), reasons)
     if not contenders:
         return Step.of(base, assessed, reasons)
-    best = contenders[0] = _with_own_p(base, contenders[0], len(assessed))
-    is_named = best.assessed.p <= ALARM_P and worth_it(base, best.base, best.assessed.p)
+    best = contenders[0]
+    if best.p > ALARM_P:
+        # another candidate's alarm is no evidence for this one; slopes show badly what is far from
+        # linear, and what its refit gains may show it
+        p = min(best.p, _p_of_gains(base, best, len(assessed)))
+        best = contenders[0] = replace(best, p=p)
+    is_named = best.p <= ALARM_P and worth_it(base, best.base, best.p)
     if named and is_named:
         taken = base.square_held - best.base.square_held
         beyond_form = base.excess > NOT_FORM * excess and taken > 0.5 * base.excess
@@ -532,10 +516,7 @@ def regrouped(
             untested.append(f"Not tested, what could stand in place of {name}: {without_it.what}.")
             continue
         assessed, reasons = assess_all(without_it, extra)
-        rivals = [
-            a for a in assessed if a.id == name or a.statistic >= CONTENDER * assessed[0].statistic
-        ][: int(MOST_CONTENDERS)]
-        contenders = contend(without_it, leading(rivals), reasons)
+        contenders = contend(without_it, leading(assessed), reasons)
         if contenders and contenders[0].id == name:
             groups[name] = group_of(contenders)
     return groups, untested
@@ -550,12 +531,12 @@ def survives(
     """
     free = np.concatenate([freedom_of_shape(base, effect) for effect in named], axis=-1)
     others = [a for a in assessed if a.id != candidate.id]
-    kept, scores, _ = scores_of(base, [candidate.assessed, *others], free)
+    kept, scores, _ = scores_of(base, [candidate, *others], free)
     if not kept or kept[0].id != candidate.id:
         return False
     if flip_test(scores, base.cells.manoeuvres)[1][0] > ALARM_P:
         return False
-    added = ([free], [free, candidate.assessed.columns])
+    added = ([free], [free, candidate.columns])
     losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, added)
     removed = mean_drop(base, losses[1][1]) - mean_drop(base, losses[0][1])
     return removed > SECOND_LEAST * base.floor.square

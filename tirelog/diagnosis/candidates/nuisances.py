@@ -9,12 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from tirelog.data.recording import Conditions
 from tirelog.diagnosis.answer import NUISANCES_SAID
 from tirelog.diagnosis.candidates.assessment import (
     Scores,
@@ -35,7 +33,7 @@ from tirelog.diagnosis.rules import (
     REST_SHARE,
     TWINS,
 )
-from tirelog.errors import ModelError, or_refusal
+from tirelog.errors import ModelError
 from tirelog.inference.base import (
     Base,
     JointBase,
@@ -326,14 +324,6 @@ def with_nuisances_on(base: Base) -> Model:
 #: an effect may be in the form if that leaves less than this share of its waveforms' square: of
 #: what the series cannot follow a half is left; twice the share adds none
 _HELD = 0.05
-#: factors on a condition in every other manoeuvre, as other logs may have them: they part an effect
-#: from the form if twice the share is left
-_OTHER_LOGS: Mapping[str, tuple[str, float, float]] = {
-    "speed": ("speed_m_s", 0.8, 1.1),
-    "load": ("load_N", 0.6, 1.4),
-    "inflation pressure": ("inflation_pressure_Pa", 0.7, 1.3),
-    "tread age": ("distance_km", 0.3, 3.0),
-}
 
 
 @dataclass(frozen=True)
@@ -518,53 +508,30 @@ def scatter_sentences(base: Base) -> list[str]:
 
 
 def held_by_form(base: Base) -> dict[str, list[str]]:
-    """Effects that the form of a base may hold, and in what other logs would differ to part them.
+    """Effects that the form of a base may hold, and the conditions whose change would part them.
 
-    Of several observables as the first waveform shows it.
+    Those that an effect follows and a form does not. Of several observables as the first waveform
+    shows it.
     """
     base = max(bases_by_observable(base), key=lambda part: part.cells.phi.shape[1])
     if FORM not in groups_of(base):
         return {}
-    found = _left_by_form(base, base.cells.conditions)
-    held: dict[str, list[str]] = {name: [] for name, left in found.items() if left < _HELD}
-    every_other = base.cells.manoeuvre % 2 == 0
-    for word, (field, low, high) in _OTHER_LOGS.items() if held else ():
-        values = getattr(base.cells.conditions, field) * np.where(every_other, low, high)
-        there = _left_by_form(base, replace(base.cells.conditions, **{field: values}), list(held))
-        for name, left in there.items():
-            held[name] += [word] * (left > 2.0 * _HELD)
-    return held
-
-
-def _left_by_form(
-    base: Base, conditions: Conditions, names: Sequence[str] | None = None
-) -> dict[str, float]:
-    """Share of each effect's square that the form leaves of what the other parameters leave."""
-    cells = replace(base.cells, conditions=conditions)
-    moved = or_refusal(partial(base.model.linearised, names=base.fit.names))(
-        conditions, surface=cells.surface, observable=cells.observable, **cells.angles
-    )
-    if isinstance(moved, ModelError):
-        return {}
-    slopes = base.white(np.moveaxis(moved[1], 0, -1))
-    of_form = frees(base.model, FORM)
+    slopes, of_form = base.white(base.fit.jacobian), frees(base.model, FORM)
     others = [i for i, name in enumerate(base.fit.names) if name not in of_form]
-    offsets = Offsets.of(cells, base.white)
+    offsets = Offsets.of(base.cells, base.white)
     without, with_it = (offsets.beside(x) for x in (slopes[..., others], slopes))
-    there = replace(base, cells=cells, fit=replace(base.fit, prediction=moved[0]))
-    shares = {}
-    effects = [e for e in candidate_effects(base.model) if names is None or e.id in names]
-    for effect in effects:
-        signatures = signatures_of(there, effect)
+    held = {}
+    for effect in candidate_effects(base.model):
+        signatures = signatures_of(base, effect)
         if isinstance(signatures, ModelError):
             continue
         columns = base.white(signatures[0].columns)
-        seen = float((without.without(columns) ** 2).sum())
+        seen, left = (float((taken.without(columns) ** 2).sum()) for taken in (without, with_it))
         # below this share of its square an effect is what the other parameters do already; a
         # hundred times as much would leave out ring_curvature
-        if seen > 1e-3 * float((columns**2).sum()):
-            shares[effect.id] = float((with_it.without(columns) ** 2).sum()) / seen
-    return shares
+        if seen > 1e-3 * float((columns**2).sum()) and left < _HELD * seen:
+            held[effect.id] = [CONDITIONS[name].name for name, _ in effect.followed]
+    return held
 
 
 def held_sentences(held: Mapping[str, Sequence[str]]) -> list[str]:

@@ -139,7 +139,7 @@ def search_effects(
         formed = _formed(base, extra, progress, allowed, plain.after, len(plain.named) - 1)
     if formed is None:
         return plain
-    beyond = [s.named.assessed.effect for s in plain.steps if s.named is not None]
+    beyond = [s.named.effect for s in plain.steps if s.named is not None]
     beyond = [e for e in beyond if e.id in plain.named and e.id not in formed.named]
     one_does = len(beyond) == 1 and not beyond[0].followed
     fewer = len(formed.named) < len(plain.named) and not one_does
@@ -181,7 +181,7 @@ def _or_form(plain: SearchResult) -> SearchResult:
     """A search that one effect ended at the floor, with the form if that does as much."""
     named = plain.steps[0].named
     before = plain.steps[0].before
-    if named is None or not named.assessed.effect.followed:
+    if named is None or not named.effect.followed:
         return plain  # one number that does the same throughout is the cause
     gained = float((before.held_white - named.base.held_white).sum())
     forms = [x for x, gain in alarming_nuisances(before, [FORM]) if gain > TWINS**2 * gained]
@@ -363,10 +363,6 @@ def _left_to_one(
         # leave those of a short log in place
         made = np.abs(share) * length > 0.1 * np.linalg.norm(main)
         replaced = [own[i] for i in np.flatnonzero(made)]
-        change = held.columns[..., replaced] @ rival.fit.amplitudes[replaced]
-        size = float((rival.plain(change) ** 2).sum()) / rival.plain.weight
-        if size < least:
-            continue
         gone = {held.names[i] for i in replaced}
         less = [
             mine and mine.of([i for i, own_name in enumerate(mine.names) if own_name not in gone])
@@ -434,7 +430,7 @@ def _one_for_many(base: Base, rival: Base, named: Refitted) -> bool:
 
     Speed and time are no such condition: a rolling radius follows the one, a drift the other.
     """
-    effect = named.assessed.effect
+    effect = named.effect
     fewer = len(effect.strength) < _numbers(rival, newest(rival, base))
     return fewer and _varies_as_measured(base, effect)
 
@@ -460,7 +456,7 @@ def _as_much(base: Base, rival: Base, named: Refitted) -> bool:
     is one that does by a measured condition what a nuisance does by many (`_one_for_many`).
     """
     form = newest(rival, base) == FORM
-    if form and not named.assessed.effect.followed:
+    if form and not named.effect.followed:
         return False
     if not form and _one_for_many(base, rival, named):
         return False
@@ -500,7 +496,7 @@ def ranking_of(
         shared = excess > LEAST_SHARE_OF_FLOOR * floor and not unphysical
         share = share_of_all if tuple(selected) == (a.id,) else removed / excess if shared else 0.0
         own[a.id] = a, float(np.clip(share, 0.0, 1.0))
-    p = {s.named.id: s.named.assessed.p for s in found.steps if s.named is not None}
+    p = {s.named.id: s.named.p for s in found.steps if s.named is not None}
     order = dict.fromkeys([*selected, *(r.id for r in first.contenders), *own])
     groups = {s.named.id: s.group for s in found.steps if s.named is not None}
     return tuple(

@@ -26,7 +26,6 @@ from tirelog.diagnosis.candidates.assessment import (
     with_candidate,
 )
 from tirelog.diagnosis.candidates.naming import Step
-from tirelog.diagnosis.candidates.nuisances import groups_of
 from tirelog.diagnosis.candidates.search import SearchResult
 from tirelog.diagnosis.rules import LIKE
 from tirelog.errors import ModelError, or_refusal
@@ -34,7 +33,7 @@ from tirelog.inference.base import Base, JointBase, bases_by_observable
 from tirelog.inference.cells.joint import linearised, model_of, predicted
 from tirelog.inference.fit.cells import free_names
 from tirelog.inference.metric import Offsets, orthonormal, projected_out, stacked
-from tirelog.inference.nuisances import freed, frees, shared_by
+from tirelog.inference.nuisances import shared_by
 from tirelog.inference.stacks.manoeuvres import CRUISE_M_S2
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.conditions import CONDITIONS
@@ -135,30 +134,26 @@ def driven(base: Base, manoeuvre: CandidateManoeuvre) -> bool:
         cells = alike & (number == one)
         speed, acceleration = c.speed_m_s[cells], float(np.mean(c.acceleration_m_s2[cells]))
         if low == high:
-            if np.abs(speed - low).min() <= same * low and abs(acceleration) < CRUISE_M_S2:
-                return True
-        elif acceleration * manoeuvre.acceleration_m_s2 > 0.0:
+            there = np.abs(speed - low).min() <= same * low and abs(acceleration) < CRUISE_M_S2
+        else:
             passed = min(speed.max(), high) - max(speed.min(), low)
             ratio = acceleration / manoeuvre.acceleration_m_s2
             # most of the range, at an acceleration no further off than by this factor
-            if passed >= 0.7 * (high - low) and 0.4 <= ratio <= 1.0 / 0.4:
-                return True
+            there = passed >= 0.7 * (high - low) and 0.4 <= ratio <= 1.0 / 0.4
+        if there:
+            return True
     return False
 
 
 @or_refusal
-def separations(
-    base: Base, first: Model, second: Model, beside: Sequence[str] = ()
-) -> list[dict[str, Any]]:
+def separations(base: Base, first: Model, second: Model) -> list[dict[str, Any]]:
     """How far every allowed manoeuvre would part `first` from `second`, best first.
 
-    `first` is taken as true, and parted from any refit of `second`, with the nuisances `beside` it:
-    the base's own, and those that are held against `first`. What repeats on the wheel has one
-    amplitude in the logs so far and on the planned stretch.
+    `first` is taken as true, and parted from any refit of `second` beside the base's nuisances.
+    What repeats on the wheel has one amplitude in the logs so far and on the planned stretch.
     """
     names = free_names(second, base.cells)
-    held = () if base.cells.shared is None else base.cells.shared.groups
-    groups = tuple(dict.fromkeys((*held, *beside)))
+    groups = () if base.cells.shared is None else base.cells.shared.groups
     cells = replace(base.cells, shared=None)
     shared = shared_by(cells, base.fit, groups)
     mine = predicted(first, cells)
@@ -270,8 +265,8 @@ def advise(
 # ---- What to drive next: the manoeuvre that makes the verdict's probability grow fastest.
 #
 #     the verdict's probability -> how likely each rival is instead
-#     rivals: other effects that were refitted, nuisances that do as well, effects that these logs
-#             cannot show since what they follow is the same throughout
+#     rivals: other effects that were refitted, effects that these logs cannot show since what they
+#             follow is the same throughout
 #         -> `separation`: how far each manoeuvre on the list parts the two, refitted
 #         -> by how much the probability of naming the right one grows, per minute of driving
 #
@@ -293,8 +288,8 @@ LEAST_GAIN = 0.005
 class Rival:
     """What else may be: its name, the model that has the verdict's, and that of the rival.
 
-    `first` is taken as true and parted from any refit of `second` with the nuisances `beside`;
-    `mass` and `verdict_mass` are the probabilities of the rival and of the verdict.
+    `first` is taken as true and parted from any refit of `second`; `mass` and `verdict_mass` are
+    the probabilities of the rival and of the verdict.
     """
 
     name: str
@@ -303,7 +298,6 @@ class Rival:
     second: Model
     mass: float
     verdict_mass: float
-    beside: tuple[str, ...] = ()
 
     def gain(self, sigma: float, repeats: int) -> float:
         """What so many runs that part by `sigma` each add to the probability of being right."""
@@ -339,11 +333,9 @@ def drive_next(
     # a verdict without a calibration is taken to be as likely as not
     p = 0.5 if probability is None else probability
     base, rivals = _rivals(found, verdict, p)
-    if base is None:
-        return []
     parted: dict[str, tuple[CandidateManoeuvre, list[tuple[Rival, float]]]] = {}
     for rival in rivals[:4]:  # rivals that are asked about at most
-        rows = separations(base, rival.first, rival.second, rival.beside)
+        rows = separations(base, rival.first, rival.second)
         for row in [] if isinstance(rows, ModelError) else rows:
             if not driven(base, row["plan"]):
                 _, pairs = parted.setdefault(row["manoeuvre"], (row["plan"], []))
@@ -374,7 +366,7 @@ def drive_next(
     return sorted(result, key=lambda row: -row["gain_per_minute"])[:3]  # that are named
 
 
-def _rivals(found: SearchResult, verdict: str, p: float) -> tuple[Base | None, list[Rival]]:
+def _rivals(found: SearchResult, verdict: str, p: float) -> tuple[Base, list[Rival]]:
     """What the verdict may be taken for, and the base that it is measured from."""
     silent = verdict == "nothing_missing"
     named = [s for s in found.steps if s.named is not None and not silent]
@@ -382,14 +374,15 @@ def _rivals(found: SearchResult, verdict: str, p: float) -> tuple[Base | None, l
     base, of_one = first_waveform(step.before)
     # where loads or other conditions are in doubt, these come before any effect
     if base.cells.phi.shape[1] == 1 or verdict in ("unknown", "scatter"):
-        return None, []
+        return base, []
     if verdict == "too_few":
         some = step.contenders[:3]
         mass = 1.0 / max(len(some), 1)
-        return base, [
+        rivals = [
             Rival(r.id, some[0].id, some[0].base.model, r.base.model, mass, mass) for r in some[1:]
         ]
-    rivals = _hidden(found, p) if silent else [*_instead(step, p), *_beside(found, p)]
+    else:
+        rivals = _hidden(found, p) if silent else _instead(step, p)
     return base, [replace(r, first=of_one(r.first), second=of_one(r.second)) for r in rivals]
 
 
@@ -408,22 +401,6 @@ def _instead(step: Step, p: float) -> list[Rival]:
     return [Rival(r.id, step.named.id, best.model, r.base.model, mass[r.id], share) for r in others]
 
 
-def _beside(found: SearchResult, p: float) -> list[Rival]:
-    """Nuisances that do as well as an effect that is named: as likely as it."""
-    rivals = []
-    for nuisance, effect in found.alike:
-        if effect not in found.named or nuisance in groups_of(found.after):
-            continue
-        without = or_refusal(found.after.model.without_effect)(effect)
-        if isinstance(without, ModelError):
-            continue
-        linear = not frees(without, nuisance)
-        second = without if linear else freed(without, [nuisance])
-        beside = (nuisance,) * linear
-        rivals.append(Rival(nuisance, effect, found.after.model, second, 0.5 * p, 0.5 * p, beside))
-    return rivals
-
-
 def _hidden(found: SearchResult, p: float) -> list[Rival]:
     """Effects that these logs cannot show: as likely as before anything was measured."""
     model, reasons = found.before.model, found.steps[0].reasons
@@ -439,17 +416,6 @@ def _hidden(found: SearchResult, p: float) -> list[Rival]:
         if effect.id in reasons
     }
     return [Rival("nothing", name, first, model, mass, p) for name, first in shown.items()]
-
-
-def by_the_minute(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Rows of `separation.advise` for two that are as likely each, best per minute first."""
-    sigmas = [row["separation_sigma"] * row["repeats"] ** 0.5 for row in rows]
-    gains = [expected_gain(0.5, 0.5, sigma) for sigma in sigmas]
-    told = [
-        {**row, "gain": gain, "gain_per_minute": gain / row["minutes"]}
-        for row, gain in zip(rows, gains, strict=True)
-    ]
-    return sorted(told, key=lambda row: -row["gain_per_minute"])
 
 
 def drive_sentences(rows: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -27,7 +27,6 @@ from tirelog.diagnosis.candidates.assessment import (
     mean_drop,
 )
 from tirelog.diagnosis.propose.grammar import Law, laws
-from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, with_fewer_cells
 from tirelog.inference.cells.joint import predicted
 from tirelog.inference.floor import held_out_losses
@@ -220,30 +219,26 @@ class Ground:
 _PATCH = np.unique(np.r_[-18:-3:1.0, np.arange(-25, 26) * 0.12, 3.12:18.1:1.0])
 _TIMES = np.r_[0:0.03:0.0007, 0.03:0.06:0.0014, 0.06:0.41:0.01]
 _DISTANCES = np.r_[0:0.3:0.007, 0.3:0.6:0.014, 0.6:3.1:0.06]
-_PRESSED = np.r_[-1.95:1.96:0.15]
-NODES: Mapping[tuple[str, str], FloatArray] = {
-    ("wheel_angle", ""): ANGLES,
-    ("patch", ""): _PATCH,
-    ("time_since_exit", ""): _TIMES,
-    ("distance_since_exit", ""): _DISTANCES,
-    ("time_before_entry", ""): _TIMES,
-    ("distance_before_entry", ""): _DISTANCES,
-    ("patch", "contact_pressure"): _PRESSED,
-    ("speed", "load"): np.zeros(0),
+NODES: Mapping[str, FloatArray] = {
+    "wheel_angle": ANGLES,
+    "patch": _PATCH,
+    "time_since_exit": _TIMES,
+    "distance_since_exit": _DISTANCES,
+    "time_before_entry": _TIMES,
+    "distance_before_entry": _DISTANCES,
 }
-#: heights that are likely before anything is measured: of a waveform in roots of the mean square
-#: that is left, of a pressure in mean pressures, of a load in mean loads.  They hold back what
-#: the base does as well; doubled, no shape that is seen changes
-_LIKELY = {"": 10.0, "contact_pressure": 1.0, "load": 0.3}
+#: height that is likely before anything is measured, in roots of the mean square that is left. It
+#: holds back what the base does as well; doubled, no shape that is seen changes
+_LIKELY = 10.0
 
 
 @dataclass(frozen=True)
 class MeasuredShape:
-    """A free shape along a frame's coordinate, times a law.
+    """A free shape of the waveform along a frame's coordinate, times a law.
 
-    `values` (k,) at `nodes` (k,) with their standard errors `band` (k,), in the unit of what it
-    acts on (of a pressure in mean pressures); `removed` the mean square [unit^2] that it removes on
-    manoeuvres left out, `gain` over its error there.
+    `values` (k,) at `nodes` (k,) with their standard errors `band` (k,), in the unit of the
+    observable that it `acts_on`; `removed` the mean square [unit^2] that it removes on manoeuvres
+    left out, `gain` over its error there.
     """
 
     frame: str
@@ -275,77 +270,45 @@ class MeasuredShape:
 
 
 def measured_shapes(ground: Ground, full: Ground) -> list[MeasuredShape]:
-    """The best shape of each frame, by falling removal held out; none if all fail.
+    """The best shape of each frame, by falling removal held out.
 
     `ground` may be of fewer cells than `full`, on which they are judged.
     """
-    given = laws(typical(full.base))
+    given, likely = laws(typical(full.base)), _LIKELY * ground.missing
     factors = np.stack([ground.law(law.text, law.numbers) for law in given])
-    ranked: list[tuple[float, tuple[str, str], Law]] = []
-    for key in NODES:
-        own = or_refusal(_hats)(ground, *key)
-        if isinstance(own, ModelError):
-            continue
-        nodes, columns, likely = own
+    ranked: list[tuple[float, str, Law]] = []
+    for frame in NODES:
+        nodes, columns = _hats(ground, frame)
         scores, gram, _ = ground.worth(ground.of_cells(columns), factors, nodes.size)
         explained = [_solved(scores[i].sum(axis=0), gram[i], likely)[0] for i in range(len(given))]
-        ranked += [(e, key, law) for e, law in zip(explained, given, strict=True)]
+        ranked += [(e, frame, law) for e, law in zip(explained, given, strict=True)]
     ranked.sort(key=lambda row: -row[0])
-    best: dict[tuple[str, str], Law] = {}
-    for _, key, law in ranked:
-        best.setdefault(key, law)
+    best: dict[str, Law] = {}
+    for _, frame, law in ranked:
+        best.setdefault(frame, law)
     # shapes that are tried on held-out manoeuvres, the best of each frame first; twice as many take
     # twice as long
     asked = list(best.items())[:4]
     # the runner-up laws of the best frame: an exponent by what is held out
-    asked += [(key, law) for _, key, law in ranked[:3] if key == asked[0][0]][1:]
-    tried = [_measured(full, key, law) for key, law in asked]
-    found = [shape for shape in tried if not isinstance(shape, ModelError)]
-    by_frame = {(s.frame, s.acts_on): s for s in sorted(found, key=lambda shape: shape.removed)}
+    asked += [(frame, law) for _, frame, law in ranked[:3] if frame == asked[0][0]][1:]
+    found = sorted((_measured(full, *one) for one in asked), key=lambda shape: shape.removed)
+    by_frame = {shape.frame: shape for shape in found}
     return sorted(by_frame.values(), key=lambda shape: -shape.removed)
 
 
-def _hats(ground: Ground, frame: str, acts_on: str) -> tuple[FloatArray, FloatArray, float]:
-    """Hats along one frame: nodes (k,), columns (C, m, k) in the observable's unit per height.
-
-    Also the height that is likely. ModelError if they cannot be computed.
-    """
-    known, nodes = FRAMES[frame], NODES[frame, acts_on]
-    if acts_on == "contact_pressure":
-        inner = [_response(ground, acts_on, frame, nodes, x) for x in np.eye(nodes.size)[1:-1]]
-        columns = np.pad(np.stack(inner, -1), ((0, 0), (0, 0), (1, 1)))
-        return nodes, columns, _LIKELY[acts_on]
-    coordinate = ground.expression(known.coordinate, {})
-    if acts_on == "load":
-        # nodes over the range of speeds for what acts on the load: it is smooth; twice as many
-        # share the same cells, and each is known half as well
-        nodes = np.linspace(float(coordinate.min()), float(coordinate.max()), 6)
-        change = _response(ground, acts_on, frame, np.array([0.0, 1e3]), np.ones(2))
-        columns = change[..., None] * hats_on(coordinate, nodes)
-        return nodes, columns, _LIKELY[acts_on] * float(np.mean(ground.values["load"]))
-    if known.periodic is None:
-        reach = float(coordinate.max())
-        nodes = nodes[: int(np.searchsorted(nodes, reach)) + 1] if nodes[0] == 0.0 else nodes
+def _hats(ground: Ground, frame: str) -> tuple[FloatArray, FloatArray]:
+    """Hats along one frame: nodes (k,), columns (C, m, k) per height."""
+    known, nodes = FRAMES[frame], NODES[frame]
+    if nodes[0] == 0.0:  # from an edge on: no farther than the data reach
+        reach = float(ground.expression(known.coordinate, {}).max())
+        nodes = nodes[: int(np.searchsorted(nodes, reach)) + 1]
     ends = (np.broadcast_to(x, ground.residual.shape) for x in ground.at_ends(known.coordinate, {}))
     below, above = (hats_on(x, nodes, known.periodic) for x in ends)
     columns = 0.5 * (below + above)
     if known.periodic is not None:  # the last node is the first
         columns[..., 0] += columns[..., -1]
         columns, nodes = columns[..., :-1], nodes[:-1]
-    return nodes, columns, _LIKELY[""] * ground.missing
-
-
-def _response(
-    ground: Ground, acts_on: str, frame: str, nodes: FloatArray, values: FloatArray
-) -> FloatArray:
-    """The change of the prediction by a shape of these values, per unit of them, (C, m)."""
-    # small amplitudes of a hat for its response; twice as much doubles the share of the response
-    # that is not linear in it
-    probe = {"contact_pressure": 0.02, "load": 20.0}[acts_on]
-    effect = effect_by_shape(
-        "probe_", acts_on, frame, "1", nodes.tolist(), (probe * values).tolist()
-    )
-    return ground.response(effect, probe)
+    return nodes, columns
 
 
 def _solved(
@@ -359,19 +322,18 @@ def _solved(
     return float((inverse * along**2).sum()), heights, (vectors * inverse) @ vectors.T
 
 
-@or_refusal
-def _measured(full: Ground, key: tuple[str, str], law: Law) -> MeasuredShape:
+def _measured(full: Ground, frame: str, law: Law) -> MeasuredShape:
     """One shape on all cells, and what it removes from manoeuvres left out."""
-    base, (nodes, columns, likely), (frame, acts_on) = full.base, _hats(full, *key), key
+    base, (nodes, columns) = full.base, _hats(full, frame)
     factor = full.law(law.text, law.numbers)[:, None, None]
     left = stacked(side_by_side(lambda some: full.coupled(full.of_cells(factor * some)), [columns]))
     along = left.T @ full.residual.ravel()
-    explained, heights, covariance = _solved(along, left.T @ left, likely)
+    explained, heights, covariance = _solved(along, left.T @ left, _LIKELY * full.missing)
     white, plain = held_out_losses(base.cells, base.white, base.plain, base.fit, columns * factor)
     rest = max((full.square - explained) / max(base.fit.freedom, 1.0), 1.0)
     return MeasuredShape(
         frame=frame,
-        acts_on=acts_on or base.model.observable,
+        acts_on=base.model.observable,
         law=law.written() or "1",
         nodes=nodes,
         values=heights,

@@ -32,7 +32,7 @@ from tirelog.diagnosis.candidates.nuisances import (
     with_nuisances_on,
 )
 from tirelog.diagnosis.candidates.search import Progress, SearchResult, search_effects
-from tirelog.diagnosis.candidates.separation import advise, by_the_minute
+from tirelog.diagnosis.candidates.separation import advise
 from tirelog.diagnosis.compare import (
     Measured,
     locked_away,
@@ -584,5 +584,6 @@ def _advice(climb: _Climb) -> tuple[list[dict[str, object]], list[str]]:
         if len(choice.as_good) > 1:
             rivals = [(draft.read, draft.base.model) for draft in choice.as_good[:2]]
             rows, notes = advise(base, rivals)
-            return [by_the_minute(rows)[0]] if rows else [], notes
+            # each row's repeats part them as surely: the quickest is the best
+            return sorted(rows, key=lambda row: row["minutes"])[:1], notes
     return [], []
