@@ -298,34 +298,17 @@ def rounding(channel: Channel) -> float:
     return float(np.median(steps)) / 12**0.5
 
 
-class SampleNoise:
-    """Gathers the noise of a channel of `size` samples while its blocks pass by.
+def sample_noise(channel: Channel) -> float:
+    """Standard deviation of the noise of one sample of a channel, from pieces all over it.
 
-    `resolution` is the step of the source (0: unknown). Blocks are to start at multiples of
-    PIECE_SAMPLES.
+    The median over the pieces, never below the rounding of the source, which is its resolution over
+    sqrt(12); NaN if all is lost or too short.
     """
-
-    def __init__(self, size: int, resolution: float) -> None:
-        self._starts = np.unique(
-            np.linspace(0, max(size - PIECE_SAMPLES, 0), PIECES).astype(np.int64)
-            // PIECE_SAMPLES
-            * PIECE_SAMPLES
-        )
-        self._rounding = resolution / 12**0.5
-        self._sigmas: list[float] = []
-
-    def take(self, start: int, values: FloatArray) -> None:
-        """A block that starts at sample `start`."""
-        for first in self._starts[(self._starts >= start) & (self._starts < start + values.size)]:
-            self._sigmas.append(white_noise(values[first - start : first - start + PIECE_SAMPLES]))
-
-    def sigma(self) -> float:
-        """Median over the pieces, never below the rounding of the source.
-
-        That is resolution / sqrt(12); NaN if all is lost or too short.
-        """
-        finite = [sigma for sigma in self._sigmas if np.isfinite(sigma)]
-        return max(float(np.median(finite)), self._rounding) if finite else float("nan")
+    spread = np.linspace(0, max(channel.size - PIECE_SAMPLES, 0), PIECES).astype(np.int64)
+    starts = np.unique(spread // PIECE_SAMPLES * PIECE_SAMPLES).tolist()
+    sigmas = np.array([white_noise(channel.read(s, s + PIECE_SAMPLES)) for s in starts])
+    finite = sigmas[np.isfinite(sigmas)]
+    return max(float(np.median(finite)), channel.resolution / 12**0.5) if finite.size else np.nan
 
 
 # ---- Whether stamps that scatter are those of the samples.

@@ -332,12 +332,12 @@ def _noise(x: FloatArray, square: bool) -> float:
     return float(np.median(away) / 0.6745)
 
 
-def crossings(channel: Channel, found: Probe, block: int | None = None) -> Iterator[Records]:
+def crossings(channel: Channel, found: Probe) -> Iterator[Records]:
     """Tooth passages of a 'sine' or 'square' channel, block by block, (n,) of TEETH.
 
     Of short pulses, or short gaps, the edges at which they begin, and the places half way between.
     """
-    pieces = _every_crossing(channel, found, block)
+    pieces = _every_crossing(channel, found)
     return _of_one_kind(pieces, rising=found.duty < 0.5) if found.pulsed else pieces
 
 
@@ -355,13 +355,13 @@ def _of_one_kind(pieces: Iterator[Records], *, rising: bool) -> Iterator[Records
         yield np.concatenate([first, np.stack([between, edges[1:]], axis=1).ravel()])
 
 
-def _every_crossing(channel: Channel, found: Probe, block: int | None) -> Iterator[Records]:
+def _every_crossing(channel: Channel, found: Probe) -> Iterator[Records]:
     """All passages through the middle, block by block, (n,) of TEETH."""
     rate_Hz, size = channel.axis.rate_Hz, channel.size
     # eight slow half periods, half of the time that the levels follow, and the chunks in which
     # spikes are sought
     margin = CHUNK * (int((0.6 + 0.5 * found.follow_s) * rate_Hz) // CHUNK + 8)
-    block = max((block or BLOCK) // CHUNK, 1) * CHUNK
+    block = BLOCK // CHUNK * CHUNK
     slow = 0.5 * FOLLOW_S * rate_Hz
     at, last = -1, 0  # the last change: a wheel may stand longer than a block's margin
     pending = np.zeros(0, np.int64)  # holes after the last passage
@@ -485,7 +485,7 @@ def teeth_of_counter(channel: Channel, steps: int) -> tuple[Records, int]:
 #: a turning wheel shows less than this share of the peak between two passages of the same tooth
 #: flank; nearer to one, a slow passage looks like turning back
 TURNING_PEAK, PASSED_PEAK = 0.85, 0.95
-#: intervals looked at at once: small enough for the cache
+#: intervals or passages looked at at once: small enough for the cache
 PIECE = 1 << 14
 #: even passages on both sides of a cut; twice as many cost a little time
 CONTEXT = 40

@@ -10,12 +10,9 @@ How the axis is decided, by what the stamps look like (T the sample period, r = 
 number):
 
 * no stamps: the rate of the setup or the file; a missing sample number is a gap.
-* stamps on one line to half of their last digit (and to a part of T, if T has few digits): exactly
-  that line; its rate is the setup's, the file's or a round one if these agree with the stamps to
-  that half digit.
-* otherwise a sample clock seen through the stamps: T from differences over long stretches (their
-  median, which isolated gaps do not move), then least squares with one T and a start for each
-  segment.  If many stamps are alike or nearly so (one second's resolution, buffers that arrive
+* stamps: a sample clock seen through them. T from differences over long stretches (their median,
+  which isolated gaps do not move), then least squares with one T and a start for each segment. Its
+  rate is the setup's, the file's or a round one if these agree with the stamps.  If many stamps are alike or nearly so (one second's resolution, buffers that arrive
   in bunches) only the first stamp of each bunch takes part.  A lasting rise of r by half a period
   is a gap: a new segment starts there.  A passing one is a late stamp and is repaired.  A lasting
   fall by one period is a repeated row, which gets a segment of its own, half a period after its
@@ -198,9 +195,6 @@ def _points(stamps: Stamps, period: float) -> tuple[IntArray, IntArray, FloatArr
 #: share of a period by which a clock's stamps may stray, unless a rate is declared; twice as much
 #: puts stamps that stray by a fifth of a period on an even grid
 _JITTER = 0.1
-#: stamps of few digits a period lie on one line if they stray by less than this share of it;
-#: with twice as much two lost samples may look like the rounding of stamps
-_EVEN = 0.3
 #: a lost sample looks like a drift where a period has no more last digits than this, and leaps
 #: are worth a sentence up to this share of the samples; with twice the first, sentences on leaps of
 #: rounding; with twice the share, on stamps that tremble
@@ -208,9 +202,6 @@ _HIDES, _SELDOM = 1.2, 1e-3
 #: the error of a rate that tables hold, as a share; half of it is below that of most radii, twice
 #: as much is as large as that of a good speed; what is refused is a hundred times as much
 _VAGUE, _MOST_VAGUE = 1e-4, 1e-2
-#: lines are one if they leave each other by less than this share of the last digit; half or twice
-#: as much is both far below what stamps tell
-_SAME_LINE = 1e-3
 #: a declared rate is contradicted by stamps that differ by this share, and absurd beyond this
 #: factor; twice as much leaves rates that are wrong by 0.4 % unsaid
 _CONTRADICTS, _ABSURD = 0.002, 1.2
@@ -345,25 +336,9 @@ class ClockFit:
             )
         self.resolution_s, self._grown_s = max(self.resolution_s, tick_s), tick_s - least_s
         ticks = int(stamps.clock_index(last) - stamps.clock_index(first))
-        period, digit = (end - start) / ticks, max(self.resolution_s, 1e-9)
-        # the line runs through two stamps, each off by up to half a digit, and every other stamp is
-        # off by as much again; those of few digits a period hide a lost sample unless they stray by
-        # far less
-        most = np.inf if period > 3.0 * digit else _EVEN * period
-        low, high = stamps.range(period, most)
-        level = start - period * float(stamps.clock_index(first))
-        if period > 0.0 and max(high - level, level - low) <= 1.02 * digit and high - low <= most:
-            settled = self._settled(period, 1.02 * digit / ticks)
-            if abs(settled - period) * ticks > _SAME_LINE * digit:
-                low, high = stamps.range(settled)
-            level = start - settled * float(stamps.clock_index(first))
-            level = (
-                level if high - 0.51 * digit <= level <= low + 0.51 * digit else 0.5 * (low + high)
-            )
-            axis = self._pieces(settled, [Piece(0, 1, 0.0, level)])
-            return self._with_rate_error(axis, settled, 1.02 * digit / (ticks * settled))
         # with a stamp unknown, fewer than three are no stretch that tells a period
-        return self._fitted(stamps, declared, period if self.size < _FEW else 0.0)
+        few = (end - start) / ticks if self.size < _FEW else 0.0
+        return self._fitted(stamps, declared, few)
 
     def _by_rate(self, declared: float | None, seen: str = "no stamps") -> TimeAxis:
         """The axis if no stamps tell it; `seen` says what there is of them."""
@@ -378,7 +353,7 @@ class ClockFit:
         return self._pieces(1.0 / declared, [Piece(0, 1, 0.0, self.start_s)])
 
     def _fitted(self, stamps: Stamps, declared: float | None, few: float) -> TimeAxis:
-        """The axis through stamps that are no exact line; `few` a period for want of a better."""
+        """The axis through stamps; `few` is the period [s] of few of them, else 0."""
         rough = stamps.rough_period() or few
         if rough <= 0.0:
             if declared:

@@ -464,8 +464,8 @@ def cell_ranges(
 
 # ---- A channel whose logger repeats each value, as the values that its instrument took.
 #
-#     stored numbers, axis --some places: does a change follow a change?--> no: the channel as it is
-#         --all of it: places where the value changes--> every how many samples a value is new
+#     stored numbers, axis --does a change follow a change?--> the channel as it is
+#         --places where the value changes--> every how many samples a value is new
 #         --the first sample of each value--> places, and a time axis of their own
 #
 # A logger that is faster than its instrument writes each value several times, or, if it joins
@@ -480,8 +480,6 @@ def cell_ranges(
 # be neighbours nearly everywhere.
 
 
-#: samples looked at at once, and places of a channel that are looked at before all of it is
-_PIECE, _PLACES = 4096, 16
 #: changes that tell something; with half as many a quantised signal's changes could be multiples
 #: of two once in 1e15, twice as many need a probe of faster signals
 _FEWEST = 100
@@ -545,8 +543,7 @@ def sample_and_hold(
     (m,) the first sample of each value; their times; least and most samples from one to the next,
     as a rule.
     """
-    likely = _likely(stored, axis.size, held)
-    changes = _all_changes(stored, axis.size, held) if likely else None
+    changes = _all_changes(stored, axis.size, held)
     if changes is None:
         return None
     segments = list(pairwise([*(axis.first.tolist() or [0]), axis.size]))
@@ -561,7 +558,7 @@ def sample_and_hold(
             for (first, end), some in zip(segments, own, strict=True)
         ]
         return np.concatenate(parts), _axis(axis, parts, float(every)), every, every
-    usual = int(np.bincount(steps[steps <= _PIECE]).argmax())
+    usual = int(np.bincount(steps[steps < BLOCK_SAMPLES]).argmax())
     near = steps[np.abs(steps - usual) <= 1]
     if usual < 2 or near.sum() < _COVERED * steps.sum():
         return None
@@ -574,21 +571,11 @@ def sample_and_hold(
     return np.concatenate(parts), _axis(axis, parts, period), int(common[0]), int(common[-1])
 
 
-def _likely(stored: Scaled, size: int, held: bool) -> bool:
-    """Whether the first place at which the signal moves looks held, or has blanks."""
-    starts = np.linspace(0, max(size - _PIECE, 0), _PLACES).astype(np.int64)
-    for start in np.unique(starts).tolist():
-        steps = np.diff(_changes(stored, start, min(start + _PIECE, size), held))
-        if steps.size >= _FEWEST:
-            return bool(np.count_nonzero(steps == 1) <= _SINGLE * steps.size)
-    return False
-
-
 def _all_changes(stored: Scaled, size: int, held: bool) -> IntArray | None:
     """The places of all new values; None if too many follow each other."""
     parts, single, count = [], 0, 0
-    for start in range(0, size, 16 * _PIECE):
-        some = _changes(stored, max(start - 1, 0), min(start + 16 * _PIECE, size), held)
+    for start in range(0, size, BLOCK_SAMPLES):
+        some = _changes(stored, max(start - 1, 0), min(start + BLOCK_SAMPLES, size), held)
         single += int(np.count_nonzero(np.diff(some) == 1))
         count += some.size
         parts.append(some)

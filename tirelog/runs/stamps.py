@@ -164,19 +164,6 @@ class Stamps:
             last = int(index[-1]), float(stamps[-1])
         return (first, last) if first and last and first[0] != last[0] else None
 
-    def range(self, period: float, most: float = np.inf) -> tuple[float, float]:
-        """(least, largest) residual of the stamps against a clock of this period.
-
-        Of the first ones alone if these are further apart than `most` [s].
-        """
-        low, high = np.inf, -np.inf
-        for index, stamps in self.known():
-            residual = stamps - period * self.clock_index(index)
-            low, high = min(low, float(residual.min())), max(high, float(residual.max()))
-            if high - low > most:
-                break
-        return low, high
-
     def rough_period(self) -> float:
         """T from differences over long stretches, by their median; 0 if stamps do not rise.
 

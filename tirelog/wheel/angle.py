@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tirelog.data.plausibility import doubt_of_vehicle
-from tirelog.data.recording import Channel, Recording
+from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.dsp.pitch import (
     KNOT_STEP_S,
     LEAST_TURNS,
@@ -54,10 +54,6 @@ from tirelog.wheel.rolling import WheelTurns, rolling
 # sign, or by a speed at which nobody drives backwards.
 
 
-#: samples of the vehicle's speed read at once
-PIECE = 1 << 17
-
-
 def means_between(channel: Channel, begin_s: FloatArray, end_s: FloatArray) -> FloatArray:
     """Means of a channel over stretches of time (n,); NaN if one has no sample, or no end."""
     means = np.full(begin_s.size, np.nan)
@@ -66,8 +62,8 @@ def means_between(channel: Channel, begin_s: FloatArray, end_s: FloatArray) -> F
             continue
         first, last = (int(index) for index in np.ceil(channel.axis.index(ends)))
         total, known = 0.0, 0
-        for at in range(first, max(last, first + 1), PIECE):
-            values = channel.read(at, min(at + PIECE, max(last, first + 1)))
+        for at in range(first, max(last, first + 1), BLOCK_SAMPLES):
+            values = channel.read(at, min(at + BLOCK_SAMPLES, max(last, first + 1)))
             total, known = total + float(np.nansum(values)), known + int(np.isfinite(values).sum())
         means[k] = total / known if known else np.nan
     return means
@@ -198,7 +194,8 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
     turn, pieces = 2 * steps, count_teeth(channel, found, steps)
     if found.form == "counter":
         counted, turn = teeth_of_counter(channel, steps)
-        pieces = (counted[at : at + PIECE] for at in range(0, counted.size, PIECE))
+        starts = range(0, counted.size, BLOCK_SAMPLES)
+        pieces = (counted[at : at + BLOCK_SAMPLES] for at in starts)
     learner, builder = PitchLearner(turn), KnotBuilder(turn)
     passages, missing, extra, sample = 0, 0, 0, np.zeros(0, TEETH)
     uneven = [np.zeros(0)]
@@ -283,7 +280,7 @@ def _by_angle(channel: Channel, steps: int) -> WheelAngle:
     rate = np.gradient(2 * np.pi * turns, time).astype(np.float32)
     function = AngleFunction(time, turns, 2 * np.pi, rate, np.zeros(time.size, np.int32), noise)
     backward, untold = np.diff(turns, prepend=turns[0]) < 0, np.zeros(1, bool)
-    pitch = PitchTable.zero(2 * steps)
+    pitch = PitchTable(np.zeros(2 * steps))
     return WheelAngle(
         channel.name, steps, "angle", function, pitch, backward, untold, np.zeros(0), ()
     )

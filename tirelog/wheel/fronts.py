@@ -36,8 +36,6 @@ from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 from tirelog.wheel.angle import WheelAngle
 from tirelog.wheel.pulses import decimate, patch_sign, pulses_in, spline, spline_at
 
-#: radians of a degree
-DEGREE = np.pi / 180
 #: samples read at once: their columns stay in the cache
 PIECE = 1 << 15
 
@@ -58,7 +56,7 @@ PASSAGE = np.dtype(
 
 #: the level is taken from this range beside each front [rad]; half of the first lies in the lobes
 #: of the front, twice the second reaches beyond the top of the wheel
-BESIDE = 25 * DEGREE, 130 * DEGREE
+BESIDE = np.radians(25.0), np.radians(130.0)
 #: and the level inside from this share of the patch, about its middle: beyond it a short patch
 #: bends already; doubled, lengths of 70 mm come out 1 % longer
 INSIDE = 0.35
@@ -181,7 +179,7 @@ FEWEST = 40
 INTERVALS, KNOTS = 40, 0.35
 #: longest step of a shift and of a growth [rad], and how far they lead; twice as long ones could
 #: leave the flank
-LONGEST, FARTHEST = 1.0 * DEGREE, 3.0 * DEGREE
+LONGEST, FARTHEST = np.radians(1.0), np.radians(3.0)
 #: passages over which errors are as large as what is left of the signal says; twice as many follow
 #: a change of road half as soon
 SMOOTH = 101
@@ -494,7 +492,7 @@ def _passages(
     )
     middle, half = 0.5 * (entry + leave), 0.5 * (leave - entry)
     climbing = np.fmax.accumulate(np.append(-np.inf, middle))
-    known = (middle > climbing[:-1]) & (half > 2.0 * DEGREE) & (half < 35.0 * DEGREE)
+    known = (middle > climbing[:-1]) & (half > np.radians(2.0)) & (half < np.radians(35.0))
     middle, half = middle[known], half[known]
     if middle.size < 3:
         return None
@@ -516,16 +514,16 @@ def _expected(
     The middles in rad; the rows are those of the former among the latter.
     """
     stretch = wheel.angle.stretch_at(wheel.angle.time_at(middle))
-    kept = np.ones(middle.size, bool)
+    kept, near = np.ones(middle.size, bool), np.radians(15.0)
     if abs(turn / (2 * np.pi) - 1) < 0.01:
         for number in np.unique(stretch):
             rows = np.flatnonzero(stretch == number)
             phase = np.sort(middle[rows] % (2 * np.pi))
             # of a wheel that turned round the patch has two places; the mean lies in neither
             spread = np.concatenate([phase, phase + 2 * np.pi])
-            ahead = np.searchsorted(spread, phase + 15 * DEGREE) - np.arange(phase.size)
+            ahead = np.searchsorted(spread, phase + near) - np.arange(phase.size)
             usual = float(np.median(spread[ahead.argmax() + np.arange(ahead.max())]))
-            kept[rows] = np.abs(np.angle(np.exp(1j * (middle[rows] - usual)))) < 15 * DEGREE
+            kept[rows] = np.abs(np.angle(np.exp(1j * (middle[rows] - usual)))) < near
     ends = middle[[0, -1]]
     middle = middle[kept]
     turns = np.maximum(np.rint(np.diff(middle) / turn).astype(np.int64), 1)

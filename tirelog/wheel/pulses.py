@@ -18,7 +18,7 @@ only a pulse of which the gap takes more than half is none.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, TimeAxis
-from tirelog.dsp.filters import PIECE_SAMPLES, SampleNoise
+from tirelog.dsp.filters import PIECE_SAMPLES, sample_noise
 from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
@@ -158,7 +158,7 @@ def _share(below: float, above: float, level: float) -> float:
 #     channel
 #         --block by block, buckets at fixed samples--> Decimated (float32, 1 byte per sample of the
 #                                                       log), noise and extremes beside
-#         --shorter buckets, if a pulse takes them (`shorter`)--> Decimated
+#         --shorter buckets, if a pulse takes them--> Decimated
 #
 # The median of a bucket ignores a single wild sample; a bucket that is lost is bridged by a
 # straight
@@ -200,55 +200,31 @@ def bucket_samples(rate_Hz: float) -> int:
     return 1 << int(np.log2(samples)) if samples >= 4 else 1
 
 
-def decimate(channel: Channel, sign: float, block_samples: int = AT_ONCE) -> Decimated:
-    """The channel by buckets, times `sign`.
+def decimate(
+    channel: Channel, sign: float, bucket: int = 0, block_samples: int = AT_ONCE
+) -> Decimated:
+    """The channel by buckets of so many samples, else by those of its rate, times `sign`.
 
     The buckets lie at fixed samples, whatever `block_samples`.
 
     A bucket is the median of its four quarters' means, of those that are not lost; a bucket of one
     sample is the median with its neighbours.
     """
-    bucket = bucket_samples(channel.axis.rate_Hz)
-    noise = SampleNoise(channel.size, channel.resolution)
+    bucket = bucket or bucket_samples(channel.axis.rate_Hz)
     medians = np.empty(-(-channel.size // bucket), np.float32)
-    low, high = np.inf, -np.inf
-    for start, values in _median_blocks(channel, sign, bucket, medians, block_samples):
-        noise.take(start, values)
-        low, high = np.fmin.reduce(values, initial=low), np.fmax.reduce(values, initial=high)
-    parts, extremes = _parts(channel.axis, bucket), (float(low), float(high))
-    return Decimated(_bridged(medians), bucket, parts, extremes, noise.sigma())
-
-
-def shorter(channel: Channel, data: Decimated, sign: float) -> Decimated:
-    """`data` of `channel` with buckets of a quarter of the samples, times `sign`."""
-    bucket = data.bucket // 4 if data.bucket >= 16 else 1
-    medians = np.empty(-(-channel.size // bucket), np.float32)
-    for _ in _median_blocks(channel, sign, bucket, medians, AT_ONCE):
-        pass
-    parts = _parts(channel.axis, bucket)
-    return replace(data, values=_bridged(medians), bucket=bucket, parts=parts)
-
-
-def _median_blocks(
-    channel: Channel, sign: float, bucket: int, medians: NDArray[np.float32], block_samples: int
-) -> Iterator[tuple[int, FloatArray]]:
-    """Fills `medians` (m,) with the buckets of the channel.
-
-    Yields (first sample, samples) of each block that it goes through.
-    """
-    step = -(-block_samples // PIECE_SAMPLES) * PIECE_SAMPLES
+    step, low, high = -(-block_samples // PIECE_SAMPLES) * PIECE_SAMPLES, np.inf, -np.inf
     margin = 1 if bucket == 1 else 0
     for start in range(0, channel.size, step):
-        first, stop = max(start - margin, 0), min(start + step, channel.size)
-        values = np.ascontiguousarray(
-            channel.read(first, min(stop + margin, channel.size)), dtype=np.float64
-        )
-        own = medians[start // bucket : -(-stop // bucket)]
+        read = channel.read(start - margin, start + step + margin)
+        values = np.ascontiguousarray(read, dtype=np.float64)
+        own = medians[start // bucket : (start + step) // bucket]
         if bucket == 1:
-            running_medians(values, start - first, sign, own)
+            running_medians(values, min(start, 1), sign, own)
         else:
             bucket_medians(values, bucket, sign, own)
-        yield start, values[start - first : stop - first]
+        low, high = np.fmin.reduce(values, initial=low), np.fmax.reduce(values, initial=high)
+    parts, extremes = _parts(channel.axis, bucket), (float(low), float(high))
+    return Decimated(_bridged(medians), bucket, parts, extremes, sample_noise(channel))
 
 
 def _parts(axis: TimeAxis, bucket: int) -> IntArray:
@@ -264,12 +240,12 @@ def _bridged(medians: NDArray[np.float32]) -> NDArray[np.float32]:
 
     Nothing at all if all are lost.
     """
-    known = np.isfinite(medians)
-    if not known.any():
+    lost = ~np.isfinite(medians)
+    if lost.all():
         return medians[:0]
-    lost = np.flatnonzero(~known)
-    if lost.size:  # the places take four times the room of the medians
-        medians[lost] = np.interp(lost, np.flatnonzero(known), medians[known])
+    if lost.any():  # the places take four times the room of the medians
+        known = np.flatnonzero(~lost)
+        medians[lost] = np.interp(np.flatnonzero(lost), known, medians[known])
     return medians
 
 
@@ -374,7 +350,7 @@ def pulses_in(
     # lies between two buckets looks two wide, however narrow it is, and below 1.2 it may be too low
     # to count.  Half as many would leave such pulses out
     while data.bucket > 1 and (usual(pulses["width"]) < 2.2 * data.bucket).any():
-        data = shorter(channel, data, sign)
+        data = decimate(channel, sign, data.bucket // 4 if data.bucket >= 16 else 1)
         pulses = _found(data, level, without)
     return _seen(channel.axis, pulses), data
 
