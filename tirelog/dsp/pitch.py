@@ -58,9 +58,8 @@ SUMS = np.dtype([("number", "f8"), ("total", "f8"), ("squares", "f8")])
 #: turns that a table needs; fewer leave it zero; twice as many leave short drives with the steps
 #: of the pattern in their speed
 LEAST_TURNS = 4
-#: tables that explain more of their deviations than this can be laid on one another, if one place
-#: is so much better than any other
-CLEAR, BETTER_PLACE = 0.5, 1.2
+#: tables are laid on one another where one place is so much better than any other
+BETTER_PLACE = 1.2
 
 
 @dataclass(frozen=True)
@@ -217,7 +216,8 @@ def _placing(reference: PitchTable, table: PitchTable) -> tuple[int, int, bool]:
 
     Its passages were counted forwards.
     """
-    size, clear = table.error_rad.size, min(table.repeats, reference.repeats) > CLEAR
+    # tables that explain more than half of their deviations can be laid on one another
+    size, clear = table.error_rad.size, min(table.repeats, reference.repeats) > 0.5
     if size % 2 or not (table.turns and clear):  # odd: a counter's, which has one stretch
         return 1, 0, False
     # a passage that is late at count c, seen backwards, is early at count -1 - c: the parity of

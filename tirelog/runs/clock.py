@@ -12,8 +12,9 @@ number):
 * no stamps: the rate of the setup or the file; a missing sample number is a gap.
 * stamps: a sample clock seen through them. T from differences over long stretches (their median,
   which isolated gaps do not move), then least squares with one T and a start for each segment. Its
-  rate is the setup's, the file's or a round one if these agree with the stamps.  If many stamps are alike or nearly so (one second's resolution, buffers that arrive
-  in bunches) only the first stamp of each bunch takes part.  A lasting rise of r by half a period
+  rate is the setup's, the file's or a round one if these agree with the stamps.  If many stamps
+  are alike or nearly so (one second's resolution, buffers that arrive in bunches) only the first
+  stamp of each bunch takes part.  A lasting rise of r by half a period
   is a gap: a new segment starts there.  A passing one is a late stamp and is repaired.  A lasting
   fall by one period is a repeated row, which gets a segment of its own, half a period after its
   neighbour; a larger one is a clock that was set back: the sample clock runs on.  A few stamps at
@@ -62,15 +63,6 @@ _MOST_POINTS = 1 << 20
 #: ticks averaged to one point of the clock: the first sample of a tick lies anywhere in a period,
 #: which the mean of 16 tells to 0.07 of it; twice as many follow a change of rate half as quickly
 _TICKS = 16
-#: ticks on each side whose median is the usual rate about a tick; twice as many follow a rate that
-#: wanders half as quickly
-_ABOUT = 15
-#: samples per tick below which a stamp is no coarse one; twice as many leave finer stamps to the
-#: plain fit
-_LEAST_PER_TICK = 4.0
-#: stamps of a steady clock stay within one tick of their line; beyond so many its rate wanders;
-#: twice as many put a clock that wanders by up to four ticks on one straight line
-_STRAYS_TICKS = 2.0
 #: samples that a tick lacks before they count as missing: a steady one has one more or less; twice
 #: as many leave gaps of up to three samples unsaid
 _MISSING = 1.6
@@ -101,7 +93,9 @@ def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | 
 
     `period` is roughly the sample's [s], `resolution_s` the tick of the stamps.
     """
-    if not stamps.bunched or resolution_s < _LEAST_PER_TICK * period:
+    # samples per tick below which a stamp is no coarse one; twice as many leave finer stamps to the
+    # plain fit
+    if not stamps.bunched or resolution_s < 4.0 * period:
         return None
     index, k, stamp = _points(stamps, period)
     if k.size < 4 * _TICKS or not (np.diff(stamp) > 0.0).all():
@@ -113,7 +107,9 @@ def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | 
     from scipy.ndimage import median_filter  # a twentieth of a second, for few logs
 
     steps, samples = np.diff(stamp), np.diff(k)
-    rate = median_filter(samples / steps, 2 * _ABOUT + 1, mode="nearest")
+    # the usual rate about a tick is the median of so many; twice as many follow a rate that wanders
+    # half as quickly
+    rate = median_filter(samples / steps, 31, mode="nearest")
     lacking = steps * rate - samples
     usual = 1.4826 * float(np.median(np.abs(lacking - np.median(lacking))))
     lacks = lacking > max(_MISSING, _UNUSUAL * usual)
@@ -131,7 +127,9 @@ def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | 
             at = start + int(lacking[start:stop].argmax())
             missing[at] = lasting
             gaps.append((int(index[at + 1]), lasting))
-    strays = _strays(k, stamp, missing) > _STRAYS_TICKS * resolution_s
+    # stamps of a steady clock stay within one tick of their line; beyond so many its rate wanders;
+    # twice as many put a clock that wanders by up to four ticks on one straight line
+    strays = _strays(k, stamp, missing) > 2.0 * resolution_s
     return Ticks(gaps, wrong, _wandering(stamps, k, stamp, missing, gaps) if strays else None)
 
 
@@ -195,22 +193,12 @@ def _points(stamps: Stamps, period: float) -> tuple[IntArray, IntArray, FloatArr
 #: share of a period by which a clock's stamps may stray, unless a rate is declared; twice as much
 #: puts stamps that stray by a fifth of a period on an even grid
 _JITTER = 0.1
-#: a lost sample looks like a drift where a period has no more last digits than this, and leaps
-#: are worth a sentence up to this share of the samples; with twice the first, sentences on leaps of
-#: rounding; with twice the share, on stamps that tremble
-_HIDES, _SELDOM = 1.2, 1e-3
 #: the error of a rate that tables hold, as a share; half of it is below that of most radii, twice
-#: as much is as large as that of a good speed; what is refused is a hundred times as much
-_VAGUE, _MOST_VAGUE = 1e-4, 1e-2
-#: a declared rate is contradicted by stamps that differ by this share, and absurd beyond this
-#: factor; twice as much leaves rates that are wrong by 0.4 % unsaid
-_CONTRADICTS, _ABSURD = 0.002, 1.2
+#: as much is as large as that of a good speed
+_VAGUE = 1e-4
 #: samples below which the first and the last stamp tell the period, if no stretch does; twice as
 #: many let the two ends tell the period of logs of up to fifteen samples
 _FEW = 8
-#: with more leaps than this a column of numbers is no sample counter; twice as many take twice the
-#: memory before it is given up
-_MOST_LEAPS = 100_000
 
 
 class ClockFit:
@@ -280,7 +268,9 @@ class ClockFit:
             ]
         )
         leaps = np.flatnonzero(steps > 1.5 * self._number_step)
-        if len(self._missing) + leaps.size > _MOST_LEAPS:
+        # with more leaps than this a column of numbers is no sample counter; twice as many take
+        # twice the memory before it is given up
+        if len(self._missing) + leaps.size > 100_000:
             self._leaping, self._missing, leaps = True, [], leaps[:0]
             self.remarks.append(
                 "the sample numbers leap too often to be sample numbers; they were not used"
@@ -409,14 +399,18 @@ class ClockFit:
             # the first stamp of a tick is half a tick early or late, the same all along or not
             share = max(error / period, 1.0 / reach, self._grown_s / (reach * period))
             given = declared is not None and period == 1.0 / declared
-            if share > _MOST_VAGUE and not given and self.size >= _FEW:
+            # a rate that is known to less than this tells no speed
+            if share > 1e-2 and not given and self.size >= _FEW:
                 coarse_stamps = f"stamps of {self.resolution_s:g} s, too coarse for a rate"
                 return self._by_rate(declared, f"{coarse_stamps} (an error of {share:.1%})")
             return replace(axis, rate_error=share if share > _VAGUE and not given else 0.0)
-        if rounding and period < _HIDES * rounding:
+        # a lost sample looks like a drift where a period has no more last digits than this, and
+        # leaps are worth a sentence up to this share of the samples; with twice the first,
+        # sentences on leaps of rounding; with twice the share, on stamps that tremble
+        if rounding and period < 1.2 * rounding:
             # a sample may lack that stamps of so few digits cannot tell from a drift
             up, down, first = stamps.leaps(rough, rounding)
-            if up > down and up + down <= _SELDOM * self.size:
+            if up > down and up + down <= 1e-3 * self.size:
                 self.remarks.append(
                     f"the stamps leap by a last digit of {rounding:g} s before {up - down} of the "
                     f"samples (first: {first}): one was lost at each, or a clock drifts; no gap "
@@ -448,13 +442,15 @@ class ClockFit:
             if not declared:
                 continue
             factor = max(declared / rate, rate / declared)
-            if factor > _ABSURD and said == "the setup":
+            # a declared rate is contradicted by stamps that differ by this share, and absurd beyond
+            # this factor; twice as much leaves rates that are wrong by 0.4 % unsaid
+            if factor > 1.2 and said == "the setup":
                 raise SetupError(
                     f"sampling_rate_Hz = {declared:g}, but the stamps say {rate:.6g} Hz",
                     allowed="allowed is a rate that the stamps bear out",
                     do="mend sampling_rate_Hz, or time and time_unit, under [log]",
                 )
-            if factor - 1.0 > _CONTRADICTS:
+            if factor - 1.0 > 0.002:
                 followed = "the stamps were followed"
                 self.remarks.append(
                     f"{said} says {declared:g} Hz, the stamps say {rate:.6g} Hz; {followed}"

@@ -61,9 +61,6 @@ _ROUNDED, _JUMPING = 1.1, 0.005
 #: this share are one number of them, as rows that stand twice or lack show where more are; steps
 #: are whole ticks to this share of one, and stamps stay this near their line [ticks]
 _STRETCHES, _STRETCH, _ALIKE, _WHOLE, _BOUND = 32, 256, 0.97, 1e-3, 1.2
-#: a pause is told if samples without a clock leave out this many usual steps; twice as many leave
-#: pauses of up to twenty steps unsaid
-_PAUSE = 10.0
 
 
 #: a lasting change of level: its first sample behind, and by how much later stamps are from there
@@ -362,8 +359,10 @@ class Stamps:
             if done == 0 and good.size and good[0] > 0:
                 times[: good[0]] = known[0] - step * np.arange(good[0], 0, -1)
             repaired += whole - int((good < whole).sum())
+            # a pause is told if samples without a clock leave out this many usual steps; twice as
+            # many leave pauses of up to twenty steps unsaid
             far += (
-                done + np.flatnonzero(np.diff(times[:whole], prepend=times[0]) > _PAUSE * step)
+                done + np.flatnonzero(np.diff(times[:whole], prepend=times[0]) > 10.0 * step)
             ).tolist()
             out.append(np.asarray(times[:whole], np.float64))
             medians.append(step)

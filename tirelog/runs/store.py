@@ -67,13 +67,13 @@ from tirelog.vocabulary.quality import Doubt, Quality, flag_of
 
 #: of the run's layout; another one is refused
 FORMAT_VERSION = 2
-#: of a foreign run's words for its doubts at most so many are named, and so many letters of each
-MOST_WORDS, MOST_LETTERS = 5, 40
 #: samples beyond a slice that are looked at for the readings of a twin grating on either side of a
 #: lost one; twice as many bridge gaps in the temperature that are twice as long by a straight line
 _TWIN_REACH = 4096
 #: decimals of a count: more than any instrument writes, and a power of ten that is finite
 MOST_DECIMALS = 64
+#: objects in a run: ten thousand channels with their flags
+MOST_OBJECTS = 1 << 16
 #: of each dataset, two chunks; the default of HDF5 2 is 8 MB, which many channels multiply
 _CACHE_BYTES = 1 << 18
 #: how a kept run's samples are stored
@@ -85,8 +85,6 @@ COLUMN_DIGEST = "sha256"
 #: bytes of the provenance's text, of which one line for each chunk of ten hours that is damaged
 #: takes less; and numbers of a small dataset, a segment or a flag each
 LARGEST = 1 << 24
-#: objects in a run: ten thousand channels with their flags
-MOST_OBJECTS = 1 << 16
 #: largest time [s] from a log's start, below which a clock stays that jumps from 1970 to today, and
 #: largest rate [Hz] that a run may state
 LATEST_S, FASTEST_HZ = 1e11, 1e9
@@ -341,8 +339,9 @@ def recording_of(run: Run, log: str, setup: Setup | None = None) -> Recording:
             channels[name] = replace(channel, axis=even)
             said.append(f"{name}: its samples are even, the stamps scatter about their times")
     if run.foreign:
-        some = sorted(run.foreign)[:MOST_WORDS]
-        shown = ", ".join(printable(word[:MOST_LETTERS]) for word in some)
+        # a foreign run may have many words, and long ones
+        some = sorted(run.foreign)[:5]
+        shown = ", ".join(printable(word[:40]) for word in some)
         said.append(
             f"the run has doubts that this version of tirelog does not know ({shown}); the rows "
             f"about them are marked {Quality.FOREIGN_DOUBT.word}; read it with the version that "

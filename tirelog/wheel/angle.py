@@ -105,10 +105,6 @@ def untold_stretches(angle: AngleFunction, stretches: Records) -> BoolArray:
 
 #: width of the speed's window: -3 dB at 20 Hz, the low-pass of P4; twice as wide, at 10 Hz
 SPEED_WINDOW_S = 0.443 / 20.0
-#: a table that explains more than this share of the deviations repeats; another number of steps
-#: must explain so much more than the setup's; twice the lead keeps a setup's wrong number of steps
-#: where both explain much
-REPEATS, BETTER = 0.8, 0.2
 
 
 @dataclass(frozen=True)
@@ -326,7 +322,10 @@ def _pitch_remarks(
     channel: Channel, form: str, steps: int, pitch: PitchTable, sample: Records, edge_s: float
 ) -> list[str]:
     """Sentences on the pitch table; `edge_s` [s] the error of an edge between samples."""
-    if pitch.repeats >= REPEATS or (form == "counter" and pitch.turns == 0):
+    # a table that explains more than this share of the deviations repeats; another number of steps
+    # must explain so much more than the setup's; twice the lead keeps a setup's wrong number of
+    # steps where both explain much
+    if pitch.repeats >= 0.8 or (form == "counter" and pitch.turns == 0):
         return []
     if pitch.turns == 0:
         return [
@@ -334,7 +333,7 @@ def _pitch_remarks(
             "pitch errors are not learnt"
         ]
     other, share, own = steps_that_repeat(sample, steps, pitch.error_rad.size, edge_s)
-    if not (share > own + BETTER and steps % other):
+    if not (share > own + 0.2 and steps % other):
         return []
     return [
         f"channel {channel.name}: the learnt pitch table does not repeat with {steps} steps, it "

@@ -129,10 +129,6 @@ SLOW_M_S2 = 0.03
 #: CO2MPAS completes them, for f2 of 0.025 to 0.038), and a gearbox adds to f1. Twice the deviation
 #: doubles the error of a delay beside a trend that bends, and leaves that of one beside none
 DRAG_M_S, DRAG_SD_M_S = 6.0, 6.0
-#: phase shift [deg/(m/s)^2] by which the air drag of a car winds up a driven wheel, as long as it
-#: does not coast, and its standard deviation: f2 / 2 of 0.12 to 0.22 kg/m, 1.6e-4 to 6.5e-4 deg/N
-#: by sidewalls of 1.5e5 to 6e5 N/m^2. Twice the deviation doubles its share in a delay's error
-WIND_UP_DEG, WIND_UP_SD_DEG = 7e-5, 5e-5
 #: the channel by which a shift's map is freed of what is force
 FORCE = "longitudinal_force"
 #: passages and range of speed [m/s] that a map needs: the mean of so many is known to a fifth of
@@ -327,8 +323,11 @@ def _speed_map(
     design = np.stack([*columns, *nuisances], axis=1)
     if coasting and not by_force:  # its size is known beforehand, as by one passage more
         known = np.eye(design.shape[1])[-1:]
-        design, y = np.vstack([design, known]), np.append(y, WIND_UP_DEG)
-        se = np.append(se, WIND_UP_SD_DEG)
+        # [deg/(m/s)^2] by which the air drag of a car winds up a driven wheel, as long as it does
+        # not coast, and its deviation: f2 / 2 of 0.12 to 0.22 kg/m, 1.6e-4 to 6.5e-4 deg/N by
+        # sidewalls of 1.5e5 to 6e5 N/m^2. Twice the deviation doubles its share in a delay's error
+        design, y = np.vstack([design, known]), np.append(y, 7e-5)
+        se = np.append(se, 5e-5)
     at = len(columns) - 2
     solved, covariance, residual = least_squares(design, y, se)
     return SpeedMap(

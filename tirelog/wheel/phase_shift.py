@@ -43,15 +43,9 @@ from tirelog.wheel.rolling import off_clock
 # channel --the log's extremes, if samples pile up there--> limits of the sensor or of the converter
 
 
-#: so many equal samples in a row do not happen under noise: with EQUAL_SHARE of equal neighbours
-#: once in 3e8 samples.  Twice as many would take held values of up to 11 samples for measured
+#: so many equal samples in a row do not happen under noise: with 0.02 of equal neighbours once in
+#: 3e8 samples.  Twice as many would take held values of up to 11 samples for measured
 HELD = 6
-#: a channel with more equal neighbours than this has no noise to tell by; with twice as many equal
-#: ones HELD of them would happen by chance once in 1e7 samples
-EQUAL_SHARE = 0.02
-#: samples at the extreme of a log that clips, at least; twice as many miss clips of up to
-#: eleven
-PILED_UP = 6
 
 
 def without_held(channel: Channel, low: float, high: float) -> Channel:
@@ -63,7 +57,9 @@ def without_held(channel: Channel, low: float, high: float) -> Channel:
     pieces = [channel.read(int(s), int(s) + 4096) for s in starts]
     pieces = [p[(p > low) & (p < high)] for p in pieces]
     shares = [float(np.mean(np.diff(p) == 0)) for p in pieces if p.size > 1]
-    if not shares or np.median(shares) > EQUAL_SHARE:
+    # a channel with more equal neighbours than this has no noise to tell by; with twice as many
+    # equal ones HELD of them would happen by chance once in 1e7 samples
+    if not shares or np.median(shares) > 0.02:
         return channel
 
     def read(start: int, stop: int) -> FloatArray:
@@ -92,7 +88,8 @@ def limits(channel: Channel) -> tuple[float, float, float]:
         piles[further != ends] = 0
         ends, known = further, known + x.size
         piles += [np.sum(x == end) for end in ends]
-    piled = piles >= PILED_UP
+    # samples at the extreme of a log that clips, at least; twice as many miss clips of up to eleven
+    piled = piles >= 6
     low, high = np.where(piled, ends, [-np.inf, np.inf])
     return float(low), float(high), float(piles[piled].sum() / max(known, 1))
 
@@ -214,12 +211,6 @@ def doubts(
 #: the zero is sought in stretches below this speed [m/s] (P4: about 10): drag, which moves it, goes
 #: with the square; doubled, it is four times as large
 LOW_SPEED_M_S = 13.0
-#: usual rms beside the patch, in sigmas of a sample, of an accelerometer that hums; on a road it is
-#: 1.2 to 4
-RESTLESS = 5.0
-#: a constant speed: steps below this from passage to passage (P1 section 4), over at least so many
-#: passages, within this range; twice the step or range takes gentle braking for a constant speed
-STEADY_STEP_M_S, STEADY_PASSAGES, STEADY_RANGE_M_S = 0.08, 8, 0.6
 
 
 @dataclass(frozen=True)
@@ -328,7 +319,9 @@ def _passages(
     middle = np.where(found, 0.5 * (entry + leave), fronts["middle_rad"])
     time, turns = turns_about(wheel, middle, radius.radius_m)
     speed = radius.radius_m * wheel.speed_rad_s(time)
-    low, high = (wheel.angle.time_at(middle + side * (np.radians(15.0) + 0.3)) for side in (-1.0, 1.0))
+    low, high = (
+        wheel.angle.time_at(middle + side * (np.radians(15.0) + 0.3)) for side in (-1.0, 1.0)
+    )
     quality = (
         fronts["quality"]
         | wheel.quality(np.nan_to_num(low, nan=-1.0), np.nan_to_num(high, nan=np.inf))
@@ -362,7 +355,9 @@ def _passages(
     width_se = np.degrees(fronts["width_se_rad"])
     # a road makes the patch wider and narrower from turn to turn, which is no error, and hardly
     # moves it; a hum does both
-    if found.any() and np.median(fronts["restless"][found]) > RESTLESS:
+    # usual rms beside the patch, in sigmas of a sample, of an accelerometer that hums; on a road it
+    # is 1.2 to 4
+    if found.any() and np.median(fronts["restless"][found]) > 5.0:
         wider = widened(turn, middle_se, quality)
         middle_se, width_se = wider, width_se * wider / middle_se
     means = {}
@@ -463,13 +458,15 @@ def steady_passages(speed: FloatArray, clean: np.ndarray) -> IntArray:
 
     From 0 in order of time.
     """
-    joined = clean[1:] & clean[:-1] & (np.abs(np.diff(speed)) < STEADY_STEP_M_S)
+    # steps of a constant speed from passage to passage (P1 section 4); twice the step, or twice the
+    # range below, takes gentle braking for a constant speed
+    joined = clean[1:] & clean[:-1] & (np.abs(np.diff(speed)) < 0.08)
     stretch, number, first = np.full(speed.size, -1, np.int64), 0, 0
     for stop in range(1, speed.size + 1):
         goes_on = stop < speed.size and joined[stop - 1]
-        if goes_on and abs(speed[stop] - speed[first]) < STEADY_RANGE_M_S / 2:
+        if goes_on and abs(speed[stop] - speed[first]) < 0.3:
             continue
-        if stop - first >= STEADY_PASSAGES:
+        if stop - first >= 8:
             stretch[first:stop], number = number, number + 1
         first = stop
     return stretch

@@ -167,9 +167,6 @@ def _share(below: float, above: float, level: float) -> float:
 
 #: samples read at once: they stay in the cache until they are done with
 AT_ONCE = 1 << 17
-#: length of a bucket [s], before any is made shorter: at 25 m/s a patch of 0.1 m takes 4 ms;
-#: buckets twice as long need shorter ones from half the speed on
-BUCKET_S = 1.6e-3
 
 
 @dataclass(frozen=True)
@@ -196,7 +193,9 @@ class Decimated:
 
 def bucket_samples(rate_Hz: float) -> int:
     """Samples a bucket: 1, 4, 8, 16 ..."""
-    samples = BUCKET_S * rate_Hz
+    # length of a bucket [s], before any is made shorter: at 25 m/s a patch of 0.1 m takes 4 ms;
+    # buckets twice as long need shorter ones from half the speed on
+    samples = 1.6e-3 * rate_Hz
     return 1 << int(np.log2(samples)) if samples >= 4 else 1
 
 
@@ -258,9 +257,6 @@ LEAST_SIGMAS = 8.0
 #: pulses on either side whose widths are the usual one; twice as many pulses tell it of a speed
 #: that changes over twice as many
 REACH = 3
-#: radial acceleration outside the patch [m/s^2], over this time [s]; below the least (3 m/s on a
-#: car's wheel) nothing is looked for; twice the least leaves wheels below 4.2 m/s without passages
-LEVEL_S, LEAST_LEVEL, LEAST_LEVEL_SIGMAS = 0.5, 30.0, 12.0
 
 
 def _turning_points(values: NDArray[np.float32], least: float) -> IntArray:
@@ -369,14 +365,16 @@ def _found(data: Decimated, level: Level | None, without: int) -> Records:
 
 
 def _level(channel: Channel, data: Decimated) -> Level:
-    """Median size of the values over pieces of LEVEL_S, never below the least.
+    """Median size of the values over pieces of half a second, never below the least.
 
     With straight lines between their middles.
     """
-    size = max(int(LEVEL_S * channel.axis.rate_Hz / data.bucket), 1)
+    size = max(int(0.5 * channel.axis.rate_Hz / data.bucket), 1)
     firsts = np.arange(0, data.values.size, size)
     medians = [float(np.median(np.abs(data.values[first : first + size]))) for first in firsts]
-    least = max(LEAST_LEVEL, LEAST_LEVEL_SIGMAS * data.noise)
+    # below 30 m/s^2 (3 m/s on a car's wheel) nothing is looked for; twice the least leaves wheels
+    # below 4.2 m/s without passages
+    least = max(30.0, 12.0 * data.noise)
     middles = data.index(np.asarray(firsts + 0.5 * size, np.float64))
     return partial(np.interp, xp=middles, fp=np.maximum(medians, least))
 
@@ -403,13 +401,6 @@ def usual(values: FloatArray) -> FloatArray:
 # ---- Which way the patch points.
 
 
-#: which way radial acceleration's patch points is told from so many pieces of this length [s]: a
-#: turn or more above 2 m/s, and the level outside changes little within.  This share of each side
-#: is taken for wild: a fifth of the patch's own share of a turn; twice as many look twice as long,
-#: as twice as many samples of each do
-SIGN_PIECES, SIGN_S, SIGN_CUT, SIGN_SAMPLES = 64, 1.0, 0.01, 2500
-
-
 def patch_sign(channel: Channel) -> float:
     """+1 if the patch is a maximum of the recorded signal, -1 if it is a minimum.
 
@@ -424,19 +415,21 @@ def patch_sign(channel: Channel) -> float:
 
 
 def _third_moment(channel: Channel) -> float:
-    """Sum of the third moments of pieces of SIGN_S from all over the channel.
+    """Sum of the third moments of pieces of a second from all over the channel.
 
     Each about its own median, wild samples cut to size.
     """
-    size = min(max(int(SIGN_S * channel.axis.rate_Hz), 1), BLOCK_SAMPLES)
+    # a turn or more above 2 m/s, and the level outside changes little within
+    size = min(max(int(channel.axis.rate_Hz), 1), BLOCK_SAMPLES)
     total = 0.0
     for start in np.unique(
-        np.linspace(0, max(channel.size - size, 0), SIGN_PIECES).astype(np.int64)
+        np.linspace(0, max(channel.size - size, 0), 64).astype(np.int64)
     ).tolist():
-        some = channel.read(start, start + size)[:: -(-size // SIGN_SAMPLES)]
+        some = channel.read(start, start + size)[:: -(-size // 2500)]
         some = some[np.isfinite(some)]
         if some.size:
-            low, middle, high = np.quantile(some, [SIGN_CUT, 0.5, 1.0 - SIGN_CUT])
+            # the share of each side that is taken for wild is a fifth of the patch's in a turn
+            low, middle, high = np.quantile(some, [0.01, 0.5, 0.99])
             total += float(np.sum((np.clip(some, low, high) - middle) ** 3))
     return total
 
