@@ -335,7 +335,8 @@ def even_axis(channel: Channel) -> TimeAxis | None:
     for first, time in pieces:
         values = channel.read(first, first + PIECE_SAMPLES)
         slope = 0.25 * (values[4:] - values[:-4])
-        late, off = slope * _off_cubic(time / period), _off_cubic(values)
+        # less the cubic through four neighbours
+        late, off = slope * np.diff(time / period, 4) / 6.0, np.diff(values, 4) / 6.0
         known = np.isfinite(late + off)
         follows.append(float(late[known] @ off[known]))
         moved.append(float(late[known] @ late[known]))
@@ -357,11 +358,6 @@ def stamp_scatter(axis: TimeAxis) -> float:
     starts = np.linspace(0, max(axis.size - PIECE_SAMPLES, 0), PIECES).astype(np.int64).tolist()
     sigmas = [white_noise(axis.time(s, s + PIECE_SAMPLES)) for s in starts]
     return float(np.median(sigmas)) * axis.rate_Hz
-
-
-def _off_cubic(values: FloatArray) -> FloatArray:
-    """What `values` (n,) leave of the cubic through their four neighbours, (n - 4,)."""
-    return np.asarray(np.diff(values, 4) / 6.0)
 
 
 #: longest running mean that is looked for [samples], and the shortest that third differences show

@@ -311,10 +311,12 @@ class ClockFit:
                 "sort them by their stamps, the oldest first",
             )
             if not declared:
-                allowed = "allowed are rising ones"
-                raise ReadError(f"the stamps fall: {what}", allowed=allowed, do=do)
-            used = "the declared rate was used for the time axis"
-            self.remarks.append(f"the stamps fall; {used}; if {what}, {do}")
+                raise ReadError(
+                    f"the stamps fall: {what}", allowed="allowed are rising ones", do=do
+                )
+            self.remarks.append(
+                f"the stamps fall; the declared rate was used for the time axis; if {what}, {do}"
+            )
             return self._by_rate(declared)
         if self.edges:
             return self._explicit(stamps)
@@ -358,13 +360,16 @@ class ClockFit:
             wanders = f"the sampling rate wanders between {low:.4g} and {high:.4g} Hz"
             if not self.setup_rate_Hz:
                 self._count("stamps_repaired", sum(b - a for a, b in seen.wrong))
-                step = f"{self.resolution_s:g} s"
-                self.remarks.append(f"{wanders}; times follow the stamps, whose step is {step}")
+                self.remarks.append(
+                    f"{wanders}; times follow the stamps, whose step is {self.resolution_s:g} s"
+                )
                 for index, samples in seen.gaps:
                     self._gap(index, samples)
                 return TimeAxis.read_by(times, self.size, middle)
-            followed = "without sampling_rate_Hz in the setup they are followed"
-            self.remarks.append(f"the stamps say that {wanders}; {followed}")
+            self.remarks.append(
+                f"the stamps say that {wanders}; without sampling_rate_Hz in the setup they are "
+                "followed"
+            )
         noise, rounded = stamps.noise(rough, self.resolution_s)
         noise = max(noise, 0.0 if stamps.bunched else 0.3 * self.resolution_s)
         jumps: list[Jump] = [(index, n * rough) for index, n in seen.gaps] if seen else []
@@ -401,8 +406,11 @@ class ClockFit:
             given = declared is not None and period == 1.0 / declared
             # a rate that is known to less than this tells no speed
             if share > 1e-2 and not given and self.size >= _FEW:
-                coarse_stamps = f"stamps of {self.resolution_s:g} s, too coarse for a rate"
-                return self._by_rate(declared, f"{coarse_stamps} (an error of {share:.1%})")
+                return self._by_rate(
+                    declared,
+                    f"stamps of {self.resolution_s:g} s, too coarse for a rate (an error of "
+                    f"{share:.1%})",
+                )
             return replace(axis, rate_error=share if share > _VAGUE and not given else 0.0)
         # a lost sample looks like a drift where a period has no more last digits than this, and
         # leaps are worth a sentence up to this share of the samples; with twice the first,
@@ -451,9 +459,9 @@ class ClockFit:
                     do="mend sampling_rate_Hz, or time and time_unit, under [log]",
                 )
             if factor - 1.0 > 0.002:
-                followed = "the stamps were followed"
                 self.remarks.append(
-                    f"{said} says {declared:g} Hz, the stamps say {rate:.6g} Hz; {followed}"
+                    f"{said} says {declared:g} Hz, the stamps say {rate:.6g} Hz; the stamps were "
+                    "followed"
                 )
             self._count("clock_drift_ppm", round(abs(rate / declared - 1.0) * 1e6))
         rounds = [float(f"{rate:.{digits}g}") for digits in (1, 2, 3, 4, 5)]

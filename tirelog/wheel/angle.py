@@ -31,7 +31,6 @@ from tirelog.dsp.teeth import (
     SLOW_S,
     TEETH,
     FASTEST_BACK_Hz,
-    Probe,
     count_teeth,
     probe,
     teeth_of_counter,
@@ -209,7 +208,9 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
     pitch, knots = learner.table(stretches), builder.knots()
     # an edge lies anywhere between two samples
     edge_s = 0.0 if found.form == "sine" else 1.0 / channel.axis.rate_Hz / np.sqrt(12.0)
-    noise = builder.noise_rad(otherwise=_noise(found, steps))
+    # of one passage: the noise over the slope, five samples
+    alone = found.noise / max(found.amplitude, np.finfo(float).tiny) / steps / np.sqrt(5.0)
+    noise = builder.noise_rad(otherwise=float(alone))
     function = angle_function(knots, pitch.error_rad, stretches, noise, edge_s)
     backward = ~knots["forward"] | (stretches["sign"][knots["stretch"]] < 0)
     untold = untold_stretches(function, stretches)
@@ -236,14 +237,6 @@ def _uneven_times(teeth: Records) -> FloatArray:
     begun = np.diff(teeth["stretch"], append=teeth["stretch"][-1:]) > 0
     mended = (teeth["missing"] > 0) | (teeth["extra"] > 0) | teeth["hole"]
     return np.asarray(time[mended | begun | (teeth["uneven"] & ~slow)])
-
-
-def _noise(found: Probe, steps: int) -> float:
-    """Standard deviation [rad] of one passage if the log is too short to show it.
-
-    The noise over the slope, five samples.
-    """
-    return float(found.noise / max(found.amplitude, np.finfo(float).tiny) / steps / np.sqrt(5.0))
 
 
 def _too_few(channel: Channel, form: str, passages: int, steps: float) -> DataLoss:

@@ -522,12 +522,6 @@ def _expected(
     turns = np.maximum(np.rint(np.diff(middle) / turn).astype(np.int64), 1)
     row = np.concatenate([[0], np.cumsum(turns)])
     before, after = np.rint(np.abs(middle[[0, -1]] - ends) / turn).astype(np.int64)
-    inside = np.interp(np.arange(row[-1] + 1), row, middle)
-    expected = np.concatenate(
-        [
-            inside[0] - turn * np.arange(before, 0, -1),
-            inside,
-            inside[-1] + turn * np.arange(1, after + 1),
-        ]
-    )
-    return kept, expected, row + before
+    every = np.arange(-before, row[-1] + after + 1)
+    beyond = np.minimum(every, 0) + np.maximum(every - row[-1], 0)
+    return kept, np.interp(every, row, middle) + turn * beyond, row + before

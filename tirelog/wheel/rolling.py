@@ -93,7 +93,9 @@ class Odometer:
             parts.append(rows[:, kept])
             tail = rows[2:, -1]
         table = np.concatenate(parts, axis=1)
-        if hold > 1 and table.size:
+        if table.shape[1] < 2:
+            table = np.full((5, 2), np.nan)
+        elif hold > 1:
             table = _held(table, 0.5 * (hold - 1) / speed.axis.rate_Hz)
         time, value, distance, hole, changes = table
         return cls(time, distance, value, hole, changes, step, hold > 1 or apart == 1)
@@ -104,8 +106,6 @@ class Odometer:
         NaN outside of the channel and in its holes. Between two times with another number of holes
         samples are missing, and their distance is not known.
         """
-        if self.time_s.size < 2:
-            return np.full(time_s.size, np.nan), np.zeros(time_s.size)
         low = np.clip(
             np.searchsorted(self.time_s, time_s, side="right") - 1, 0, self.time_s.size - 2
         )
@@ -128,8 +128,6 @@ class Odometer:
 
         A line over a time h is off by a twelfth of h^2 for each change of the acceleration.
         """
-        if self.time_s.size < 3:
-            return np.zeros(begin_s.size)
         step = np.diff(self.time_s)
         with np.errstate(invalid="ignore", divide="ignore"):
             bends = (
@@ -149,7 +147,7 @@ class Odometer:
 
     def changed(self, time_s: FloatArray) -> FloatArray:
         """Changes of the reading before times of shape (n,)."""
-        return np.interp(time_s, self.time_s, self.changes) if self.time_s.size else 0.0 * time_s
+        return np.interp(time_s, self.time_s, self.changes)
 
 
 def _samples(speed: Channel) -> Iterator[tuple[FloatArray, FloatArray]]:
