@@ -116,11 +116,6 @@ def lowpassed(
     return np.fft.irfft(shaped, n=count * upsample, axis=1)
 
 
-#: the stop band begins at this multiple of the pass edge; its weight against the pass band's
-#: relative error
-STOP, STOP_WEIGHT = 1.3, 0.02
-
-
 def averaging_gain(omega: FloatArray, averaged: int) -> FloatArray:
     """Gain of the mean of `averaged` samples at `omega` [rad per mean] of the means' own rate."""
     fine = np.asarray(omega, float) / averaged
@@ -143,9 +138,11 @@ def differentiator(rate_Hz: float, edge_Hz: float, averaged: int = 1) -> FloatAr
     place = np.arange(1, half + 1)
     edge = 2.0 * np.pi * edge_Hz / rate_Hz
     passed = (np.arange(8 * half) + 0.5) / (8 * half) * edge
-    stopped = np.linspace(min(STOP * edge, np.pi), np.pi, 8 * half, endpoint=False)
+    # the stop band begins at this multiple of the pass edge; its weight against the pass band's
+    # relative error
+    stopped = np.linspace(min(1.3 * edge, np.pi), np.pi, 8 * half, endpoint=False)
     passing = 2.0 * np.sin(np.multiply.outer(passed, place)) / passed[:, None]
-    stopping = 2.0 * STOP_WEIGHT / edge * np.sin(np.multiply.outer(stopped, place))
+    stopping = 2.0 * 0.02 / edge * np.sin(np.multiply.outer(stopped, place))
     design = np.vstack([passing, stopping])
     wanted = np.concatenate([1.0 / averaging_gain(passed, averaged), np.zeros(stopped.size)])
     side = np.linalg.lstsq(design, wanted, rcond=None)[0] * rate_Hz

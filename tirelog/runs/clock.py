@@ -41,6 +41,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from tirelog.data.recording import TimeAxis
+from tirelog.dsp.filters import runs
 from tirelog.errors import ReadError, SetupError
 from tirelog.runs.stamps import Jump, Piece, Stamps
 from tirelog.vocabulary.arrays import FloatArray, IntArray
@@ -113,13 +114,12 @@ def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | 
     lacking = steps * rate - samples
     usual = 1.4826 * float(np.median(np.abs(lacking - np.median(lacking))))
     lacks = lacking > max(_MISSING, _UNUSUAL * usual)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], lacks.astype(np.int8), [0]])))
     missing, gaps = np.zeros(lacking.size, np.int64), []
     level = np.concatenate([[0.0], np.cumsum(lacking)])
     # a pace that is not even walks away a little, too, over as many ticks
     walks = level[2 * _LASTS :] - level[: -2 * _LASTS]
     least = max(_MISSING, _UNUSUAL * 1.4826 * float(np.median(np.abs(walks - np.median(walks)))))
-    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for start, stop in np.stack(runs(lacks), axis=1).tolist():
         # what one tick lacks the next may have too many: a sample late by a moment is not missing
         before = np.median(level[max(start - _LASTS, 0) : start + 1])
         lasting = round(float(np.median(level[stop : stop + _LASTS + 1]) - before))

@@ -22,16 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Scaled, TimeAxis
-from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray
+from tirelog.dsp.filters import runs
+from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 from tirelog.vocabulary.quality import Doubt, Quality
 
 #: a channel up to this length is read once and held: an hour at 2.5 kHz, of a run 38 MB
 HELD_SAMPLES = 9_500_000
-#: a channel of a log up to this length is held as what it becomes, 50 MB: ten minutes at 10 kHz.
-#: Tables go through it ten times, which without it are a seventh of their CPU time; twice as much
-#: holds twice as much in each process
-HELD_FLOATS = 6_300_000
 
 Read = Callable[[int, int], FloatArray]
 
@@ -65,7 +62,10 @@ def in_memory(channel: Channel) -> Channel:
     275 MB in all, and 314 MB with two channels held, at the same cost. (22 November 2026, two
     shared cores, Python 3.11; `tirelog tables` on 4 gratings.)
     """
-    most = HELD_FLOATS if channel.at_hand else HELD_SAMPLES
+    # a channel of a log up to this length is held as what it becomes, 50 MB: ten minutes at 10 kHz.
+    # Tables go through it ten times, which without it are a seventh of their CPU time; twice as
+    # much holds twice as much in each process
+    most = 6_300_000 if channel.at_hand else HELD_SAMPLES
     if channel.size > most or channel.stored is not None:
         return channel
     stored = channel.samples
@@ -115,15 +115,9 @@ def _whole(
 # left to whoever reads the channel, who knows their neighbours.
 
 
-#: a burst lasts no longer than this [s]; twice as long, one is as long as passages at 5 m/s, of
-#: which there may be only three in 2 s
-LONGEST_S = 8e-3
 #: cells over which the signal's range is told, 2 s; fewer than FEWEST of them, half a second, tell
 #: none; half as many hold a passage or two
 AROUND, FEWEST = 250, 62
-#: cells that the range leaves out at either end: those of three bursts; of passages of 8 ms there
-#: are more.  Twice as many take six passages for bursts
-LEFT_OUT = 6
 #: a burst leaves the range by so many times its width; passages in 2 s are seldom twice as high as
 #: others.  Twice as much leaves bursts in that are five times as high as the patch, which a search
 #: by height bears
@@ -152,7 +146,9 @@ def without_spikes(channel: Channel) -> Channel:
         return channel
     channel = replace(in_memory(channel), mended=True)
     recorded, lost = channel.recorded or channel, [NO_RANGES]
-    size = int(LONGEST_S * channel.axis.rate_Hz)
+    # a burst lasts no longer than this [s]; twice as long, one is as long as passages at 5 m/s, of
+    # which there may be only three in 2 s
+    size = int(8e-3 * channel.axis.rate_Hz)
     # fewer samples than this in that time show no passage as long; with half as many, the only
     # sample of a fast passage is a burst
     quick = size >= 2
@@ -219,7 +215,7 @@ def _slow_spikes(channel: Channel) -> IntArray:
         )
         least = np.where(before * after > 0.0, np.minimum(np.abs(before), np.abs(after)), 0.0)
         wild = least > KINK * _usual(np.abs(before), channel.resolution)
-        parts.append(start + SPIKE_SAMPLES + _runs_of(wild))
+        parts.append(start + SPIKE_SAMPLES + np.stack(runs(wild), axis=1))
     return _joined(parts)
 
 
@@ -237,11 +233,6 @@ def _usual(changes: FloatArray, step: float) -> FloatArray:
     return np.repeat(np.maximum(largest, step), SLOW_CELL)[: changes.size]
 
 
-def _runs_of(marked: BoolArray) -> IntArray:
-    """The first and the one behind the last of each run of what is `marked` (n,), shape (k, 2)."""
-    return np.flatnonzero(np.diff(marked, prepend=False, append=False)).reshape(-1, 2)
-
-
 def _joined(parts: Sequence[IntArray]) -> IntArray:
     """The ranges (k, 2) of blocks one behind the other; one that a block's end cut is one."""
     edges, times = np.unique(np.concatenate([np.zeros((0, 2), int), *parts]), return_counts=True)
@@ -251,7 +242,8 @@ def _joined(parts: Sequence[IntArray]) -> IntArray:
 
 def _holding(channel: Channel, number: float) -> IntArray:
     """The ranges of samples, (k, 2), that hold a number exactly."""
-    return _joined([start + _runs_of(values == number) for start, values in channel.blocks()])
+    held = [(start, runs(values == number)) for start, values in channel.blocks()]
+    return _joined([start + np.stack(ends, axis=1) for start, ends in held])
 
 
 def _without(channel: Channel, ranges: IntArray) -> Channel:
@@ -362,7 +354,9 @@ def _bursts(channel: Channel, size: int, low: FloatArray, high: FloatArray) -> I
     `low` and `high` (m,): the least and the largest of its cells of `size` samples.
     """
     found: set[tuple[int, int]] = set()
-    bottom, top = cell_ranges(low, high, AROUND, LEFT_OUT)
+    # cells that the range leaves out at either end: those of three bursts; of passages of 8 ms
+    # there are more.  Twice as many take six passages for bursts
+    bottom, top = cell_ranges(low, high, AROUND, 6)
     lowest, highest = cell_ranges(low, high, AROUND, MANY_LEFT_OUT)
     with np.errstate(invalid="ignore", over="ignore"):
         odd = _beyond(low, high, bottom, top, FAR)
