@@ -424,18 +424,14 @@ class ClockFit:
                     f"samples (first: {first}): one was lost at each, or a clock drifts; no gap "
                     "was made of it, and times may be off by as many samples"
                 )
-        return self._with_rate_error(
-            axis, period, (tolerance if period != fitted else error) / period
-        )
-
-    def _with_rate_error(self, axis: TimeAxis, period: float, share: float) -> TimeAxis:
-        """The axis with the share by which its rate may be off.
-
-        None if it was declared, or is a round number of three digits.
-        """
+        # stamps that are but rounded may be off alike for long
+        by_digit = 1.02 * rounding / ticks if rounding else 0.0
+        off = max(tolerance if period != fitted else error, by_digit)
+        # a rate that was declared, or is a round number of three digits, has no error
         rates = (float(f"{1.0 / period:.3g}"), self.setup_rate_Hz, self.file_rate_Hz)
         known = any(rate and period == 1.0 / rate for rate in rates)
-        return replace(axis, rate_error=share if share > _VAGUE and not known else 0.0)
+        vague = off > _VAGUE * period and not known
+        return replace(axis, rate_error=off / period if vague else 0.0)
 
     def _settled(self, period: float, tolerance: float) -> float:
         """The period in which rate and stamps agree, else that of the stamps.
