@@ -81,8 +81,8 @@ class Piece:
     mean_stamp_s: float
 
     def level(self, period_s: float) -> float:
-        """The time of clock index 0 on this piece's line."""
-        return self.mean_stamp_s - period_s * self.mean_index
+        """The time of clock index 0 on this piece's line, to a picosecond."""
+        return round(float(self.mean_stamp_s - period_s * self.mean_index), 12) + 0.0
 
 
 class Stamps:
