@@ -30,12 +30,12 @@ KINDS = ("wheel_encoder", "vehicle_speed")
 
 def drive(
     *, stretches=STRETCHES, noise=0.0, radius="", kinds=KINDS, growth=0.0, late_s=0.0, hold=1,
-    step_m_s=0.0, rate_Hz=100.0,
+    step_m_s=0.0,
 ):  # fmt: skip
     """A wheel that slips while its vehicle speeds up and brakes; its slip at a time [s].
 
-    `growth`: how much longer the belt is at 25 m/s. The vehicle's speed comes `late_s` at
-    `rate_Hz`, is held for `hold` samples, and goes by steps of `step_m_s`.
+    `growth`: how much longer the belt is at 25 m/s. The vehicle's speed comes `late_s`, is held for
+    `hold` samples of 10 ms, and goes by steps of `step_m_s`.
     """
     rate = 4000.0
     time = np.arange(int(8.0 * len(stretches) * rate)) / rate
@@ -45,11 +45,11 @@ def drive(
     radius_m = R * (1.0 + growth * (speed / 25.0) ** 2)
     turned = np.cumsum(speed * (1.0 - slip[part]) / radius_m) / rate
     rng = np.random.default_rng(3)
-    slow = slice(None, None, round(rate / rate_Hz))
+    slow = slice(None, None, 40)
     told = np.interp(time[slow] - late_s, time, speed) + rng.normal(0.0, noise, time[slow].size)
     told = np.repeat(told[::hold], hold)[: told.size]
     told = np.round(told / step_m_s) * step_m_s if step_m_s else told
-    axes = TimeAxis.uniform(time.size, rate), TimeAxis.uniform(told.size, rate_Hz)
+    axes = TimeAxis.uniform(time.size, rate), TimeAxis.uniform(told.size, rate / 40)
     teeth = np.sin(TEETH * turned)
     channels = {
         "e": Channel.of_array("e", kinds[0], teeth, axes[0], settings={"steps": TEETH}),
@@ -102,7 +102,6 @@ def pulls(table, true):
         {"late_s": 0.2, "hold": 10},
         {"late_s": 0.2, "hold": 10, "step_m_s": 0.1 / 3.6},
         {"step_m_s": 0.1 / 3.6},
-        {"late_s": 0.3, "rate_Hz": 1.0},
     ],
 )
 def test_a_speed_that_comes_late_is_no_slip_and_hides_none(slips, reading):
