@@ -253,13 +253,8 @@ class Stamps:
         for index, k, stamps in chain(
             self.points(period), [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
         ):
-            new = stamps - period * k
-            steps = np.abs(np.diff(np.append(residual, new)))
-            # the usual stretch: nothing but its end is looked at
-            if k.size > window + 1 and (steps <= threshold).all():
-                at, residual = index[-window - 1 :], new[-window - 1 :]
-                continue
-            at, residual = np.concatenate([at, index]), np.concatenate([residual, new])
+            at = np.concatenate([at, index])
+            residual = np.concatenate([residual, stamps - period * k])
             keep = max(0, at.size - window - 1)
             for a, b in _clusters(residual, threshold, window):
                 if at[a] <= seen:
