@@ -304,7 +304,7 @@ class ClockFit:
             ends = stamps.ends()
         if stamps is None or ends is None:
             return self._by_rate(declared)
-        (_, start), (_, end) = ends
+        (first, start), (last, end) = ends
         if end < start and stamps.rough_period() <= 0.0:
             what, do = (
                 "the rows run backwards in time",
@@ -327,7 +327,10 @@ class ClockFit:
                 "samples"
             )
         self.resolution_s, self._grown_s = max(self.resolution_s, tick_s), tick_s - least_s
-        return self._fitted(stamps, declared)
+        ticks = int(stamps.clock_index(last) - stamps.clock_index(first))
+        # with a stamp unknown, fewer than three are no stretch that tells a period
+        few = (end - start) / ticks if self.size < _FEW else 0.0
+        return self._fitted(stamps, declared, few)
 
     def _by_rate(self, declared: float | None, seen: str = "no stamps") -> TimeAxis:
         """The axis if no stamps tell it; `seen` says what there is of them."""
@@ -341,9 +344,9 @@ class ClockFit:
             )
         return self._pieces(1.0 / declared, [Piece(0, 1, 0.0, self.start_s)])
 
-    def _fitted(self, stamps: Stamps, declared: float | None) -> TimeAxis:
-        """The axis through stamps."""
-        rough = stamps.rough_period()
+    def _fitted(self, stamps: Stamps, declared: float | None, few: float) -> TimeAxis:
+        """The axis through stamps; `few` is the period [s] of few of them, else 0."""
+        rough = stamps.rough_period() or few
         if rough <= 0.0:
             if declared:
                 self.remarks.append(
