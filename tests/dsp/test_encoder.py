@@ -1,13 +1,12 @@
-"""Closed form: tooth passages, counted teeth and the pitch table of a sine whose phase is known."""
+"""Closed form: tooth passages and counted teeth of a sine whose phase is known."""
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 from tirelog.data.recording import Channel, TimeAxis
-from tirelog.dsp.pitch import AngleFunction, PitchLearner
-from tirelog.dsp.teeth import TEETH, count_teeth, crossings, probe, teeth_of_counter
-from tirelog.vocabulary.arrays import records
+from tirelog.dsp.pitch import AngleFunction
+from tirelog.dsp.teeth import count_teeth, crossings, probe, teeth_of_counter
 
 RATE, STEPS = 10_000.0, 48
 
@@ -17,22 +16,14 @@ def channel(values):
     return Channel.of_array("e", "wheel_encoder", values.astype(float), axis)
 
 
-def passages(values, **more):
+def passages(values):
     signal = channel(values)
-    return np.concatenate(list(crossings(signal, probe(signal), **more)))
+    return np.concatenate(list(crossings(signal, probe(signal))))
 
 
 def teeth(values):
     signal = channel(values)
     return np.concatenate(list(count_teeth(signal, probe(signal), STEPS)))
-
-
-def learn(time, count):
-    """The table of one stretch, given in pieces."""
-    learner = PitchLearner(2 * STEPS)
-    for piece in np.array_split(records(TEETH, time_s=time, count=count, forward=True), 7):
-        learner.add(piece)
-    return learner.table(learner.placed(np.zeros(1)))
 
 
 def wheel(seconds=20.0, turns_s=5.0, sweep=0.0):
@@ -50,14 +41,6 @@ def sine(turns, noise=0.0, seed=1):
 def half_teeth(found, turns):
     """The true half teeth that had passed at each tooth found."""
     return 2 * STEPS * np.interp(found["index"], np.arange(turns.size), turns)
-
-
-def test_pure_sine_is_placed_to_a_thousandth_of_a_tooth():
-    _, turns = wheel()
-    seen = passages(3.0 + 0.7 * sine(turns))
-    phase = half_teeth(seen, turns)
-    assert seen.size == pytest.approx(2 * STEPS * turns[-1], abs=2)
-    assert np.abs(phase - np.rint(phase)).max() < 1e-3
 
 
 def test_no_tooth_is_lost_at_a_tenth_of_noise():
@@ -147,27 +130,6 @@ def test_counters_that_fall_or_have_a_sign_climb_with_the_wheel(count):
     error = found["count"] / turn - np.interp(found["time_s"], time, turns)
     assert found["forward"].all()
     assert np.ptp(error) < 1.01 * 25.0 / RATE
-
-
-def test_motions_of_the_third_order_are_no_pitch_errors():
-    """A wheel whose time is a cubic of its count, within 12 turns from 6 to 12 turns a second:
-    nothing of it is left in the table.
-    """
-    count = np.arange(2 * STEPS * 12)
-    turns = count / (2 * STEPS)
-    table = learn(turns / 6 - 0.006 * turns**2 + 1e-4 * turns**3, count)
-    assert table.turns >= 8
-    assert table.scatter_rad < np.deg2rad(1e-4)
-    assert np.abs(table.error_rad).max() < np.deg2rad(1e-4)
-
-
-def test_pitch_of_white_noise_is_within_its_error_of_nothing():
-    random = np.random.default_rng(1008)
-    count = np.arange(2 * STEPS * 200)
-    time = (count * np.pi / STEPS + np.deg2rad(0.02) * random.standard_normal(count.size)) / 30
-    table = learn(time, count)
-    assert 0.7 < np.std(table.error_rad) / table.se_rad < 1.3
-    assert table.repeats < 0.1
 
 
 @pytest.mark.parametrize("order", [np.sort, np.asarray])

@@ -35,27 +35,17 @@ def held_in(values: np.ndarray, axis: TimeAxis | None = None, **more: bool) -> t
 
 @pytest.mark.parametrize("every", [2, 3, 7])
 @pytest.mark.parametrize("phase", [0, 1])
-def test_each_value_is_taken_once(every: int, phase: int) -> None:
-    values = np.repeat(signal(6000), every)[phase:]
-    found = held_in(values)
-    at, held, *most = found
-    assert most == [every, every]
-    assert at.tolist() == list(range((every - phase) % every, values.size, every))
-    np.testing.assert_allclose(held.time(), at / RATE, rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize("every", [2, 3, 7])
-@pytest.mark.parametrize("phase", [0, 1])
-def test_values_between_blanks_are_the_channel(every: int, phase: int) -> None:
-    values = np.full(6000 * every, np.nan)
-    values[phase::every] = signal(6000)
-    values[phase + 40 * every :: 97 * every] = np.nan  # lost by the instrument
-    assert held_in(values) is None
-    found = held_in(values, held=False)
-    at, own, *most = found
-    assert most == [every, every]
-    assert at.tolist() == list(range(phase, values.size, every))
-    np.testing.assert_allclose(own.time(), at / RATE, rtol=0, atol=1e-12)
+def test_each_value_is_taken_once_be_it_held_or_between_blanks(every: int, phase: int) -> None:
+    held = np.repeat(signal(6000), every)[phase:]
+    blank = np.full(6000 * every, np.nan)
+    blank[phase::every] = signal(6000)
+    blank[phase + 40 * every :: 97 * every] = np.nan  # lost by the instrument
+    assert held_in(blank) is None
+    for values, first in ((held, (every - phase) % every), (blank, phase)):
+        at, axis, *most = held_in(values, held=values is held)
+        assert most == [every, every]
+        assert at.tolist() == list(range(first, values.size, every))
+        np.testing.assert_allclose(axis.time(), at / RATE, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.6])

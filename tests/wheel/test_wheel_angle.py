@@ -75,15 +75,11 @@ def test_wrong_number_of_steps_is_found_from_the_table(true, form):
 
 
 @pytest.mark.parametrize("steps", [1, 2, 3, 4])
-@pytest.mark.parametrize("form", ["square", "count"])
-def test_few_pulses_a_turn_give_the_speed(form, steps):
+def test_a_counter_of_few_steps_a_turn_gives_the_speed(steps):
+    """Pulses: `test_short_pulses`."""
     drive = Drive((0, 10, 20, 30), (10, 10, 14, 14))
     signal = np.floor(steps * drive.angle / (2 * np.pi) + 0.05)
-    if form == "square":
-        signal = np.where(np.sin(steps * drive.angle + 0.3) > 0, 5.0, 0.0)
-    columns, _, remarks = encoder_speed(
-        recording(drive, signal, steps=steps, unit="count" if form == "count" else "V")
-    )
+    columns, _, remarks = encoder_speed(recording(drive, signal, steps=steps, unit="count"))
     assert not remarks
     assert set(columns["quality"]) == {"ok"}
     assert columns["time_s"].size >= int(drive.angle[-1] / (2 * np.pi)) - 2

@@ -21,11 +21,6 @@ from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import WAVELENGTH_KINDS
 from tirelog.vocabulary.units import UNITS
 
-#: a channel is judged by so many of its samples, in so many pieces from all over the log; twice as
-#: many look twice as long at the head of every command
-LOOKED_AT, PIECES = 4096, 8
-#: a vehicle's speed over the wheel's below which the vehicle is at rest, on a drum; units make 0.1
-_AT_REST = 0.03
 #: kinds that begin at nothing, and that are dead if they stay there
 _NEVER_ZERO = ("inflation_pressure", "vertical_load")
 
@@ -125,7 +120,9 @@ def doubt_of_vehicle(
     tire = recording.setup.tire
     which = "unloaded" if tire.rolling_radius_m is None else "rolling"
     ratio = radius_m / tire.radius_m
-    if which == "rolling" and abs(ratio) < _AT_REST:
+    # a vehicle's speed over the wheel's below which the vehicle is at rest, on a drum; units make
+    # 0.1
+    if which == "rolling" and abs(ratio) < 0.03:
         return None
     what = (
         f"its speed over the wheel's gives a rolling radius of {radius_m:.4g} m, {ratio:.3g} times "
@@ -142,10 +139,10 @@ def _setup_of(recording: Recording, channel: Channel) -> ChannelSetup:
 
 def _some(channel: Channel) -> FloatArray:
     """Samples from all over the channel that are not lost."""
-    size = min(max(LOOKED_AT // PIECES, 1), channel.size)
-    starts = np.unique(
-        np.linspace(0, max(channel.size - size, 0), PIECES).astype(np.int64)
-    ).tolist()
+    # eight pieces from all over the log; twice as many look twice as long at the head of every
+    # command
+    size = min(512, channel.size)
+    starts = np.unique(np.linspace(0, max(channel.size - size, 0), 8).astype(np.int64)).tolist()
     some = (
         np.concatenate([channel.read(start, start + size) for start in starts])
         if channel.size

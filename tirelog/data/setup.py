@@ -197,14 +197,13 @@ FORM_DEGREES = 14
 #: waves in a turn between which a form's stiffness bends, and how many numbers it has: one for each
 #: factor of 1.7 in wavelength
 FORM_WAVES, FORM_BELLS = (2.0, 120.0), 9
-#: degree from which on a shape of the pressure is ordinarily smaller, as one over its degree; from
-#: twice that on none would be
-_FINE = 7.0
 
 
 def share_of_degree(n: int) -> float:
     """The ordinary size of a form's shape of degree n, over that of coarse ones."""
-    return min(1.0, _FINE / n)
+    # degree from which on a shape of the pressure is ordinarily smaller, as one over its degree;
+    # from twice that on none would be
+    return min(1.0, 7.0 / n)
 
 
 # ---- Stored counts to values in SI, in one pass: numpy takes four, with an array for each.

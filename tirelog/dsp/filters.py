@@ -116,13 +116,6 @@ def lowpassed(
     return np.fft.irfft(shaped, n=count * upsample, axis=1)
 
 
-#: half length of the filter in half periods of its pass edge, at least and at most [samples]
-HALF_PERIODS, SHORTEST, LONGEST = 10.0, 10, 400
-#: the stop band begins at this multiple of the pass edge; its weight against the pass band's
-#: relative error
-STOP, STOP_WEIGHT = 1.3, 0.02
-
-
 def averaging_gain(omega: FloatArray, averaged: int) -> FloatArray:
     """Gain of the mean of `averaged` samples at `omega` [rad per mean] of the means' own rate."""
     fine = np.asarray(omega, float) / averaged
@@ -140,13 +133,16 @@ def differentiator(rate_Hz: float, edge_Hz: float, averaged: int = 1) -> FloatAr
     Least squares: relative error in the pass band, size in the stop band. `averaged`: `values` are
     means of so many samples, whose droop is made up for.
     """
-    half = int(np.clip(np.ceil(HALF_PERIODS * rate_Hz / (2.0 * edge_Hz)), SHORTEST, LONGEST))
+    # ten half periods of the pass edge, within bounds [samples]
+    half = int(np.clip(np.ceil(10.0 * rate_Hz / (2.0 * edge_Hz)), 10, 400))
     place = np.arange(1, half + 1)
     edge = 2.0 * np.pi * edge_Hz / rate_Hz
     passed = (np.arange(8 * half) + 0.5) / (8 * half) * edge
-    stopped = np.linspace(min(STOP * edge, np.pi), np.pi, 8 * half, endpoint=False)
+    # the stop band begins at this multiple of the pass edge; its weight against the pass band's
+    # relative error
+    stopped = np.linspace(min(1.3 * edge, np.pi), np.pi, 8 * half, endpoint=False)
     passing = 2.0 * np.sin(np.multiply.outer(passed, place)) / passed[:, None]
-    stopping = 2.0 * STOP_WEIGHT / edge * np.sin(np.multiply.outer(stopped, place))
+    stopping = 2.0 * 0.02 / edge * np.sin(np.multiply.outer(stopped, place))
     design = np.vstack([passing, stopping])
     wanted = np.concatenate([1.0 / averaging_gain(passed, averaged), np.zeros(stopped.size)])
     side = np.linalg.lstsq(design, wanted, rcond=None)[0] * rate_Hz
@@ -273,17 +269,14 @@ def white_noise(values: FloatArray) -> float:
     return float(np.median(sizes) / NORMAL_MEDIAN / DIFFERENCE_GAIN) if sizes.size else np.nan
 
 
-#: share of the samples that are the one before, from which on the least change is the step of the
-#: source; noise of a standard deviation of a step repeats 0.27 of them
-REPEATED = 0.2
-
-
 def step_of(values: FloatArray) -> float:
     """The step in which a source gives its `values` (n,); 0 if they are finer than their noise."""
     changes = np.abs(np.diff(values))
     changes = changes[np.isfinite(changes)]
     moved = changes[changes > 0.0]
-    repeated = moved.size < (1.0 - REPEATED) * changes.size
+    # share of the samples that are not the one before, up to which the least change is the step of
+    # the source; noise of a standard deviation of a step repeats 0.27 of them
+    repeated = moved.size < 0.8 * changes.size
     return float(moved.min()) if repeated and moved.size else 0.0
 
 
@@ -298,34 +291,17 @@ def rounding(channel: Channel) -> float:
     return float(np.median(steps)) / 12**0.5
 
 
-class SampleNoise:
-    """Gathers the noise of a channel of `size` samples while its blocks pass by.
+def sample_noise(channel: Channel) -> float:
+    """Standard deviation of the noise of one sample of a channel, from pieces all over it.
 
-    `resolution` is the step of the source (0: unknown). Blocks are to start at multiples of
-    PIECE_SAMPLES.
+    The median over the pieces, never below the rounding of the source, which is its resolution over
+    sqrt(12); NaN if all is lost or too short.
     """
-
-    def __init__(self, size: int, resolution: float) -> None:
-        self._starts = np.unique(
-            np.linspace(0, max(size - PIECE_SAMPLES, 0), PIECES).astype(np.int64)
-            // PIECE_SAMPLES
-            * PIECE_SAMPLES
-        )
-        self._rounding = resolution / 12**0.5
-        self._sigmas: list[float] = []
-
-    def take(self, start: int, values: FloatArray) -> None:
-        """A block that starts at sample `start`."""
-        for first in self._starts[(self._starts >= start) & (self._starts < start + values.size)]:
-            self._sigmas.append(white_noise(values[first - start : first - start + PIECE_SAMPLES]))
-
-    def sigma(self) -> float:
-        """Median over the pieces, never below the rounding of the source.
-
-        That is resolution / sqrt(12); NaN if all is lost or too short.
-        """
-        finite = [sigma for sigma in self._sigmas if np.isfinite(sigma)]
-        return max(float(np.median(finite)), self._rounding) if finite else float("nan")
+    spread = np.linspace(0, max(channel.size - PIECE_SAMPLES, 0), PIECES).astype(np.int64)
+    starts = np.unique(spread // PIECE_SAMPLES * PIECE_SAMPLES).tolist()
+    sigmas = np.array([white_noise(channel.read(s, s + PIECE_SAMPLES)) for s in starts])
+    finite = sigmas[np.isfinite(sigmas)]
+    return max(float(np.median(finite)), channel.resolution / 12**0.5) if finite.size else np.nan
 
 
 # ---- Whether stamps that scatter are those of the samples.
@@ -334,13 +310,6 @@ class SampleNoise:
 #         --both less the cubic through their neighbours--> do values follow the stamps' scatter?
 #
 # A logger that stamps late and early what an instrument samples evenly makes a patch shorter.
-
-
-#: share of the stamps' scatter that values of scattered samples follow is one, of even ones none;
-#: it must be known to so many of its errors
-FOLLOWED, SURE = 0.5, 5.0
-#: samples that means of the stamps may leave their line by, of an even clock without a gap
-OFF_LINE = 1.0
 
 
 def even_axis(channel: Channel) -> TimeAxis | None:
@@ -356,20 +325,25 @@ def even_axis(channel: Channel) -> TimeAxis | None:
     middles = starts + 0.5 * (PIECE_SAMPLES - 1.0)
     means = np.array([float(np.mean(time)) for _, time in pieces])
     period, begin = np.polyfit(middles, means, 1)
-    if not period > 0.0 or np.ptp(means - begin - period * middles) > OFF_LINE * period:
+    # means of the stamps of an even clock without a gap leave their line by less than a sample
+    if not period > 0.0 or np.ptp(means - begin - period * middles) > period:
         return None
     follows, moved, left = [], [], []
     for first, time in pieces:
         values = channel.read(first, first + PIECE_SAMPLES)
         slope = 0.25 * (values[4:] - values[:-4])
-        late, off = slope * _off_cubic(time / period), _off_cubic(values)
+        # less the cubic through four neighbours
+        late, off = slope * np.diff(time / period, 4) / 6.0, np.diff(values, 4) / 6.0
         known = np.isfinite(late + off)
         follows.append(float(late[known] @ off[known]))
         moved.append(float(late[known] @ late[known]))
         left.append(white_noise(values))
     squares = sum(moved)
-    error = float(np.nanmedian(left)) * OFF_CUBIC_GAIN
-    if FOLLOWED * np.sqrt(squares) < SURE * error or sum(follows) > FOLLOWED * squares:
+    # standard deviation of white noise less the cubic through its neighbours
+    error = float(np.nanmedian(left)) * (70.0 / 36.0) ** 0.5
+    # share of the stamps' scatter that values of scattered samples follow is one, of even ones
+    # none; it must be known to so many of its errors
+    if 0.5 * np.sqrt(squares) < 5.0 * error or sum(follows) > 0.5 * squares:
         return None
     return TimeAxis.uniform(size, float(1.0 / period), float(begin))
 
@@ -383,22 +357,8 @@ def stamp_scatter(axis: TimeAxis) -> float:
     return float(np.median(sigmas)) * axis.rate_Hz
 
 
-#: standard deviation of white noise less the cubic through its neighbours
-OFF_CUBIC_GAIN = (70.0 / 36.0) ** 0.5
-
-
-def _off_cubic(values: FloatArray) -> FloatArray:
-    """What `values` (n,) leave of the cubic through their four neighbours, (n - 4,)."""
-    return np.asarray(np.diff(values, 4) / 6.0)
-
-
 #: longest running mean that is looked for [samples], and the shortest that third differences show
 LONGEST_MEAN, SHORTEST_MEAN = 32, 4
-#: share of the third differences of a running mean that come back the other way after as many
-#: samples is a half, of white noise none
-OPPOSITE = 0.3
-#: share of a log that is quiet: no patch and no shoulder
-QUIET = 0.4
 
 
 def running_mean_of(channel: Channel) -> int:
@@ -412,7 +372,8 @@ def running_mean_of(channel: Channel) -> int:
         if moves.size <= 4 * LONGEST_MEAN or not noise > step_of(values):
             continue
         loud = sliding_mean(np.abs(moves), 2 * LONGEST_MEAN + 1)
-        quiet = np.where(loud <= np.quantile(loud, QUIET), moves, 0.0)
+        # share of a log that is quiet: no patch and no shoulder
+        quiet = np.where(loud <= np.quantile(loud, 0.4), moves, 0.0)
         quiet /= max(float(np.std(quiet)), 1e-300)
         used = (quiet != 0.0).astype(float)
         # loud samples leave fewer pairs the further these are apart
@@ -426,8 +387,10 @@ def running_mean_of(channel: Channel) -> int:
     other = np.abs(np.delete(totals, slice(most - 3, most + 4)))[SHORTEST_MEAN:]
     alone = -totals[most] > 2.0 * other.max(initial=0.0)
     # noise that a filter has made smooth is no mean of white noise
-    white = totals[1] < -OPPOSITE * totals[0]
-    return most if white and alone and totals[most] < -OPPOSITE * totals[0] else 1
+    # share of the third differences of a running mean that come back the other way after as many
+    # samples is a half, of white noise none
+    opposite = -0.3 * totals[0]
+    return most if alone and max(totals[1], totals[most]) < opposite else 1
 
 
 # ---- Means and medians over sliding windows: x (n,), width --> (n,), the array reflected at its
@@ -508,9 +471,8 @@ def medians_beside(x: FloatArray) -> tuple[FloatArray, FloatArray]:
     return medians[: x.size], medians[BESIDE + 1 : BESIDE + 1 + x.size]
 
 
-#: values whose scatter about their neighbours' mean tells whether their errors hold, and the factor
-#: from which they do not: of errors that do, one window in a hundred is beyond
-SCATTER_OF, TOO_SMALL = 41, 1.5
+#: values whose scatter about their neighbours' mean tells whether their errors hold
+SCATTER_OF = 41
 
 
 def widened(x: FloatArray, error: FloatArray, quality: QualityFlags) -> FloatArray:
@@ -528,7 +490,8 @@ def widened(x: FloatArray, error: FloatArray, quality: QualityFlags) -> FloatArr
     factor = sliding_median(share, SCATTER_OF) / NORMAL_MEDIAN
     # a hum of the log hides where it goes with the wheel
     factor = np.maximum(factor, np.median(factor))
-    out[rows] = own * np.where(factor > TOO_SMALL, factor, 1.0)
+    # of errors that hold, one window in a hundred is beyond this factor
+    out[rows] = own * np.where(factor > 1.5, factor, 1.0)
     return out
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.dsp.filters import runs, sliding_mean
-from tirelog.dsp.teeth import TEETH, Integers, finite
+from tirelog.dsp.teeth import PIECE, TEETH, Integers, finite
 from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
 
@@ -58,30 +58,22 @@ SUMS = np.dtype([("number", "f8"), ("total", "f8"), ("squares", "f8")])
 #: turns that a table needs; fewer leave it zero; twice as many leave short drives with the steps
 #: of the pattern in their speed
 LEAST_TURNS = 4
-#: tables that explain more of their deviations than this can be laid on one another, if one place
-#: is so much better than any other
-CLEAR, BETTER_PLACE = 0.5, 1.2
+#: tables are laid on one another where one place is so much better than any other
+BETTER_PLACE = 1.2
 
 
 @dataclass(frozen=True)
 class PitchTable:
     """The pitch errors of a tone wheel, learnt from a log.
 
-    `error_rad` (turn,) true angle of a passage minus its nominal angle, zero mean; `se_rad` its
-    standard error (a number); `turns` it was learnt from; `scatter_rad` standard deviation of one
-    passage about the table; `repeats` the share of the deviations' variance that the table explains
+    `error_rad` (turn,) true angle of a passage minus its nominal angle, zero mean; `turns` it was
+    learnt from, 0 for none; `repeats` the share of the deviations' variance that the table explains
     beyond chance, in [0, 1].
     """
 
     error_rad: FloatArray
-    se_rad: float
-    turns: int
-    scatter_rad: float
-    repeats: float
-
-    @classmethod
-    def zero(cls, turn: int) -> PitchTable:
-        return cls(np.zeros(turn), 0.0, 0, 0.0, 0.0)
+    turns: int = 0
+    repeats: float = 0.0
 
 
 def _window_mean(x: FloatArray, turn: int) -> FloatArray:
@@ -210,13 +202,13 @@ def _table(sums: Records) -> PitchTable:
     number, total, squares = (sums[name].copy() for name in ("number", "total", "squares"))
     turns, size, square = float(np.median(number)), number.size, float(squares.sum())
     if turns < LEAST_TURNS:
-        return PitchTable.zero(size)
+        return PitchTable(np.zeros(size))
     mean = total / np.maximum(number, 1.0)
     explained = float(number @ mean**2)
     left = max(square - explained, 0.0) / max(number.sum() - size, 1.0)
     error = np.where(number > 0, mean - mean[number > 0].mean(), 0.0)
     share = max(explained - left * size, 0.0) / max(square, np.finfo(float).tiny)
-    return PitchTable(error, float(np.sqrt(left / turns)), int(turns), float(np.sqrt(left)), share)
+    return PitchTable(error, int(turns), share)
 
 
 def _placing(reference: PitchTable, table: PitchTable) -> tuple[int, int, bool]:
@@ -224,7 +216,8 @@ def _placing(reference: PitchTable, table: PitchTable) -> tuple[int, int, bool]:
 
     Its passages were counted forwards.
     """
-    size, clear = table.error_rad.size, min(table.repeats, reference.repeats) > CLEAR
+    # tables that explain more than half of their deviations can be laid on one another
+    size, clear = table.error_rad.size, min(table.repeats, reference.repeats) > 0.5
     if size % 2 or not (table.turns and clear):  # odd: a counter's, which has one stretch
         return 1, 0, False
     # a passage that is late at count c, seen backwards, is early at count -1 - c: the parity of
@@ -386,17 +379,10 @@ class AngleFunction:
         """
         return np.maximum.accumulate(self.count)
 
-    def coarse(self, time_s: FloatArray) -> FloatArray:
-        """Angle [rad] at ascending times, straight between the knots; NaN outside of them."""
-        first, last = np.searchsorted(self.time_s, time_s[[0, -1]])
-        near = slice(max(first - 1, 0), last + 1)
-        angle = self.count[near] * self.unit_rad
-        return np.interp(time_s, self.time_s[near], angle, left=np.nan, right=np.nan)
-
     def at(self, time_s: FloatArray) -> FloatArray:
         """Angle [rad] at the times, NaN outside of the knots, shape as given."""
-        result = np.empty(time_s.shape)
-        if result.size and self.time_s.size > 1:
+        result = np.full(time_s.shape, np.nan)
+        if self.time_s.size > 1:
             _hermite(
                 finite(time_s).ravel(),
                 self.time_s,
@@ -405,8 +391,6 @@ class AngleFunction:
                 self.unit_rad,
                 result.reshape(-1),
             )
-        elif result.size:
-            result.fill(np.nan)
         return result
 
     def time_at(self, angle_rad: FloatArray) -> FloatArray:
@@ -467,8 +451,6 @@ def _cubic_weights() -> tuple[FloatArray, FloatArray]:
 
 
 VALUE, SLOPE = _cubic_weights()
-#: passages worked on at once
-PIECE = 1 << 14
 
 
 #: knots of the wheel angle: time, count, rate [rad/s], stretch and direction as of `TEETH`, the

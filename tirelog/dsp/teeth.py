@@ -187,8 +187,6 @@ BESIDE = 2 * AROUND + 2
 #: the middle level and the amplitude follow the signal within this time; a slower tooth counts as
 #: standstill; twice as long counts slower teeth, and follows a wandering level half as well
 FOLLOW_S = 0.3
-#: half of the hysteresis, as a share of the amplitude: a noise of 10 % never bridges it twice
-HYSTERESIS = 0.4
 #: a signal whose range is within so many standard deviations of its noise does not move; twice as
 #: many call a weak signal standstill, half as many take noise for teeth
 STILL_SIGMA = 6.0
@@ -199,10 +197,6 @@ STEADY_AMPLITUDE, LEAST_SWINGS = 0.6, 6
 #: samples this near to the upper or the lower level, in half ranges, are on it; a signal with more
 #: than this share of its samples there is square. Twice the distance takes a sine for one
 ON_LEVEL, SQUARE_SHARE = 0.2, 0.7
-
-#: share of a square's samples on one level below which edges of one kind are counted: then a median
-#: of half teeth, one short and one long, is either; at 0.3 both ways see the same teeth
-PULSED = 0.25
 
 
 @dataclass(frozen=True)
@@ -228,7 +222,10 @@ class Probe:
     @property
     def pulsed(self) -> bool:
         """True for pulses that are much shorter, or longer, than the gaps between them."""
-        return not PULSED <= self.duty <= 1.0 - PULSED
+        # share of a square's samples on one level below which edges of one kind are counted: then a
+        # median of half teeth, one short and one long, is either; at 0.3 both ways see the same
+        # teeth
+        return not 0.25 <= self.duty <= 0.75
 
 
 #: a tooth passage: fractional sample, ascending, and its time; whether the signal rises; whether a
@@ -332,12 +329,12 @@ def _noise(x: FloatArray, square: bool) -> float:
     return float(np.median(away) / 0.6745)
 
 
-def crossings(channel: Channel, found: Probe, block: int | None = None) -> Iterator[Records]:
+def crossings(channel: Channel, found: Probe) -> Iterator[Records]:
     """Tooth passages of a 'sine' or 'square' channel, block by block, (n,) of TEETH.
 
     Of short pulses, or short gaps, the edges at which they begin, and the places half way between.
     """
-    pieces = _every_crossing(channel, found, block)
+    pieces = _every_crossing(channel, found)
     return _of_one_kind(pieces, rising=found.duty < 0.5) if found.pulsed else pieces
 
 
@@ -355,13 +352,13 @@ def _of_one_kind(pieces: Iterator[Records], *, rising: bool) -> Iterator[Records
         yield np.concatenate([first, np.stack([between, edges[1:]], axis=1).ravel()])
 
 
-def _every_crossing(channel: Channel, found: Probe, block: int | None) -> Iterator[Records]:
+def _every_crossing(channel: Channel, found: Probe) -> Iterator[Records]:
     """All passages through the middle, block by block, (n,) of TEETH."""
     rate_Hz, size = channel.axis.rate_Hz, channel.size
     # eight slow half periods, half of the time that the levels follow, and the chunks in which
     # spikes are sought
     margin = CHUNK * (int((0.6 + 0.5 * found.follow_s) * rate_Hz) // CHUNK + 8)
-    block = max((block or BLOCK) // CHUNK, 1) * CHUNK
+    block = BLOCK // CHUNK * CHUNK
     slow = 0.5 * FOLLOW_S * rate_Hz
     at, last = -1, 0  # the last change: a wheel may stand longer than a block's margin
     pending = np.zeros(0, np.int64)  # holes after the last passage
@@ -415,7 +412,8 @@ def _hysteresis(x: FloatArray, rate_Hz: float, found: Probe) -> tuple[FloatArray
     half, middle = (high - low) / 2, (high + low) / 2
     if found.pulsed:  # a pulse may be as short as a spike is
         half, middle = np.full(half.size, found.amplitude), np.full(half.size, found.middle)
-    half = np.where(half > found.least, HYSTERESIS * half, np.inf)
+    # half of the hysteresis, as a share of the amplitude: a noise of 10 % never bridges it twice
+    half = np.where(half > found.least, 0.4 * half, np.inf)
     return middle + half, middle - half
 
 
@@ -482,10 +480,7 @@ def teeth_of_counter(channel: Channel, steps: int) -> tuple[Records, int]:
     return records(TEETH, time_s=time_s, count=count, forward=forward), turn
 
 
-#: a turning wheel shows less than this share of the peak between two passages of the same tooth
-#: flank; nearer to one, a slow passage looks like turning back
-TURNING_PEAK, PASSED_PEAK = 0.85, 0.95
-#: intervals looked at at once: small enough for the cache
+#: intervals or passages looked at at once: small enough for the cache
 PIECE = 1 << 14
 #: even passages on both sides of a cut; twice as many cost a little time
 CONTEXT = 40
@@ -706,9 +701,10 @@ def _turning_points(channel: Channel, found: Probe, index: FloatArray, slow: Int
         peak = float(np.delete(away, slice(*edges)).max())
         if peak < 0.7 * found.amplitude:
             continue
-        passed = np.flatnonzero(inner > PASSED_PEAK * peak)
-        if inner.max() < TURNING_PEAK * peak or (
-            passed.size and inner[passed[0] : passed[-1] + 1].min() < TURNING_PEAK * peak
-        ):
+        passed = np.flatnonzero(inner > 0.95 * peak)
+        least = inner[passed[0] : passed[-1] + 1].min() if passed.size else inner.max()
+        # a turning wheel shows less than this share of the peak between two passages of the same
+        # tooth flank; nearer to one, a slow passage looks like turning back
+        if least < 0.85 * peak:
             turned.append(int(at))
     return turned

@@ -10,13 +10,11 @@ How the axis is decided, by what the stamps look like (T the sample period, r = 
 number):
 
 * no stamps: the rate of the setup or the file; a missing sample number is a gap.
-* stamps on one line to half of their last digit (and to a part of T, if T has few digits): exactly
-  that line; its rate is the setup's, the file's or a round one if these agree with the stamps to
-  that half digit.
-* otherwise a sample clock seen through the stamps: T from differences over long stretches (their
-  median, which isolated gaps do not move), then least squares with one T and a start for each
-  segment.  If many stamps are alike or nearly so (one second's resolution, buffers that arrive
-  in bunches) only the first stamp of each bunch takes part.  A lasting rise of r by half a period
+* stamps: a sample clock seen through them. T from differences over long stretches (their median,
+  which isolated gaps do not move), then least squares with one T and a start for each segment. Its
+  rate is the setup's, the file's or a round one if these agree with the stamps.  If many stamps
+  are alike or nearly so (one second's resolution, buffers that arrive in bunches) only the first
+  stamp of each bunch takes part.  A lasting rise of r by half a period
   is a gap: a new segment starts there.  A passing one is a late stamp and is repaired.  A lasting
   fall by one period is a repeated row, which gets a segment of its own, half a period after its
   neighbour; a larger one is a clock that was set back: the sample clock runs on.  A few stamps at
@@ -43,6 +41,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from tirelog.data.recording import TimeAxis
+from tirelog.dsp.filters import runs
 from tirelog.errors import ReadError, SetupError
 from tirelog.runs.stamps import Jump, Piece, Stamps
 from tirelog.vocabulary.arrays import FloatArray, IntArray
@@ -65,15 +64,6 @@ _MOST_POINTS = 1 << 20
 #: ticks averaged to one point of the clock: the first sample of a tick lies anywhere in a period,
 #: which the mean of 16 tells to 0.07 of it; twice as many follow a change of rate half as quickly
 _TICKS = 16
-#: ticks on each side whose median is the usual rate about a tick; twice as many follow a rate that
-#: wanders half as quickly
-_ABOUT = 15
-#: samples per tick below which a stamp is no coarse one; twice as many leave finer stamps to the
-#: plain fit
-_LEAST_PER_TICK = 4.0
-#: stamps of a steady clock stay within one tick of their line; beyond so many its rate wanders;
-#: twice as many put a clock that wanders by up to four ticks on one straight line
-_STRAYS_TICKS = 2.0
 #: samples that a tick lacks before they count as missing: a steady one has one more or less; twice
 #: as many leave gaps of up to three samples unsaid
 _MISSING = 1.6
@@ -104,7 +94,9 @@ def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | 
 
     `period` is roughly the sample's [s], `resolution_s` the tick of the stamps.
     """
-    if not stamps.bunched or resolution_s < _LEAST_PER_TICK * period:
+    # samples per tick below which a stamp is no coarse one; twice as many leave finer stamps to the
+    # plain fit
+    if not stamps.bunched or resolution_s < 4.0 * period:
         return None
     index, k, stamp = _points(stamps, period)
     if k.size < 4 * _TICKS or not (np.diff(stamp) > 0.0).all():
@@ -116,17 +108,18 @@ def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | 
     from scipy.ndimage import median_filter  # a twentieth of a second, for few logs
 
     steps, samples = np.diff(stamp), np.diff(k)
-    rate = median_filter(samples / steps, 2 * _ABOUT + 1, mode="nearest")
+    # the usual rate about a tick is the median of so many; twice as many follow a rate that wanders
+    # half as quickly
+    rate = median_filter(samples / steps, 31, mode="nearest")
     lacking = steps * rate - samples
     usual = 1.4826 * float(np.median(np.abs(lacking - np.median(lacking))))
     lacks = lacking > max(_MISSING, _UNUSUAL * usual)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], lacks.astype(np.int8), [0]])))
     missing, gaps = np.zeros(lacking.size, np.int64), []
     level = np.concatenate([[0.0], np.cumsum(lacking)])
     # a pace that is not even walks away a little, too, over as many ticks
     walks = level[2 * _LASTS :] - level[: -2 * _LASTS]
     least = max(_MISSING, _UNUSUAL * 1.4826 * float(np.median(np.abs(walks - np.median(walks)))))
-    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for start, stop in np.stack(runs(lacks), axis=1).tolist():
         # what one tick lacks the next may have too many: a sample late by a moment is not missing
         before = np.median(level[max(start - _LASTS, 0) : start + 1])
         lasting = round(float(np.median(level[stop : stop + _LASTS + 1]) - before))
@@ -134,7 +127,9 @@ def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | 
             at = start + int(lacking[start:stop].argmax())
             missing[at] = lasting
             gaps.append((int(index[at + 1]), lasting))
-    strays = _strays(k, stamp, missing) > _STRAYS_TICKS * resolution_s
+    # stamps of a steady clock stay within one tick of their line; beyond so many its rate wanders;
+    # twice as many put a clock that wanders by up to four ticks on one straight line
+    strays = _strays(k, stamp, missing) > 2.0 * resolution_s
     return Ticks(gaps, wrong, _wandering(stamps, k, stamp, missing, gaps) if strays else None)
 
 
@@ -198,28 +193,12 @@ def _points(stamps: Stamps, period: float) -> tuple[IntArray, IntArray, FloatArr
 #: share of a period by which a clock's stamps may stray, unless a rate is declared; twice as much
 #: puts stamps that stray by a fifth of a period on an even grid
 _JITTER = 0.1
-#: stamps of few digits a period lie on one line if they stray by less than this share of it;
-#: with twice as much two lost samples may look like the rounding of stamps
-_EVEN = 0.3
-#: a lost sample looks like a drift where a period has no more last digits than this, and leaps
-#: are worth a sentence up to this share of the samples; with twice the first, sentences on leaps of
-#: rounding; with twice the share, on stamps that tremble
-_HIDES, _SELDOM = 1.2, 1e-3
 #: the error of a rate that tables hold, as a share; half of it is below that of most radii, twice
-#: as much is as large as that of a good speed; what is refused is a hundred times as much
-_VAGUE, _MOST_VAGUE = 1e-4, 1e-2
-#: lines are one if they leave each other by less than this share of the last digit; half or twice
-#: as much is both far below what stamps tell
-_SAME_LINE = 1e-3
-#: a declared rate is contradicted by stamps that differ by this share, and absurd beyond this
-#: factor; twice as much leaves rates that are wrong by 0.4 % unsaid
-_CONTRADICTS, _ABSURD = 0.002, 1.2
+#: as much is as large as that of a good speed
+_VAGUE = 1e-4
 #: samples below which the first and the last stamp tell the period, if no stretch does; twice as
 #: many let the two ends tell the period of logs of up to fifteen samples
 _FEW = 8
-#: with more leaps than this a column of numbers is no sample counter; twice as many take twice the
-#: memory before it is given up
-_MOST_LEAPS = 100_000
 
 
 class ClockFit:
@@ -289,7 +268,9 @@ class ClockFit:
             ]
         )
         leaps = np.flatnonzero(steps > 1.5 * self._number_step)
-        if len(self._missing) + leaps.size > _MOST_LEAPS:
+        # with more leaps than this a column of numbers is no sample counter; twice as many take
+        # twice the memory before it is given up
+        if len(self._missing) + leaps.size > 100_000:
             self._leaping, self._missing, leaps = True, [], leaps[:0]
             self.remarks.append(
                 "the sample numbers leap too often to be sample numbers; they were not used"
@@ -330,10 +311,12 @@ class ClockFit:
                 "sort them by their stamps, the oldest first",
             )
             if not declared:
-                allowed = "allowed are rising ones"
-                raise ReadError(f"the stamps fall: {what}", allowed=allowed, do=do)
-            used = "the declared rate was used for the time axis"
-            self.remarks.append(f"the stamps fall; {used}; if {what}, {do}")
+                raise ReadError(
+                    f"the stamps fall: {what}", allowed="allowed are rising ones", do=do
+                )
+            self.remarks.append(
+                f"the stamps fall; the declared rate was used for the time axis; if {what}, {do}"
+            )
             return self._by_rate(declared)
         if self.edges:
             return self._explicit(stamps)
@@ -345,25 +328,9 @@ class ClockFit:
             )
         self.resolution_s, self._grown_s = max(self.resolution_s, tick_s), tick_s - least_s
         ticks = int(stamps.clock_index(last) - stamps.clock_index(first))
-        period, digit = (end - start) / ticks, max(self.resolution_s, 1e-9)
-        # the line runs through two stamps, each off by up to half a digit, and every other stamp is
-        # off by as much again; those of few digits a period hide a lost sample unless they stray by
-        # far less
-        most = np.inf if period > 3.0 * digit else _EVEN * period
-        low, high = stamps.range(period, most)
-        level = start - period * float(stamps.clock_index(first))
-        if period > 0.0 and max(high - level, level - low) <= 1.02 * digit and high - low <= most:
-            settled = self._settled(period, 1.02 * digit / ticks)
-            if abs(settled - period) * ticks > _SAME_LINE * digit:
-                low, high = stamps.range(settled)
-            level = start - settled * float(stamps.clock_index(first))
-            level = (
-                level if high - 0.51 * digit <= level <= low + 0.51 * digit else 0.5 * (low + high)
-            )
-            axis = self._pieces(settled, [Piece(0, 1, 0.0, level)])
-            return self._with_rate_error(axis, settled, 1.02 * digit / (ticks * settled))
         # with a stamp unknown, fewer than three are no stretch that tells a period
-        return self._fitted(stamps, declared, period if self.size < _FEW else 0.0)
+        few = (end - start) / ticks if self.size < _FEW else 0.0
+        return self._fitted(stamps, declared, few)
 
     def _by_rate(self, declared: float | None, seen: str = "no stamps") -> TimeAxis:
         """The axis if no stamps tell it; `seen` says what there is of them."""
@@ -378,7 +345,7 @@ class ClockFit:
         return self._pieces(1.0 / declared, [Piece(0, 1, 0.0, self.start_s)])
 
     def _fitted(self, stamps: Stamps, declared: float | None, few: float) -> TimeAxis:
-        """The axis through stamps that are no exact line; `few` a period for want of a better."""
+        """The axis through stamps; `few` is the period [s] of few of them, else 0."""
         rough = stamps.rough_period() or few
         if rough <= 0.0:
             if declared:
@@ -393,13 +360,16 @@ class ClockFit:
             wanders = f"the sampling rate wanders between {low:.4g} and {high:.4g} Hz"
             if not self.setup_rate_Hz:
                 self._count("stamps_repaired", sum(b - a for a, b in seen.wrong))
-                step = f"{self.resolution_s:g} s"
-                self.remarks.append(f"{wanders}; times follow the stamps, whose step is {step}")
+                self.remarks.append(
+                    f"{wanders}; times follow the stamps, whose step is {self.resolution_s:g} s"
+                )
                 for index, samples in seen.gaps:
                     self._gap(index, samples)
                 return TimeAxis.read_by(times, self.size, middle)
-            followed = "without sampling_rate_Hz in the setup they are followed"
-            self.remarks.append(f"the stamps say that {wanders}; {followed}")
+            self.remarks.append(
+                f"the stamps say that {wanders}; without sampling_rate_Hz in the setup they are "
+                "followed"
+            )
         noise, rounded = stamps.noise(rough, self.resolution_s)
         noise = max(noise, 0.0 if stamps.bunched else 0.3 * self.resolution_s)
         jumps: list[Jump] = [(index, n * rough) for index, n in seen.gaps] if seen else []
@@ -434,31 +404,34 @@ class ClockFit:
             # the first stamp of a tick is half a tick early or late, the same all along or not
             share = max(error / period, 1.0 / reach, self._grown_s / (reach * period))
             given = declared is not None and period == 1.0 / declared
-            if share > _MOST_VAGUE and not given and self.size >= _FEW:
-                coarse_stamps = f"stamps of {self.resolution_s:g} s, too coarse for a rate"
-                return self._by_rate(declared, f"{coarse_stamps} (an error of {share:.1%})")
+            # a rate that is known to less than this tells no speed
+            if share > 1e-2 and not given and self.size >= _FEW:
+                return self._by_rate(
+                    declared,
+                    f"stamps of {self.resolution_s:g} s, too coarse for a rate (an error of "
+                    f"{share:.1%})",
+                )
             return replace(axis, rate_error=share if share > _VAGUE and not given else 0.0)
-        if rounding and period < _HIDES * rounding:
+        # a lost sample looks like a drift where a period has no more last digits than this, and
+        # leaps are worth a sentence up to this share of the samples; with twice the first,
+        # sentences on leaps of rounding; with twice the share, on stamps that tremble
+        if rounding and period < 1.2 * rounding:
             # a sample may lack that stamps of so few digits cannot tell from a drift
             up, down, first = stamps.leaps(rough, rounding)
-            if up > down and up + down <= _SELDOM * self.size:
+            if up > down and up + down <= 1e-3 * self.size:
                 self.remarks.append(
                     f"the stamps leap by a last digit of {rounding:g} s before {up - down} of the "
                     f"samples (first: {first}): one was lost at each, or a clock drifts; no gap "
                     "was made of it, and times may be off by as many samples"
                 )
-        return self._with_rate_error(
-            axis, period, (tolerance if period != fitted else error) / period
-        )
-
-    def _with_rate_error(self, axis: TimeAxis, period: float, share: float) -> TimeAxis:
-        """The axis with the share by which its rate may be off.
-
-        None if it was declared, or is a round number of three digits.
-        """
+        # stamps that are but rounded may be off alike for long
+        by_digit = 1.02 * rounding / ticks if rounding else 0.0
+        off = max(tolerance if period != fitted else error, by_digit)
+        # a rate that was declared, or is a round number of three digits, has no error
         rates = (float(f"{1.0 / period:.3g}"), self.setup_rate_Hz, self.file_rate_Hz)
         known = any(rate and period == 1.0 / rate for rate in rates)
-        return replace(axis, rate_error=share if share > _VAGUE and not known else 0.0)
+        vague = off > _VAGUE * period and not known
+        return replace(axis, rate_error=off / period if vague else 0.0)
 
     def _settled(self, period: float, tolerance: float) -> float:
         """The period in which rate and stamps agree, else that of the stamps.
@@ -473,16 +446,18 @@ class ClockFit:
             if not declared:
                 continue
             factor = max(declared / rate, rate / declared)
-            if factor > _ABSURD and said == "the setup":
+            # a declared rate is contradicted by stamps that differ by this share, and absurd beyond
+            # this factor; twice as much leaves rates that are wrong by 0.4 % unsaid
+            if factor > 1.2 and said == "the setup":
                 raise SetupError(
                     f"sampling_rate_Hz = {declared:g}, but the stamps say {rate:.6g} Hz",
                     allowed="allowed is a rate that the stamps bear out",
                     do="mend sampling_rate_Hz, or time and time_unit, under [log]",
                 )
-            if factor - 1.0 > _CONTRADICTS:
-                followed = "the stamps were followed"
+            if factor - 1.0 > 0.002:
                 self.remarks.append(
-                    f"{said} says {declared:g} Hz, the stamps say {rate:.6g} Hz; {followed}"
+                    f"{said} says {declared:g} Hz, the stamps say {rate:.6g} Hz; the stamps were "
+                    "followed"
                 )
             self._count("clock_drift_ppm", round(abs(rate / declared - 1.0) * 1e6))
         rounds = [float(f"{rate:.{digits}g}") for digits in (1, 2, 3, 4, 5)]

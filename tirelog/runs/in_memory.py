@@ -22,16 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Scaled, TimeAxis
-from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray
+from tirelog.dsp.filters import runs
+from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 from tirelog.vocabulary.quality import Doubt, Quality
 
 #: a channel up to this length is read once and held: an hour at 2.5 kHz, of a run 38 MB
 HELD_SAMPLES = 9_500_000
-#: a channel of a log up to this length is held as what it becomes, 50 MB: ten minutes at 10 kHz.
-#: Tables go through it ten times, which without it are a seventh of their CPU time; twice as much
-#: holds twice as much in each process
-HELD_FLOATS = 6_300_000
 
 Read = Callable[[int, int], FloatArray]
 
@@ -65,7 +62,10 @@ def in_memory(channel: Channel) -> Channel:
     275 MB in all, and 314 MB with two channels held, at the same cost. (22 November 2026, two
     shared cores, Python 3.11; `tirelog tables` on 4 gratings.)
     """
-    most = HELD_FLOATS if channel.at_hand else HELD_SAMPLES
+    # a channel of a log up to this length is held as what it becomes, 50 MB: ten minutes at 10 kHz.
+    # Tables go through it ten times, which without it are a seventh of their CPU time; twice as
+    # much holds twice as much in each process
+    most = 6_300_000 if channel.at_hand else HELD_SAMPLES
     if channel.size > most or channel.stored is not None:
         return channel
     stored = channel.samples
@@ -115,52 +115,24 @@ def _whole(
 # left to whoever reads the channel, who knows their neighbours.
 
 
-#: a burst lasts no longer than this [s]; twice as long, one is as long as passages at 5 m/s, of
-#: which there may be only three in 2 s
-LONGEST_S = 8e-3
-#: fewer samples than this in that time show no passage as long; with half as many, the only sample
-#: of a fast passage is a burst
-FEWEST_SAMPLES = 2
 #: cells over which the signal's range is told, 2 s; fewer than FEWEST of them, half a second, tell
 #: none; half as many hold a passage or two
 AROUND, FEWEST = 250, 62
-#: cells that the range leaves out at either end: those of three bursts; of passages of 8 ms there
-#: are more.  Twice as many take six passages for bursts
-LEFT_OUT = 6
-#: and as many of few: those that one burst can lie in; twice as many leave a passage out
-FEWEST_LEFT_OUT = 2
 #: a burst leaves the range by so many times its width; passages in 2 s are seldom twice as high as
 #: others.  Twice as much leaves bursts in that are five times as high as the patch, which a search
 #: by height bears
 FAR = 2.0
-#: and its other samples by this share of it; twice as much leaves the flanks of a burst in
-OUTSIDE = 0.5
 #: cells that are left out where more bursts are looked for, those of eight.  Passages leave more
 #: than that at a tenth of their height, so these bursts leave the range by so many times its width.
 #: Twice as many cells hold whole passages
 MANY_LEFT_OUT, VERY_FAR = 16, 10.0
-#: a burst is so many times as far off as the middle of what stands beside it: a spike upon a slow
-#: passage takes nothing else of it away.  Twice as much leaves in what is six times as far off
-BESIDE = 3.0
-#: samples in a row that may stand within the range, in the midst of a burst; twice as many make one
-#: of two with some good samples between
-MOST_BETWEEN = 2
 #: samples that hold a code at least; with fewer, two knocks of one height are one
 FEWEST_ALIKE = 3
-#: a limit of the instrument has fewer samples beside it than a quarter of those at it, within this
-#: share of the signal's range or so many steps; a pulse as flat as x^4 has twice as many
-BESIDE_LIMIT, STEPS_BESIDE, MOST_BESIDE = 0.02, 5.0, 4
-#: share of the samples that are the level between passages, and no limit
-AT_REST = 0.25
 #: a spike of a slow channel lasts this many samples at most, and is so many times as high as usual
 #: changes. More than this share of the samples are no spikes
 SPIKE_SAMPLES, KINK, OFTEN = 2, 10.0, 0.05
-#: codes and spikes may hide others: a second code, a spike two samples on
-PASSES = 4
 #: samples of a cell of a channel that is too slow for bursts, or has no patch
 SLOW_CELL = 64
-#: flags of a channel; of more, those within a slow cell are one: each takes a hundred bytes
-MOST_FLAGS = 100_000
 #: no ranges of samples, (0, 2)
 NO_RANGES = np.zeros((0, 2), np.int64)
 
@@ -174,8 +146,12 @@ def without_spikes(channel: Channel) -> Channel:
         return channel
     channel = replace(in_memory(channel), mended=True)
     recorded, lost = channel.recorded or channel, [NO_RANGES]
-    size = int(LONGEST_S * channel.axis.rate_Hz)
-    quick = size >= FEWEST_SAMPLES
+    # a burst lasts no longer than this [s]; twice as long, one is as long as passages at 5 m/s, of
+    # which there may be only three in 2 s
+    size = int(8e-3 * channel.axis.rate_Hz)
+    # fewer samples than this in that time show no passage as long; with half as many, the only
+    # sample of a fast passage is a burst
+    quick = size >= 2
     size = size if quick else SLOW_CELL
     cells = _extremes(channel, size)
     while (codes := error_codes(channel, cells)).size:
@@ -200,7 +176,8 @@ def without_codes(channel: Channel, quiet: Channel) -> tuple[Channel, str]:
     be one that was set. `quiet` is the same channel, of whose losses nobody hears.
     """
     codes, spikes = NO_RANGES, NO_RANGES
-    for _ in range(PASSES):
+    # codes and spikes may hide others: a second code, a spike two samples on
+    for _ in range(4):
         more = error_codes(quiet, _extremes(quiet, SLOW_CELL), 1, OFTEN)
         codes = np.concatenate([codes, more])
         if not more.size:
@@ -238,7 +215,7 @@ def _slow_spikes(channel: Channel) -> IntArray:
         )
         least = np.where(before * after > 0.0, np.minimum(np.abs(before), np.abs(after)), 0.0)
         wild = least > KINK * _usual(np.abs(before), channel.resolution)
-        parts.append(start + SPIKE_SAMPLES + _runs_of(wild))
+        parts.append(start + SPIKE_SAMPLES + np.stack(runs(wild), axis=1))
     return _joined(parts)
 
 
@@ -256,11 +233,6 @@ def _usual(changes: FloatArray, step: float) -> FloatArray:
     return np.repeat(np.maximum(largest, step), SLOW_CELL)[: changes.size]
 
 
-def _runs_of(marked: BoolArray) -> IntArray:
-    """The first and the one behind the last of each run of what is `marked` (n,), shape (k, 2)."""
-    return np.flatnonzero(np.diff(marked, prepend=False, append=False)).reshape(-1, 2)
-
-
 def _joined(parts: Sequence[IntArray]) -> IntArray:
     """The ranges (k, 2) of blocks one behind the other; one that a block's end cut is one."""
     edges, times = np.unique(np.concatenate([np.zeros((0, 2), int), *parts]), return_counts=True)
@@ -270,7 +242,8 @@ def _joined(parts: Sequence[IntArray]) -> IntArray:
 
 def _holding(channel: Channel, number: float) -> IntArray:
     """The ranges of samples, (k, 2), that hold a number exactly."""
-    return _joined([start + _runs_of(values == number) for start, values in channel.blocks()])
+    held = [(start, runs(values == number)) for start, values in channel.blocks()]
+    return _joined([start + np.stack(ends, axis=1) for start, ends in held])
 
 
 def _without(channel: Channel, ranges: IntArray) -> Channel:
@@ -283,7 +256,8 @@ def _without(channel: Channel, ranges: IntArray) -> Channel:
 
 def _flags(ranges: IntArray, word: Quality) -> tuple[Doubt, ...]:
     """The word for each of these ranges (k, 2); of very many, near ones share it."""
-    if len(ranges) > MOST_FLAGS:
+    # flags of a channel; of more, those within a slow cell are one: each takes a hundred bytes
+    if len(ranges) > 100_000:
         gap = ranges[1:, 0] - ranges[:-1, 1] > SLOW_CELL
         ranges = np.stack(
             [ranges[np.append(True, gap), 0], ranges[np.append(gap, True), 1]], axis=1
@@ -358,14 +332,18 @@ def clipped_ranges(channel: Channel, cells: tuple[FloatArray, FloatArray]) -> In
         for _, values in channel.blocks():
             off = np.abs(values - limit)
             nearest = off.min(initial=nearest, where=off > 0.0)
-        width = max(BESIDE_LIMIT * float(high.max() - low.min()), STEPS_BESIDE * nearest)
+        # a limit of the instrument has fewer samples beside it than a quarter of those at it,
+        # within this share of the signal's range or so many steps; a pulse as flat as x^4 has twice
+        # as many
+        width = max(0.02 * float(high.max() - low.min()), 5.0 * nearest)
         near = sum(int(np.sum(np.abs(values - limit) <= width)) for _, values in channel.blocks())
         ranges = _holding(channel, limit)
         beside = near - int(np.diff(ranges).sum())
         ranges = ranges[np.diff(ranges)[:, 0] >= FEWEST_ALIKE]
         samples = int(np.diff(ranges).sum())
         many = len(ranges) >= FEWEST_ALIKE
-        if many and MOST_BESIDE * beside < samples < AT_REST * channel.size:
+        # share of the samples that are the level between passages, and no limit
+        if many and 4 * beside < samples < 0.25 * channel.size:
             found = np.concatenate([found, ranges])
     return found
 
@@ -376,7 +354,9 @@ def _bursts(channel: Channel, size: int, low: FloatArray, high: FloatArray) -> I
     `low` and `high` (m,): the least and the largest of its cells of `size` samples.
     """
     found: set[tuple[int, int]] = set()
-    bottom, top = cell_ranges(low, high, AROUND, LEFT_OUT)
+    # cells that the range leaves out at either end: those of three bursts; of passages of 8 ms
+    # there are more.  Twice as many take six passages for bursts
+    bottom, top = cell_ranges(low, high, AROUND, 6)
     lowest, highest = cell_ranges(low, high, AROUND, MANY_LEFT_OUT)
     with np.errstate(invalid="ignore", over="ignore"):
         odd = _beyond(low, high, bottom, top, FAR)
@@ -420,13 +400,19 @@ def _bursts_of_cell(
     peak = own.start + int(np.argmax(off[own]))
     near = slice(max(peak - 2 * size, 0), peak + 2 * size + 1)
     sides = [side for side in (off[: near.start], off[near.stop :]) if side.size]
-    beside = BESIDE * max([0.0, *(float(np.median(side)) for side in sides)])
+    # a burst is so many times as far off as the middle of what stands beside it: a spike upon a
+    # slow passage takes nothing else of it away.  Twice as much leaves in what is six times as far
+    # off
+    beside = 3.0 * max([0.0, *(float(np.median(side)) for side in sides)])
     high = np.count_nonzero(off[near] > 0.5 * off[peak])
     longest = 2 * size if off[peak] > never else size
     if high > longest or not off[peak] > max(FAR * range_, beside):
         return []
-    wild = near.start + np.flatnonzero(off[near] > max(OUTSIDE * range_, 0.5 * beside))
-    parts = np.split(wild, np.flatnonzero(np.diff(wild) > MOST_BETWEEN + 1) + 1)
+    # its other samples leave the range by half of it; twice as much leaves the flanks of a burst in
+    wild = near.start + np.flatnonzero(off[near] > max(0.5 * range_, 0.5 * beside))
+    # two samples in a row may lie within the range, in the midst of a burst; twice as many make one
+    # of two with some good samples between
+    parts = np.split(wild, np.flatnonzero(np.diff(wild) > 3) + 1)
     return [(begin + int(part[0]), begin + int(part[-1]) + 1) for part in parts]
 
 
@@ -455,7 +441,8 @@ def cell_ranges(
     # ascending, lost ones behind all others
     bottoms, tops = np.sort(low[windows]), np.sort(-high[windows])
     known = np.count_nonzero(~np.isnan(bottoms), axis=1)
-    share = np.maximum(known * left_out // around, FEWEST_LEFT_OUT)[:, None]
+    # of few cells those that one burst can lie in; twice as many leave a passage out
+    share = np.maximum(known * left_out // around, 2)[:, None]
     share[known < FEWEST] = -1
     ends = (np.take_along_axis(sorted_, share, axis=1) for sorted_ in (bottoms, tops))
     bottom, top = (np.repeat(np.where(share < 0, np.nan, end)[:, 0], half)[:count] for end in ends)
@@ -464,8 +451,8 @@ def cell_ranges(
 
 # ---- A channel whose logger repeats each value, as the values that its instrument took.
 #
-#     stored numbers, axis --some places: does a change follow a change?--> no: the channel as it is
-#         --all of it: places where the value changes--> every how many samples a value is new
+#     stored numbers, axis --does a change follow a change?--> the channel as it is
+#         --places where the value changes--> every how many samples a value is new
 #         --the first sample of each value--> places, and a time axis of their own
 #
 # A logger that is faster than its instrument writes each value several times, or, if it joins
@@ -480,21 +467,12 @@ def cell_ranges(
 # be neighbours nearly everywhere.
 
 
-#: samples looked at at once, and places of a channel that are looked at before all of it is
-_PIECE, _PLACES = 4096, 16
 #: changes that tell something; with half as many a quantised signal's changes could be multiples
 #: of two once in 1e15, twice as many need a probe of faster signals
 _FEWEST = 100
 #: share of changes that may follow each other at once: rows that a log has lost; twice as many
 #: lets rounded signals be looked at as a whole
 _SINGLE = 0.02
-#: share of a channel's samples that must lie between changes as far apart as usual, or a sample
-#: nearer or further; a rounded signal stands still for most of a turn; with more, values that are
-#: alike by chance speak against it
-_COVERED = 0.9
-#: places of new values lie on one line if they leave it by this many samples of the logger in all:
-#: one is the logger's own rounding; twice as many put an instrument that slips on one line
-_EVEN = 2.0
 
 
 def without_repeats(channel: Channel, quiet: Channel) -> tuple[Channel, str]:
@@ -545,8 +523,7 @@ def sample_and_hold(
     (m,) the first sample of each value; their times; least and most samples from one to the next,
     as a rule.
     """
-    likely = _likely(stored, axis.size, held)
-    changes = _all_changes(stored, axis.size, held) if likely else None
+    changes = _all_changes(stored, axis.size, held)
     if changes is None:
         return None
     segments = list(pairwise([*(axis.first.tolist() or [0]), axis.size]))
@@ -561,9 +538,12 @@ def sample_and_hold(
             for (first, end), some in zip(segments, own, strict=True)
         ]
         return np.concatenate(parts), _axis(axis, parts, float(every)), every, every
-    usual = int(np.bincount(steps[steps <= _PIECE]).argmax())
+    usual = int(np.bincount(steps[steps < BLOCK_SAMPLES]).argmax())
     near = steps[np.abs(steps - usual) <= 1]
-    if usual < 2 or near.sum() < _COVERED * steps.sum():
+    # share of a channel's samples that must lie between changes as far apart as usual, or a sample
+    # nearer or further; a rounded signal stands still for most of a turn; with more, values that
+    # are alike by chance speak against it
+    if usual < 2 or near.sum() < 0.9 * steps.sum():
         return None
     period = float(near.mean())
     parts = [
@@ -574,21 +554,11 @@ def sample_and_hold(
     return np.concatenate(parts), _axis(axis, parts, period), int(common[0]), int(common[-1])
 
 
-def _likely(stored: Scaled, size: int, held: bool) -> bool:
-    """Whether the first place at which the signal moves looks held, or has blanks."""
-    starts = np.linspace(0, max(size - _PIECE, 0), _PLACES).astype(np.int64)
-    for start in np.unique(starts).tolist():
-        steps = np.diff(_changes(stored, start, min(start + _PIECE, size), held))
-        if steps.size >= _FEWEST:
-            return bool(np.count_nonzero(steps == 1) <= _SINGLE * steps.size)
-    return False
-
-
 def _all_changes(stored: Scaled, size: int, held: bool) -> IntArray | None:
     """The places of all new values; None if too many follow each other."""
     parts, single, count = [], 0, 0
-    for start in range(0, size, 16 * _PIECE):
-        some = _changes(stored, max(start - 1, 0), min(start + 16 * _PIECE, size), held)
+    for start in range(0, size, BLOCK_SAMPLES):
+        some = _changes(stored, max(start - 1, 0), min(start + BLOCK_SAMPLES, size), held)
         single += int(np.count_nonzero(np.diff(some) == 1))
         count += some.size
         parts.append(some)
@@ -632,7 +602,9 @@ def _axis(axis: TimeAxis, parts: list[IntArray], period: float) -> TimeAxis:
     if np.ptp(longest - period * np.arange(longest.size)) > 0.0:
         period = float(np.polyfit(np.arange(longest.size), longest, 1)[0])
     off = [part - period * np.arange(part.size) for part in parts]
-    if max(float(np.ptp(some)) for some in off) > _EVEN:
+    # places of new values lie on one line if they leave it by this many samples of the logger in
+    # all: one is the logger's own rounding; twice as many put an instrument that slips on one line
+    if max(float(np.ptp(some)) for some in off) > 2.0:
         return TimeAxis.of_times(axis.at(at.astype(float)))
     sizes = [part.size for part in parts]
     begin = np.array([float(some.mean()) for some in off])

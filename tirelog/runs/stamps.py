@@ -61,9 +61,6 @@ _ROUNDED, _JUMPING = 1.1, 0.005
 #: this share are one number of them, as rows that stand twice or lack show where more are; steps
 #: are whole ticks to this share of one, and stamps stay this near their line [ticks]
 _STRETCHES, _STRETCH, _ALIKE, _WHOLE, _BOUND = 32, 256, 0.97, 1e-3, 1.2
-#: a pause is told if samples without a clock leave out this many usual steps; twice as many leave
-#: pauses of up to twenty steps unsaid
-_PAUSE = 10.0
 
 
 #: a lasting change of level: its first sample behind, and by how much later stamps are from there
@@ -84,8 +81,8 @@ class Piece:
     mean_stamp_s: float
 
     def level(self, period_s: float) -> float:
-        """The time of clock index 0 on this piece's line."""
-        return self.mean_stamp_s - period_s * self.mean_index
+        """The time of clock index 0 on this piece's line, to a picosecond."""
+        return round(float(self.mean_stamp_s - period_s * self.mean_index), 12) + 0.0
 
 
 class Stamps:
@@ -163,19 +160,6 @@ class Stamps:
             first = first or (int(index[0]), float(stamps[0]))
             last = int(index[-1]), float(stamps[-1])
         return (first, last) if first and last and first[0] != last[0] else None
-
-    def range(self, period: float, most: float = np.inf) -> tuple[float, float]:
-        """(least, largest) residual of the stamps against a clock of this period.
-
-        Of the first ones alone if these are further apart than `most` [s].
-        """
-        low, high = np.inf, -np.inf
-        for index, stamps in self.known():
-            residual = stamps - period * self.clock_index(index)
-            low, high = min(low, float(residual.min())), max(high, float(residual.max()))
-            if high - low > most:
-                break
-        return low, high
 
     def rough_period(self) -> float:
         """T from differences over long stretches, by their median; 0 if stamps do not rise.
@@ -269,13 +253,8 @@ class Stamps:
         for index, k, stamps in chain(
             self.points(period), [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
         ):
-            new = stamps - period * k
-            steps = np.abs(np.diff(np.append(residual, new)))
-            # the usual stretch: nothing but its end is looked at
-            if k.size > window + 1 and (steps <= threshold).all():
-                at, residual = index[-window - 1 :], new[-window - 1 :]
-                continue
-            at, residual = np.concatenate([at, index]), np.concatenate([residual, new])
+            at = np.concatenate([at, index])
+            residual = np.concatenate([residual, stamps - period * k])
             keep = max(0, at.size - window - 1)
             for a, b in _clusters(residual, threshold, window):
                 if at[a] <= seen:
@@ -375,8 +354,10 @@ class Stamps:
             if done == 0 and good.size and good[0] > 0:
                 times[: good[0]] = known[0] - step * np.arange(good[0], 0, -1)
             repaired += whole - int((good < whole).sum())
+            # a pause is told if samples without a clock leave out this many usual steps; twice as
+            # many leave pauses of up to twenty steps unsaid
             far += (
-                done + np.flatnonzero(np.diff(times[:whole], prepend=times[0]) > _PAUSE * step)
+                done + np.flatnonzero(np.diff(times[:whole], prepend=times[0]) > 10.0 * step)
             ).tolist()
             out.append(np.asarray(times[:whole], np.float64))
             medians.append(step)

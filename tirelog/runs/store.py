@@ -67,13 +67,13 @@ from tirelog.vocabulary.quality import Doubt, Quality, flag_of
 
 #: of the run's layout; another one is refused
 FORMAT_VERSION = 2
-#: of a foreign run's words for its doubts at most so many are named, and so many letters of each
-MOST_WORDS, MOST_LETTERS = 5, 40
 #: samples beyond a slice that are looked at for the readings of a twin grating on either side of a
 #: lost one; twice as many bridge gaps in the temperature that are twice as long by a straight line
 _TWIN_REACH = 4096
 #: decimals of a count: more than any instrument writes, and a power of ten that is finite
 MOST_DECIMALS = 64
+#: objects in a run: ten thousand channels with their flags
+MOST_OBJECTS = 1 << 16
 #: of each dataset, two chunks; the default of HDF5 2 is 8 MB, which many channels multiply
 _CACHE_BYTES = 1 << 18
 #: how a kept run's samples are stored
@@ -85,8 +85,6 @@ COLUMN_DIGEST = "sha256"
 #: bytes of the provenance's text, of which one line for each chunk of ten hours that is damaged
 #: takes less; and numbers of a small dataset, a segment or a flag each
 LARGEST = 1 << 24
-#: objects in a run: ten thousand channels with their flags
-MOST_OBJECTS = 1 << 16
 #: largest time [s] from a log's start, below which a clock stays that jumps from 1970 to today, and
 #: largest rate [Hz] that a run may state
 LATEST_S, FASTEST_HZ = 1e11, 1e9
@@ -341,8 +339,9 @@ def recording_of(run: Run, log: str, setup: Setup | None = None) -> Recording:
             channels[name] = replace(channel, axis=even)
             said.append(f"{name}: its samples are even, the stamps scatter about their times")
     if run.foreign:
-        some = sorted(run.foreign)[:MOST_WORDS]
-        shown = ", ".join(printable(word[:MOST_LETTERS]) for word in some)
+        # a foreign run may have many words, and long ones
+        some = sorted(run.foreign)[:5]
+        shown = ", ".join(printable(word[:40]) for word in some)
         said.append(
             f"the run has doubts that this version of tirelog does not know ({shown}); the rows "
             f"about them are marked {Quality.FOREIGN_DOUBT.word}; read it with the version that "
@@ -494,11 +493,14 @@ def _checked(path: str, item: Any, kind: str = "", chunk: int | None = None) -> 
     if not text:
         check_type(path, item.dtype)
     plain = item.ndim == 1 and size <= (256 if text else 8) and item.dtype.kind in (kind or "iufbS")
-    chunks = f"has chunks of {item.chunks} values"
     _refuse(
         path,
         (not plain, f"has the shape {item.shape} and the type {item.dtype}", "a list of numbers"),
-        (chunk is not None and item.chunks != (chunk,), chunks, f"{chunk}"),
+        (
+            chunk is not None and item.chunks != (chunk,),
+            f"has chunks of {item.chunks} values",
+            f"{chunk}",
+        ),
     )
     if item.size:
         check_shape(SourceColumn(path, item, 0, (None,)))
@@ -507,21 +509,23 @@ def _checked(path: str, item: Any, kind: str = "", chunk: int | None = None) -> 
         item.id.chunk_iter(lambda stored: largest.__setitem__(0, max(largest[0], stored.size)))
         # larger than the filters make of one, it would grow without end
         grows = largest[0] > most + most // 64 + 64
-        inside = f"has a chunk of {largest[0]} bytes for {most}"
-        _refuse(path, (grows, inside, "what the chunk holds"))
+        what = f"has a chunk of {largest[0]} bytes for {most}"
+        _refuse(path, (grows, what, "what the chunk holds"))
     return item
 
 
 def text_at(file: h5py.File, path: str, largest: int) -> str:
     """The text at `path`, as the bytes of a dataset."""
     dataset = dataset_at(file, path, "u")
-    what = f"has {dataset.size} values of the type {dataset.dtype}"
     plain = dataset.dtype == np.uint8 and dataset.size <= largest
-    other = attribute(dataset, "size") != dataset.size
     _refuse(
         path,
-        (not plain, what, f"{largest} bytes of text"),
-        (other, "has another size than it says", "one size"),
+        (
+            not plain,
+            f"has {dataset.size} values of the type {dataset.dtype}",
+            f"{largest} bytes of text",
+        ),
+        (attribute(dataset, "size") != dataset.size, "has another size than it says", "one size"),
     )
     return bytes(dataset[:]).decode("utf-8")
 
@@ -570,15 +574,16 @@ def axis_at(file: h5py.File, name: str) -> TimeAxis:
     _refuse(path, (wrong, f"has {size:g} samples at {rate:g} Hz", "a whole number and a rate"))
     if "time_s" in place:
         # all are looked at: a damaged one has no time to lose it at
-        path, count = f"{path}/time_s", int(size)
+        path, count, last = f"{path}/time_s", int(size), -LATEST_S
         times = dataset_at(file, path, "f", chunk=max(min(CHUNK, count), 1))
-        other = f"has {times.size} times for {count} samples"
-        _refuse(path, (times.size != count, other, "one each"))
-        last = -LATEST_S
+        _refuse(
+            path,
+            (times.size != count, f"has {times.size} times for {count} samples", "one each"),
+        )
         for begin in range(0, count, CHUNK):
             part = times[begin : begin + CHUNK]
-            falls, what = not _rises(part, last), "has times that do not follow each other"
-            _refuse(path, (falls, what, "times that grow"))
+            falls = not _rises(part, last)
+            _refuse(path, (falls, "has times that do not follow each other", "times that grow"))
             last = part[-1]
 
         def explicit(first: int, stop: int) -> np.ndarray:
@@ -592,11 +597,10 @@ def axis_at(file: h5py.File, name: str) -> TimeAxis:
     wrong = len(set(sizes)) > 1 or not 0 < sizes[0] <= LARGEST
     _refuse(path, (wrong, f"has segments of {sizes} parts", "one number each"))
     first, start, period = (part[:] for part in parts)
-    apart = "has segments that do not follow each other"
     in_order = first[0] == 0 and (np.diff(first) > 0).all() and first[-1] <= max(int(size) - 1, 0)
     steps = (period > 0).all() and period.max() <= LATEST_S
     wrong = not (in_order and steps and _rises(start))
-    _refuse(path, (wrong, apart, "times that grow"))
+    _refuse(path, (wrong, "has segments that do not follow each other", "times that grow"))
     first, start, period = first.astype(np.int64), start.astype(float), period.astype(float)
     vague = attribute(place, "rate_error") if "rate_error" in place.attrs else 0.0
     _refuse(path, (not 0.0 <= vague <= 1.0, f"has a rate_error of {vague:g}", "a share"))
@@ -643,10 +647,10 @@ def contents_digest(file: h5py.File) -> str:
         found.update(f"{path}\0{what}\0".encode())
         for name in sorted(item.attrs):
             if path or name != DIGEST:
-                value = _plain(item, name)
-                inside = "numbers and short texts"
-                _refuse(f"{path}.{name}", (value is None, "is no plain attribute", inside))
-                value = np.asarray(value)
+                value = np.asarray(_plain(item, name))
+                foreign = value.dtype.kind == "O"
+                what = "is no plain attribute"
+                _refuse(f"{path}.{name}", (foreign, what, "numbers and short texts"))
                 found.update(f"{name}\0{value.dtype.str}{value.shape}\0".encode() + value.tobytes())
         if isinstance(item, h5py.Dataset) and not is_long(path):
             found.update(_checked(path, item)[:].tobytes())
@@ -674,9 +678,8 @@ def _objects(file: h5py.File) -> Iterator[tuple[str, Any]]:
             many = seen + len(todo) + len(names) > MOST_OBJECTS
             _refuse("/", (many, "holds too many objects", f"{MOST_OBJECTS}"))
             for name in names:
-                elsewhere = not isinstance(item.get(name, getlink=True), h5py.HardLink)
-                what = "is a link to elsewhere"
-                _refuse(f"{path}/{name}", (elsewhere, what, "data inside the run"))
+                away = not isinstance(item.get(name, getlink=True), h5py.HardLink)
+                _refuse(f"{path}/{name}", (away, "is a link to elsewhere", "data inside the run"))
             todo += [(f"{path}/{name}".lstrip("/"), item[name]) for name in names]
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tirelog.data.plausibility import doubt_of_vehicle
-from tirelog.data.recording import Channel, Recording
+from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.dsp.pitch import (
     KNOT_STEP_S,
     LEAST_TURNS,
@@ -31,7 +31,6 @@ from tirelog.dsp.teeth import (
     SLOW_S,
     TEETH,
     FASTEST_BACK_Hz,
-    Probe,
     count_teeth,
     probe,
     teeth_of_counter,
@@ -54,10 +53,6 @@ from tirelog.wheel.rolling import WheelTurns, rolling
 # sign, or by a speed at which nobody drives backwards.
 
 
-#: samples of the vehicle's speed read at once
-PIECE = 1 << 17
-
-
 def means_between(channel: Channel, begin_s: FloatArray, end_s: FloatArray) -> FloatArray:
     """Means of a channel over stretches of time (n,); NaN if one has no sample, or no end."""
     means = np.full(begin_s.size, np.nan)
@@ -66,8 +61,8 @@ def means_between(channel: Channel, begin_s: FloatArray, end_s: FloatArray) -> F
             continue
         first, last = (int(index) for index in np.ceil(channel.axis.index(ends)))
         total, known = 0.0, 0
-        for at in range(first, max(last, first + 1), PIECE):
-            values = channel.read(at, min(at + PIECE, max(last, first + 1)))
+        for at in range(first, max(last, first + 1), BLOCK_SAMPLES):
+            values = channel.read(at, min(at + BLOCK_SAMPLES, max(last, first + 1)))
             total, known = total + float(np.nansum(values)), known + int(np.isfinite(values).sum())
         means[k] = total / known if known else np.nan
     return means
@@ -109,10 +104,6 @@ def untold_stretches(angle: AngleFunction, stretches: Records) -> BoolArray:
 
 #: width of the speed's window: -3 dB at 20 Hz, the low-pass of P4; twice as wide, at 10 Hz
 SPEED_WINDOW_S = 0.443 / 20.0
-#: a table that explains more than this share of the deviations repeats; another number of steps
-#: must explain so much more than the setup's; twice the lead keeps a setup's wrong number of steps
-#: where both explain much
-REPEATS, BETTER = 0.8, 0.2
 
 
 @dataclass(frozen=True)
@@ -198,7 +189,8 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
     turn, pieces = 2 * steps, count_teeth(channel, found, steps)
     if found.form == "counter":
         counted, turn = teeth_of_counter(channel, steps)
-        pieces = (counted[at : at + PIECE] for at in range(0, counted.size, PIECE))
+        starts = range(0, counted.size, BLOCK_SAMPLES)
+        pieces = (counted[at : at + BLOCK_SAMPLES] for at in starts)
     learner, builder = PitchLearner(turn), KnotBuilder(turn)
     passages, missing, extra, sample = 0, 0, 0, np.zeros(0, TEETH)
     uneven = [np.zeros(0)]
@@ -216,7 +208,9 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
     pitch, knots = learner.table(stretches), builder.knots()
     # an edge lies anywhere between two samples
     edge_s = 0.0 if found.form == "sine" else 1.0 / channel.axis.rate_Hz / np.sqrt(12.0)
-    noise = builder.noise_rad(otherwise=_noise(found, steps))
+    # of one passage: the noise over the slope, five samples
+    alone = found.noise / max(found.amplitude, np.finfo(float).tiny) / steps / np.sqrt(5.0)
+    noise = builder.noise_rad(otherwise=float(alone))
     function = angle_function(knots, pitch.error_rad, stretches, noise, edge_s)
     backward = ~knots["forward"] | (stretches["sign"][knots["stretch"]] < 0)
     untold = untold_stretches(function, stretches)
@@ -243,14 +237,6 @@ def _uneven_times(teeth: Records) -> FloatArray:
     begun = np.diff(teeth["stretch"], append=teeth["stretch"][-1:]) > 0
     mended = (teeth["missing"] > 0) | (teeth["extra"] > 0) | teeth["hole"]
     return np.asarray(time[mended | begun | (teeth["uneven"] & ~slow)])
-
-
-def _noise(found: Probe, steps: int) -> float:
-    """Standard deviation [rad] of one passage if the log is too short to show it.
-
-    The noise over the slope, five samples.
-    """
-    return float(found.noise / max(found.amplitude, np.finfo(float).tiny) / steps / np.sqrt(5.0))
 
 
 def _too_few(channel: Channel, form: str, passages: int, steps: float) -> DataLoss:
@@ -283,7 +269,7 @@ def _by_angle(channel: Channel, steps: int) -> WheelAngle:
     rate = np.gradient(2 * np.pi * turns, time).astype(np.float32)
     function = AngleFunction(time, turns, 2 * np.pi, rate, np.zeros(time.size, np.int32), noise)
     backward, untold = np.diff(turns, prepend=turns[0]) < 0, np.zeros(1, bool)
-    pitch = PitchTable.zero(2 * steps)
+    pitch = PitchTable(np.zeros(2 * steps))
     return WheelAngle(
         channel.name, steps, "angle", function, pitch, backward, untold, np.zeros(0), ()
     )
@@ -329,7 +315,10 @@ def _pitch_remarks(
     channel: Channel, form: str, steps: int, pitch: PitchTable, sample: Records, edge_s: float
 ) -> list[str]:
     """Sentences on the pitch table; `edge_s` [s] the error of an edge between samples."""
-    if pitch.repeats >= REPEATS or (form == "counter" and pitch.turns == 0):
+    # a table that explains more than this share of the deviations repeats; another number of steps
+    # must explain so much more than the setup's; twice the lead keeps a setup's wrong number of
+    # steps where both explain much
+    if pitch.repeats >= 0.8 or (form == "counter" and pitch.turns == 0):
         return []
     if pitch.turns == 0:
         return [
@@ -337,7 +326,7 @@ def _pitch_remarks(
             "pitch errors are not learnt"
         ]
     other, share, own = steps_that_repeat(sample, steps, pitch.error_rad.size, edge_s)
-    if not (share > own + BETTER and steps % other):
+    if not (share > own + 0.2 and steps % other):
         return []
     return [
         f"channel {channel.name}: the learnt pitch table does not repeat with {steps} steps, it "

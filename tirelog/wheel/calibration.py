@@ -29,15 +29,56 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from tirelog.errors import SetupError, UsageError
-from tirelog.storage.schema import FLAG, Document, FilePlace, KeyKind, Table, ValueKind, number
+from tirelog.storage.schema import (
+    FLAG,
+    Document,
+    FilePlace,
+    Record,
+    Table,
+    ValueKind,
+    kinds_of,
+    number,
+    numbers,
+    table_of,
+)
 from tirelog.storage.whole import toml_text, whole_file
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.wheel.phase_shift import EdgeTimes
+
+# ---- What a calibration's file may hold: a foreign one does no harm.
+
+#: numbers of a file, none of them huge
+_ROW = numbers(-1e15, 1e15)
+
+
+def _is_covariance(value: Any) -> bool:
+    """Whether a value is a square array of finite numbers without negative variances."""
+    size = len(value) if isinstance(value, list) else 0
+    if size < 2 or not all(_ROW.fits(row) and len(row) == size for row in value):
+        return False
+    array = np.array(value, dtype=float)
+    least = -1e-9 * max(float(abs(array).max()), 1e-300)
+    return bool(np.linalg.eigvalsh(0.5 * (array + array.T)).min() >= least)
+
+
+_COVARIANCE = ValueKind(
+    "a covariance of finite numbers: symmetric, no negative variances",
+    _is_covariance,
+    partial(np.array, dtype=float),
+)
+_COEFFICIENTS = ValueKind(
+    "two or three finite numbers",
+    lambda value: _ROW.fits(value) and len(value) in (2, 3),
+    partial(np.array, dtype=float),
+)
+_SLOPE, _BOUND, _SMALL, _ANGLE = (
+    number(low, high) for low, high in ((-1e3, 1e3), (-1e4, 1e4), (0.0, 1e3), (0.0, 360.0))
+)
 
 # ---- Force maps: F_z = f_z(patch width), F_x = f_x(phase shift) (P4 section III).
 #
@@ -53,20 +94,21 @@ from tirelog.wheel.phase_shift import EdgeTimes
 LEAST, FOLDS = 40, 5
 
 
-@dataclass(frozen=True)
-class ForceMap:
-    """Force [N] as a polynomial in (regressor - centre_deg), lowest power first.
+class ForceMap(Record):
+    """Force as a polynomial in (regressor - centre_deg), lowest power first.
 
     `covariance` of the coefficients; valid from `low_deg` to `high_deg`; `rms_N` the residual on
     held-out parts of the logs, which holds what the regressor does not know.
     """
 
-    centre_deg: float
-    coefficients: FloatArray
-    covariance: FloatArray
-    low_deg: float
-    high_deg: float
-    rms_N: float
+    keys: ClassVar = {
+        "centre_deg": (_BOUND, None),
+        "coefficients_N": (_COEFFICIENTS, None),
+        "covariance": (_COVARIANCE, None),
+        "low_deg": (_BOUND, None),
+        "high_deg": (_BOUND, None),
+        "rms_N": (number(0.0, 1e7), None),
+    }
 
 
 def fit_force(
@@ -106,10 +148,10 @@ def predict_force(
     The error is that of a single passage: the map's, and what held-out passages scattered, which
     holds the regressor's usual noise; more if the passage is noisier than its range allows.
     """
-    degree = force.coefficients.size - 1
+    degree = force.coefficients_N.size - 1
     design = np.vander(np.nan_to_num(x) - force.centre_deg, degree + 1, increasing=True)
-    value = np.where(np.isfinite(x), design @ force.coefficients, np.nan)
-    slope = design[:, :-1] @ (force.coefficients[1:] * np.arange(1, degree + 1))
+    value = np.where(np.isfinite(x), design @ force.coefficients_N, np.nan)
+    slope = design[:, :-1] @ (force.coefficients_N[1:] * np.arange(1, degree + 1))
     own = np.einsum("ni,ij,nj->n", design, force.covariance, design)
     se = np.sqrt(own + np.maximum(force.rms_N**2, (slope * x_se) ** 2))
     with np.errstate(invalid="ignore"):
@@ -129,10 +171,6 @@ SLOW_M_S2 = 0.03
 #: CO2MPAS completes them, for f2 of 0.025 to 0.038), and a gearbox adds to f1. Twice the deviation
 #: doubles the error of a delay beside a trend that bends, and leaves that of one beside none
 DRAG_M_S, DRAG_SD_M_S = 6.0, 6.0
-#: phase shift [deg/(m/s)^2] by which the air drag of a car winds up a driven wheel, as long as it
-#: does not coast, and its standard deviation: f2 / 2 of 0.12 to 0.22 kg/m, 1.6e-4 to 6.5e-4 deg/N
-#: by sidewalls of 1.5e5 to 6e5 N/m^2. Twice the deviation doubles its share in a delay's error
-WIND_UP_DEG, WIND_UP_SD_DEG = 7e-5, 5e-5
 #: the channel by which a shift's map is freed of what is force
 FORCE = "longitudinal_force"
 #: passages and range of speed [m/s] that a map needs: the mean of so many is known to a fifth of
@@ -141,25 +179,26 @@ FORCE = "longitudinal_force"
 LEAST_PASSAGES, LEAST_RANGE_M_S = 30, 3.0
 
 
-@dataclass(frozen=True)
-class SpeedMap:
+class SpeedMap(Record):
     """Change of a quantity [deg] with speed against the reference.
 
-    `linear` [deg/(m/s)], `quadratic` [deg/(m/s)^2], `covariance` (2, 2), valid from `low_m_s` to
-    `high_m_s`; `rms_deg` the residuals' standard deviation, `passages` their number.
+    `covariance` (2, 2) of the two coefficients, valid from `low_m_s` to `high_m_s`; `rms_deg` the
+    residuals' standard deviation, `passages` their number.
     """
 
-    linear: float
-    quadratic: float
-    covariance: FloatArray
-    low_m_s: float
-    high_m_s: float
-    rms_deg: float
-    passages: int
+    keys: ClassVar = {
+        "linear_deg_s_m": (_SLOPE, None),
+        "quadratic_deg_s2_m2": (_SLOPE, None),
+        "covariance": (_COVARIANCE, None),
+        "low_m_s": (_BOUND, None),
+        "high_m_s": (_BOUND, None),
+        "rms_deg": (_ANGLE, None),
+        "passages": (replace(number(0, 1e12), made=int), None),
+    }
 
     def __call__(self, speed_m_s: FloatArray, reference_m_s: float) -> FloatArray:
         dv = speed_m_s - reference_m_s
-        return self.linear * dv + self.quadratic * dv**2
+        return np.asarray(self.linear_deg_s_m * dv + self.quadratic_deg_s2_m2 * dv**2)
 
 
 @dataclass(frozen=True)
@@ -327,8 +366,11 @@ def _speed_map(
     design = np.stack([*columns, *nuisances], axis=1)
     if coasting and not by_force:  # its size is known beforehand, as by one passage more
         known = np.eye(design.shape[1])[-1:]
-        design, y = np.vstack([design, known]), np.append(y, WIND_UP_DEG)
-        se = np.append(se, WIND_UP_SD_DEG)
+        # [deg/(m/s)^2] by which the air drag of a car winds up a driven wheel, as long as it does
+        # not coast, and its deviation: f2 / 2 of 0.12 to 0.22 kg/m, 1.6e-4 to 6.5e-4 deg/N by
+        # sidewalls of 1.5e5 to 6e5 N/m^2. Twice the deviation doubles its share in a delay's error
+        design, y = np.vstack([design, known]), np.append(y, 7e-5)
+        se = np.append(se, 5e-5)
     at = len(columns) - 2
     solved, covariance, residual = least_squares(design, y, se)
     return SpeedMap(
@@ -372,8 +414,8 @@ def _delay(shift: SpeedMap, reference: float, radius: float) -> tuple[float, flo
     """
     to_s = np.pi / 180 * radius
     gradient = np.array([1.0, -2 * reference - DRAG_M_S])
-    late = gradient @ [shift.linear, shift.quadratic]
-    bend = shift.quadratic**2 + shift.covariance[1, 1]
+    late = gradient @ [shift.linear_deg_s_m, shift.quadratic_deg_s2_m2]
+    bend = shift.quadratic_deg_s2_m2**2 + shift.covariance[1, 1]
     variance = gradient @ shift.covariance @ gradient + DRAG_SD_M_S**2 * bend
     return float(late) * to_s, float(np.sqrt(variance)) * to_s
 
@@ -462,73 +504,21 @@ def _with_forces(logs: Sequence[EdgeTimes], c: Calibration) -> Calibration:
 VERSION = 1
 
 
-def _is_array(ndim: int, value: Any) -> bool:
-    """Whether a value is an array of finite numbers, none of them huge."""
-    if not isinstance(value, list):
-        return False
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        return False
-    return (
-        array.ndim == ndim and bool(np.isfinite(array).all()) and bool((abs(array) <= 1e15).all())
-    )
-
-
-def _is_covariance(value: Any) -> bool:
-    """Whether a value is a square array without negative variances."""
-    if not _is_array(2, value):
-        return False
-    array = np.array(value, dtype=float)
-    rows, columns = array.shape
-    least = -1e-9 * max(float(abs(array).max(initial=0.0)), 1e-300)
-    return rows == columns > 1 and bool(np.linalg.eigvalsh(0.5 * (array + array.T)).min() >= least)
-
-
-_COVARIANCE = ValueKind(
-    "a covariance of finite numbers: symmetric, no negative variances",
-    _is_covariance,
-    partial(np.array, dtype=float),
-)
-_COEFFICIENTS = ValueKind(
-    "two or three finite numbers",
-    lambda value: _is_array(1, value) and len(value) in (2, 3),
-    partial(np.array, dtype=float),
-)
-_SLOPE, _BOUND, _SMALL, _ANGLE = (
-    number(low, high) for low, high in ((-1e3, 1e3), (-1e4, 1e4), (0.0, 1e3), (0.0, 360.0))
-)
-_MAP: dict[str, KeyKind] = {
-    "linear_deg_s_m": _SLOPE,
-    "quadratic_deg_s2_m2": _SLOPE,
-    "covariance": _COVARIANCE,
-    "low_m_s": _BOUND,
-    "high_m_s": _BOUND,
-    "rms_deg": _ANGLE,
-    "passages": replace(number(0, 1e12), made=int),
-}
-_FORCE: dict[str, KeyKind] = {
-    "centre_deg": _BOUND,
-    "coefficients_N": _COEFFICIENTS,
-    "covariance": _COVARIANCE,
-    "low_deg": _BOUND,
-    "high_deg": _BOUND,
-    "rms_N": number(0.0, 1e7),
-}
-_PATCH: dict[str, KeyKind] = {"at_reference_deg": _ANGLE, **_MAP}
-_FORCE_TABLE = Table(_FORCE, needed=tuple(_FORCE))
 _CALIBRATION = Table(
     {
         "version": ValueKind(f"{VERSION}", lambda version: version == VERSION),
         "reference_speed_m_s": number(0.0, 200.0),
-        "phase_shift": Table(_MAP, needed=tuple(_MAP)),
-        "patch_width": Table(_PATCH, needed=tuple(_PATCH)),
+        "phase_shift": table_of(SpeedMap, *SpeedMap.keys),
+        "patch_width": Table(
+            {"at_reference_deg": _ANGLE, **kinds_of(SpeedMap)},
+            needed=("at_reference_deg", *SpeedMap.keys),
+        ),
         "crosstalk": Table({"k": _SLOPE, "se": _SMALL}, needed=("k", "se")),
         "telemetry_delay": Table(
             {"delay_s": _SLOPE, "se_s": _SMALL, "beside_force": FLAG}, needed=("delay_s", "se_s")
         ),
-        "vertical_force": _FORCE_TABLE,
-        "longitudinal_force": _FORCE_TABLE,
+        "vertical_force": table_of(ForceMap, *ForceMap.keys),
+        "longitudinal_force": table_of(ForceMap, *ForceMap.keys),
     },
     needed=("version", "reference_speed_m_s", "phase_shift", "patch_width"),
 )
@@ -543,10 +533,8 @@ def write_calibration(path: Path, calibration: Calibration) -> None:
         f"version = {VERSION}",
         f"reference_speed_m_s = {c.reference_speed_m_s!r}   # the zero of the phase shift",
     ]
-    lines += _table("phase_shift", _of_map(_MAP, c.shift))
-    lines += _table(
-        "patch_width", {"at_reference_deg": c.patch_width_deg, **_of_map(_MAP, c.width)}
-    )
+    lines += _table("phase_shift", vars(c.shift))
+    lines += _table("patch_width", {"at_reference_deg": c.patch_width_deg, **vars(c.width)})
     if math.isfinite(c.crosstalk):
         lines += _table("crosstalk", {"k": c.crosstalk, "se": c.crosstalk_se})
     if math.isfinite(c.delay_s):
@@ -557,14 +545,9 @@ def write_calibration(path: Path, calibration: Calibration) -> None:
         )
     for name, force in (("vertical_force", c.vertical), ("longitudinal_force", c.longitudinal)):
         if force is not None:
-            lines += _table(name, _of_map(_FORCE, force))
+            lines += _table(name, vars(force))
     with whole_file(path) as target:
         target.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def _of_map(keys: Mapping[str, KeyKind], values: SpeedMap | ForceMap) -> dict[str, Any]:
-    """The values of a map by the file's keys, which stand in the order of its fields."""
-    return dict(zip(keys, vars(values).values(), strict=True))
 
 
 def _table(name: str, values: Mapping[str, Any]) -> list[str]:
@@ -584,43 +567,37 @@ def read_calibration(path: Path) -> Calibration:
     again = "write the file anew with --calibrate"
     document = Document(text, SetupError, "a calibration", path, again)
     data = document.read(_CALIBRATION)
-    place = FilePlace(document)
-    shift, width = (
-        SpeedMap(*_fields(data[n], _MAP, place / n)) for n in ("phase_shift", "patch_width")
-    )
-    vertical, longitudinal = (
-        ForceMap(*_fields(data[n], _FORCE, place / n)) if n in data else None
-        for n in ("vertical_force", "longitudinal_force")
-    )
+    patch_width_deg = data["patch_width"].pop("at_reference_deg")
+    data["patch_width"] = SpeedMap(**data["patch_width"])
+    for name, found in data.items():
+        if isinstance(found, SpeedMap | ForceMap):
+            _refuse_map(found, FilePlace(document) / name)
     nan = float("nan")
     crosstalk = data.get("crosstalk", {"k": nan, "se": nan})
     delay = {"delay_s": nan, "se_s": nan, "beside_force": False} | data.get("telemetry_delay", {})
     return Calibration(
         data["reference_speed_m_s"],
-        shift,
-        width,
-        data["patch_width"]["at_reference_deg"],
+        data["phase_shift"],
+        data["patch_width"],
+        patch_width_deg,
         crosstalk["k"],
         crosstalk["se"],
         delay["delay_s"],
         delay["se_s"],
-        vertical,
-        longitudinal,
+        data.get("vertical_force"),
+        data.get("longitudinal_force"),
         delay["beside_force"],
     )
 
 
-def _fields(table: Mapping[str, Any], keys: Mapping[str, KeyKind], place: FilePlace) -> list[Any]:
-    """The fields of a map from its table, by the file's keys.
-
-    SetupError: a range without extent, or a covariance of another size than the numbers.
-    """
-    size = len(table["coefficients_N"]) if "coefficients_N" in keys else 2
-    if len(table["covariance"]) != size:
+def _refuse_map(found: SpeedMap | ForceMap, place: FilePlace) -> None:
+    """SetupError: a range without extent, or a covariance of another size than the numbers."""
+    size = len(found.coefficients_N) if isinstance(found, ForceMap) else 2
+    if len(found.covariance) != size:
         raise (place / "covariance").wrong(
-            table["covariance"].tolist(), f"allowed are finite numbers of shape {(size, size)}"
+            found.covariance.tolist(), f"allowed are finite numbers of shape {(size, size)}"
         )
-    low, high = (key for key in keys if key.startswith(("low_", "high_")))
-    if table[low] >= table[high]:
-        raise (place / high).wrong(table[high], f"allowed is more than {low} = {table[low]:g}")
-    return [table[key] for key in keys]
+    low, high = (key for key in found.keys if key.startswith(("low_", "high_")))
+    least, most = getattr(found, low), getattr(found, high)
+    if least >= most:
+        raise (place / high).wrong(most, f"allowed is more than {low} = {least:g}")

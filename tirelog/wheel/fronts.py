@@ -36,8 +36,6 @@ from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 from tirelog.wheel.angle import WheelAngle
 from tirelog.wheel.pulses import decimate, patch_sign, pulses_in, spline, spline_at
 
-#: radians of a degree
-DEGREE = np.pi / 180
 #: samples read at once: their columns stay in the cache
 PIECE = 1 << 15
 
@@ -58,10 +56,7 @@ PASSAGE = np.dtype(
 
 #: the level is taken from this range beside each front [rad]; half of the first lies in the lobes
 #: of the front, twice the second reaches beyond the top of the wheel
-BESIDE = 25 * DEGREE, 130 * DEGREE
-#: and the level inside from this share of the patch, about its middle: beyond it a short patch
-#: bends already; doubled, lengths of 70 mm come out 1 % longer
-INSIDE = 0.35
+BESIDE = np.radians(25.0), np.radians(130.0)
 
 
 def samples(
@@ -122,7 +117,9 @@ def fill_levels(channel: Channel, angle: AngleFunction, rows: Records, sign: flo
         beside = there & (away > BESIDE[0]) & (away < BESIDE[1])
         columns = np.stack([np.ones(phi.size), phi, np.cos(phi), values])
         sums[some] = _sums(owner, columns, beside, some.size)
-        within = there & (away < (INSIDE - 1.0) * rows["half_rad"][some[owner]])
+        # the level inside is that of a third of the patch, about its middle: beyond it a short
+        # patch bends already; doubled, lengths of 70 mm come out 1 % longer
+        within = there & (away < -0.65 * rows["half_rad"][some[owner]])
         count = np.bincount(owner, within, some.size)
         with np.errstate(invalid="ignore", divide="ignore"):
             inside[some] = np.bincount(owner, within * values, some.size) / count
@@ -166,9 +163,6 @@ def _scaled(rows: Records, owner: IntArray, phi: FloatArray, values: FloatArray)
 
 #: reach of the form in half widths of the patch; twice as far is level, where nothing is told
 REACH = 2.0
-#: share of the reach about the middle in which the form gives way as the patch grows: flanks and
-#: lobes keep their shape; twice as far, it stretches the flanks
-GIVES_WAY = 0.25
 #: points of the form's table: straight lines between miss a ten-millionth of a level
 POINTS = 8193
 #: passages that the form is learnt from, rounds of that, and steps of each least squares; twice as
@@ -176,20 +170,9 @@ POINTS = 8193
 LEARNT_FROM, ROUNDS, STEPS = 400, 3, 3
 #: passages that tell how the form follows speed and growth; half as many take ringing for it
 FEWEST = 40
-#: knots of the form at first; then they lie so far apart, in level over the flank's slope; twice as
-#: far apart, it rounds off what is as steep as the flank
-INTERVALS, KNOTS = 40, 0.35
 #: longest step of a shift and of a growth [rad], and how far they lead; twice as long ones could
 #: leave the flank
-LONGEST, FARTHEST = 1.0 * DEGREE, 3.0 * DEGREE
-#: passages over which errors are as large as what is left of the signal says; twice as many follow
-#: a change of road half as soon
-SMOOTH = 101
-#: a passage that the form leaves over by so many times the usual of those near it: of clean logs it
-#: is twice at most
-FAR_MISFIT, NEAR = 4.0, 9
-#: share of what tells a front that must be there, and share that may be lost without a word
-LEAST_TOLD, LOST = 0.5, 0.02
+LONGEST, FARTHEST = np.radians(1.0), np.radians(3.0)
 #: what is fitted of a passage: shift of the form and growth of each half [rad], their normal matrix
 #: (with that of the level), rms of what is left; then of entry and exit: what its samples tell of
 #: the front, the share that is lost, mean and slope of what is left there, over the form's own
@@ -222,7 +205,9 @@ class Form:
 
         Of passages that have grown by `growth` (s,) [rad] on either side.
         """
-        soft = GIVES_WAY * self.reach_rad
+        # share of the reach about the middle in which the form gives way as the patch grows: flanks
+        # and lobes keep their shape; twice as far, it stretches the flanks
+        soft = 0.25 * self.reach_rad
         inside = shift / (1.0 + growth / soft)
         u = np.where(np.abs(inside) < soft, inside, shift - np.sign(shift) * growth)
         return u, np.clip(u / soft, -1.0, 1.0)
@@ -301,7 +286,7 @@ def _learned(channel: Channel, angle: AngleFunction, rows: Records) -> Form | No
         parts.append(np.stack([part[owner], phi, _scaled(some[part], owner, phi, values)]))
     number, phi, y = np.concatenate(parts, axis=1)
     owner, half = number.astype(np.int64), float(np.median(some["half_rad"]))
-    u, intervals, like = phi, INTERVALS, np.ones(some.size, bool)
+    u, intervals, like = phi, 40, np.ones(some.size, bool)
     for _ in range(ROUNDS):
         learnt = _form(np.where(like[owner], u, np.inf), y, REACH * half, intervals)
         if learnt is None:
@@ -311,7 +296,9 @@ def _learned(channel: Channel, angle: AngleFunction, rows: Records) -> Form | No
         # passages with more than this times the usual residual are not learnt from
         like = found["misfit"] < 3.0 * np.median(found["misfit"])
         half, steepest = 0.5 * float(np.ptp(form.fronts_rad)), float(np.abs(form.steepness).max())
-        intervals = int(np.clip(2.0 * form.reach_rad * steepest / KNOTS, 16.0, 400.0))
+        # knots lie so far apart, in level over the flank's slope; twice as far apart, the form
+        # rounds off what is as steep as the flank
+        intervals = int(np.clip(2.0 * form.reach_rad * steepest / 0.35, 16.0, 400.0))
     growth = found["growth"] - np.mean(found["growth"][like])
     spread = float(np.std(growth[like]))
     own = found["misfit"] * np.sqrt(np.linalg.inv(found["normal"][:, :2, :2])[:, 1, 1])
@@ -381,11 +368,12 @@ def fill_fronts(
         beyond &= np.abs(phi) < REACH * part["half_rad"][owner]
         clipped[some] = np.bincount(owner, beyond, some.size) > 0
     told = found["told"] * rows["rate_rad_s"][:, None]
-    short = ~(told > LEAST_TOLD * np.median(told, axis=0)).all(axis=1)
+    # half of what tells a front must be there, and little may be lost without a word
+    short = ~(told > 0.5 * np.median(told, axis=0)).all(axis=1)
     begin, end = _ends(angle, rows, _window(rows))
     first, last = channel.axis.at(np.array([0.0, channel.size - 1.0]))
     at_end = ~((begin >= first) & (end <= last))
-    lost = (found["lost"] > LOST).any(axis=1)
+    lost = (found["lost"] > 0.02).any(axis=1)
     rows["quality"] |= marked(short & at_end, Quality.EDGE_OF_LOG)
     rows["quality"] |= marked((short & ~at_end) | lost, Quality.GAP)
     rows["quality"] |= marked(clipped, Quality.CLIPPED)
@@ -407,8 +395,11 @@ def fill_fronts(
     rows["restless"] /= max(noise, 1e-300)
     of_noise = noise / np.abs(rows["level_m_s2"] - rows["inside_m_s2"])
     misfit = np.where(good, found["misfit"] / of_noise, 1.0)
-    around, smooth = (sliding_median(misfit, min(size, misfit.size)) for size in (NEAR, SMOOTH))
-    rows["quality"] |= marked(misfit > FAR_MISFIT * around, Quality.UNLIKE_NEIGHBOURS)
+    # errors are as large as what is left of the signal says over so many passages; twice as many
+    # follow a change of road half as soon
+    around, smooth = (sliding_median(misfit, min(size, misfit.size)) for size in (9, 101))
+    # of clean logs it is twice at most
+    rows["quality"] |= marked(misfit > 4.0 * around, Quality.UNLIKE_NEIGHBOURS)
     wider = np.maximum(smooth, 1.0) * of_noise * nan
     inverse = np.linalg.inv(found["normal"][:, :2, :2])
     by_level = (inverse @ found["normal"][:, :2, 2:])[..., 0] * rows["level_share"][:, None]
@@ -494,7 +485,7 @@ def _passages(
     )
     middle, half = 0.5 * (entry + leave), 0.5 * (leave - entry)
     climbing = np.fmax.accumulate(np.append(-np.inf, middle))
-    known = (middle > climbing[:-1]) & (half > 2.0 * DEGREE) & (half < 35.0 * DEGREE)
+    known = (middle > climbing[:-1]) & (half > np.radians(2.0)) & (half < np.radians(35.0))
     middle, half = middle[known], half[known]
     if middle.size < 3:
         return None
@@ -516,27 +507,21 @@ def _expected(
     The middles in rad; the rows are those of the former among the latter.
     """
     stretch = wheel.angle.stretch_at(wheel.angle.time_at(middle))
-    kept = np.ones(middle.size, bool)
+    kept, near = np.ones(middle.size, bool), np.radians(15.0)
     if abs(turn / (2 * np.pi) - 1) < 0.01:
         for number in np.unique(stretch):
             rows = np.flatnonzero(stretch == number)
             phase = np.sort(middle[rows] % (2 * np.pi))
             # of a wheel that turned round the patch has two places; the mean lies in neither
             spread = np.concatenate([phase, phase + 2 * np.pi])
-            ahead = np.searchsorted(spread, phase + 15 * DEGREE) - np.arange(phase.size)
+            ahead = np.searchsorted(spread, phase + near) - np.arange(phase.size)
             usual = float(np.median(spread[ahead.argmax() + np.arange(ahead.max())]))
-            kept[rows] = np.abs(np.angle(np.exp(1j * (middle[rows] - usual)))) < 15 * DEGREE
+            kept[rows] = np.abs(np.angle(np.exp(1j * (middle[rows] - usual)))) < near
     ends = middle[[0, -1]]
     middle = middle[kept]
     turns = np.maximum(np.rint(np.diff(middle) / turn).astype(np.int64), 1)
     row = np.concatenate([[0], np.cumsum(turns)])
     before, after = np.rint(np.abs(middle[[0, -1]] - ends) / turn).astype(np.int64)
-    inside = np.interp(np.arange(row[-1] + 1), row, middle)
-    expected = np.concatenate(
-        [
-            inside[0] - turn * np.arange(before, 0, -1),
-            inside,
-            inside[-1] + turn * np.arange(1, after + 1),
-        ]
-    )
-    return kept, expected, row + before
+    every = np.arange(-before, row[-1] + after + 1)
+    beyond = np.minimum(every, 0) + np.maximum(every - row[-1], 0)
+    return kept, np.interp(every, row, middle) + turn * beyond, row + before

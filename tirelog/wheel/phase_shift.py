@@ -43,17 +43,9 @@ from tirelog.wheel.rolling import off_clock
 # channel --the log's extremes, if samples pile up there--> limits of the sensor or of the converter
 
 
-#: so many equal samples in a row do not happen under noise: with EQUAL_SHARE of equal neighbours
-#: once in 3e8 samples.  Twice as many would take held values of up to 11 samples for measured
+#: so many equal samples in a row do not happen under noise: with 0.02 of equal neighbours once in
+#: 3e8 samples.  Twice as many would take held values of up to 11 samples for measured
 HELD = 6
-#: a channel with more equal neighbours than this has no noise to tell by; with twice as many equal
-#: ones HELD of them would happen by chance once in 1e7 samples
-EQUAL_SHARE = 0.02
-#: samples read at once (1 MB)
-PIECE = 1 << 17
-#: samples at the extreme of a log that clips, at least; twice as many miss clips of up to
-#: eleven
-PILED_UP = 6
 
 
 def without_held(channel: Channel, low: float, high: float) -> Channel:
@@ -65,7 +57,9 @@ def without_held(channel: Channel, low: float, high: float) -> Channel:
     pieces = [channel.read(int(s), int(s) + 4096) for s in starts]
     pieces = [p[(p > low) & (p < high)] for p in pieces]
     shares = [float(np.mean(np.diff(p) == 0)) for p in pieces if p.size > 1]
-    if not shares or np.median(shares) > EQUAL_SHARE:
+    # a channel with more equal neighbours than this has no noise to tell by; with twice as many
+    # equal ones HELD of them would happen by chance once in 1e7 samples
+    if not shares or np.median(shares) > 0.02:
         return channel
 
     def read(start: int, stop: int) -> FloatArray:
@@ -88,13 +82,14 @@ def limits(channel: Channel) -> tuple[float, float, float]:
     """
     ends = np.array([np.inf, -np.inf])
     piles, known = np.zeros(2, np.int64), 0
-    for _, block in channel.blocks(PIECE):
+    for _, block in channel.blocks():
         x = block[np.isfinite(block)]
         further = np.array([x.min(initial=ends[0]), x.max(initial=ends[1])])
         piles[further != ends] = 0
         ends, known = further, known + x.size
         piles += [np.sum(x == end) for end in ends]
-    piled = piles >= PILED_UP
+    # samples at the extreme of a log that clips, at least; twice as many miss clips of up to eleven
+    piled = piles >= 6
     low, high = np.where(piled, ends, [-np.inf, np.inf])
     return float(low), float(high), float(piles[piled].sum() / max(known, 1))
 
@@ -213,17 +208,9 @@ def doubts(
     return said
 
 
-#: degrees of a radian
-DEG = 180 / np.pi
 #: the zero is sought in stretches below this speed [m/s] (P4: about 10): drag, which moves it, goes
 #: with the square; doubled, it is four times as large
 LOW_SPEED_M_S = 13.0
-#: usual rms beside the patch, in sigmas of a sample, of an accelerometer that hums; on a road it is
-#: 1.2 to 4
-RESTLESS = 5.0
-#: a constant speed: steps below this from passage to passage (P1 section 4), over at least so many
-#: passages, within this range; twice the step or range takes gentle braking for a constant speed
-STEADY_STEP_M_S, STEADY_PASSAGES, STEADY_RANGE_M_S = 0.08, 8, 0.6
 
 
 @dataclass(frozen=True)
@@ -332,7 +319,9 @@ def _passages(
     middle = np.where(found, 0.5 * (entry + leave), fronts["middle_rad"])
     time, turns = turns_about(wheel, middle, radius.radius_m)
     speed = radius.radius_m * wheel.speed_rad_s(time)
-    low, high = (wheel.angle.time_at(middle + side * (15 / DEG + 0.3)) for side in (-1.0, 1.0))
+    low, high = (
+        wheel.angle.time_at(middle + side * (np.radians(15.0) + 0.3)) for side in (-1.0, 1.0)
+    )
     quality = (
         fronts["quality"]
         | wheel.quality(np.nan_to_num(low, nan=-1.0), np.nan_to_num(high, nan=np.inf))
@@ -344,7 +333,7 @@ def _passages(
     reading = np.where(found, middle, np.nan)
     turn, moved, strange, unclear = _one_turn(reading, wheel, time, good(quality, Use.FRONTS))
     quality |= marked(strange, Quality.REVERSING) | marked(unclear, Quality.IMPLAUSIBLE)
-    width = (leave - entry) * DEG
+    width = np.degrees(leave - entry)
     # degrees by which one turn alone may differ from those around, in shift or width
     for column in (turn, width):
         quality |= unlike_neighbours(column, quality, 0.1)
@@ -362,11 +351,13 @@ def _passages(
     without = _without_zero(zero) if np.isnan(offset) else ""
     # what both fronts have in common stays in their middle
     shared = np.sqrt(0.5) * wheel.angle.shared_noise_at(time)
-    middle_se = np.hypot(fronts["middle_se_rad"], shared) * DEG
-    width_se = fronts["width_se_rad"] * DEG
+    middle_se = np.degrees(np.hypot(fronts["middle_se_rad"], shared))
+    width_se = np.degrees(fronts["width_se_rad"])
     # a road makes the patch wider and narrower from turn to turn, which is no error, and hardly
     # moves it; a hum does both
-    if found.any() and np.median(fronts["restless"][found]) > RESTLESS:
+    # usual rms beside the patch, in sigmas of a sample, of an accelerometer that hums; on a road it
+    # is 1.2 to 4
+    if found.any() and np.median(fronts["restless"][found]) > 5.0:
         wider = widened(turn, middle_se, quality)
         middle_se, width_se = wider, width_se * wider / middle_se
     means = {}
@@ -395,8 +386,9 @@ def _example(channel: Channel, wheel: WheelAngle, fronts: Records, clean: np.nda
     first, last = (int(i) for i in channel.axis.index(np.nan_to_num(time))[::2])
     at = channel.axis.time(first, last)
     level = fronts["level_m_s2"][row]
-    both = np.resize(np.array([entry - middle, leave - middle]), at.size) * DEG
-    return np.stack([(wheel.angle.at(at) - middle) * DEG, channel.read(first, last) / level, both])
+    both = np.degrees(np.resize(np.array([entry - middle, leave - middle]), at.size))
+    turned = np.degrees(wheel.angle.at(at) - middle)
+    return np.stack([turned, channel.read(first, last) / level, both])
 
 
 #: passages on either side of a place where the count may have lost teeth, whose medians say where
@@ -426,7 +418,7 @@ def _one_turn(
     if not known.any():
         return middle, 0, strange, unclear
     usual = float(np.angle(np.exp(1j * middle[known]).sum()))
-    turn = np.angle(np.exp(1j * (middle - usual))) * DEG
+    turn = np.degrees(np.angle(np.exp(1j * (middle - usual))))
     stretch = wheel.angle.stretch_at(time)
     order = np.flatnonzero(known)
     doubtful = np.diff(np.searchsorted(wheel.uneven_s, time[order])) > 0
@@ -456,10 +448,9 @@ def _one_turn(
         # forces do not move the patch's usual place by more than this after a standstill; twice as
         # much leaves moves of up to four degrees unsaid
         strange |= rows & (abs(float(np.median(turn[rows])) - first) > 2.0)
-    centre = np.mod(usual * DEG + float(np.median(turn[known])), 360.0) - float(
-        np.median(turn[known])
-    )
-    return turn + centre, moved, strange, unclear
+    middle_deg = float(np.median(turn[known]))
+    within = np.mod(np.degrees(usual) + middle_deg, 360.0)
+    return turn + (within - middle_deg), moved, strange, unclear
 
 
 def steady_passages(speed: FloatArray, clean: np.ndarray) -> IntArray:
@@ -467,25 +458,17 @@ def steady_passages(speed: FloatArray, clean: np.ndarray) -> IntArray:
 
     From 0 in order of time.
     """
-    n = speed.size
-    small = np.zeros(n + 1, bool)
-    small[1:-1] = np.abs(np.diff(speed)) < STEADY_STEP_M_S
-    calm = small[1:] | small[:-1]
-    calm &= np.isfinite(speed) & clean
-    stretch, number, start = np.full(n, -1, np.int64), 0, 0
-    while start < n:
-        stop = start + 1
-        while (
-            stop < n
-            and calm[start]
-            and calm[stop]
-            and small[stop]
-            and abs(speed[stop] - speed[start]) < STEADY_RANGE_M_S / 2
-        ):
-            stop += 1
-        if stop - start >= STEADY_PASSAGES:
-            stretch[start:stop], number = number, number + 1
-        start = stop
+    # steps of a constant speed from passage to passage (P1 section 4); twice the step, or twice the
+    # range below, takes gentle braking for a constant speed
+    joined = clean[1:] & clean[:-1] & (np.abs(np.diff(speed)) < 0.08)
+    stretch, number, first = np.full(speed.size, -1, np.int64), 0, 0
+    for stop in range(1, speed.size + 1):
+        goes_on = stop < speed.size and joined[stop - 1]
+        if goes_on and abs(speed[stop] - speed[first]) < 0.3:
+            continue
+        if stop - first >= 8:
+            stretch[first:stop], number = number, number + 1
+        first = stop
     return stretch
 
 

@@ -18,7 +18,7 @@ only a pulse of which the gap takes more than half is none.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, TimeAxis
-from tirelog.dsp.filters import PIECE_SAMPLES, SampleNoise
+from tirelog.dsp.filters import PIECE_SAMPLES, sample_noise
 from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
@@ -158,7 +158,7 @@ def _share(below: float, above: float, level: float) -> float:
 #     channel
 #         --block by block, buckets at fixed samples--> Decimated (float32, 1 byte per sample of the
 #                                                       log), noise and extremes beside
-#         --shorter buckets, if a pulse takes them (`shorter`)--> Decimated
+#         --shorter buckets, if a pulse takes them--> Decimated
 #
 # The median of a bucket ignores a single wild sample; a bucket that is lost is bridged by a
 # straight
@@ -167,9 +167,6 @@ def _share(below: float, above: float, level: float) -> float:
 
 #: samples read at once: they stay in the cache until they are done with
 AT_ONCE = 1 << 17
-#: length of a bucket [s], before any is made shorter: at 25 m/s a patch of 0.1 m takes 4 ms;
-#: buckets twice as long need shorter ones from half the speed on
-BUCKET_S = 1.6e-3
 
 
 @dataclass(frozen=True)
@@ -194,61 +191,35 @@ class Decimated:
         return np.asarray(place * float(self.bucket) + 0.5 * (self.bucket - 1))
 
 
-def bucket_samples(rate_Hz: float) -> int:
-    """Samples a bucket: 1, 4, 8, 16 ..."""
-    samples = BUCKET_S * rate_Hz
-    return 1 << int(np.log2(samples)) if samples >= 4 else 1
-
-
-def decimate(channel: Channel, sign: float, block_samples: int = AT_ONCE) -> Decimated:
-    """The channel by buckets, times `sign`.
+def decimate(
+    channel: Channel, sign: float, bucket: int = 0, block_samples: int = AT_ONCE
+) -> Decimated:
+    """The channel by buckets of so many samples, else by those of its rate, times `sign`.
 
     The buckets lie at fixed samples, whatever `block_samples`.
 
     A bucket is the median of its four quarters' means, of those that are not lost; a bucket of one
     sample is the median with its neighbours.
     """
-    bucket = bucket_samples(channel.axis.rate_Hz)
-    noise = SampleNoise(channel.size, channel.resolution)
+    if not bucket:
+        # 1, 4, 8, 16 ... samples. At 25 m/s a patch of 0.1 m takes 4 ms; buckets twice as long need
+        # shorter ones from half the speed on
+        samples = 1.6e-3 * channel.axis.rate_Hz
+        bucket = 1 << int(np.log2(samples)) if samples >= 4 else 1
     medians = np.empty(-(-channel.size // bucket), np.float32)
-    low, high = np.inf, -np.inf
-    for start, values in _median_blocks(channel, sign, bucket, medians, block_samples):
-        noise.take(start, values)
-        low, high = np.fmin.reduce(values, initial=low), np.fmax.reduce(values, initial=high)
-    parts, extremes = _parts(channel.axis, bucket), (float(low), float(high))
-    return Decimated(_bridged(medians), bucket, parts, extremes, noise.sigma())
-
-
-def shorter(channel: Channel, data: Decimated, sign: float) -> Decimated:
-    """`data` of `channel` with buckets of a quarter of the samples, times `sign`."""
-    bucket = data.bucket // 4 if data.bucket >= 16 else 1
-    medians = np.empty(-(-channel.size // bucket), np.float32)
-    for _ in _median_blocks(channel, sign, bucket, medians, AT_ONCE):
-        pass
-    parts = _parts(channel.axis, bucket)
-    return replace(data, values=_bridged(medians), bucket=bucket, parts=parts)
-
-
-def _median_blocks(
-    channel: Channel, sign: float, bucket: int, medians: NDArray[np.float32], block_samples: int
-) -> Iterator[tuple[int, FloatArray]]:
-    """Fills `medians` (m,) with the buckets of the channel.
-
-    Yields (first sample, samples) of each block that it goes through.
-    """
-    step = -(-block_samples // PIECE_SAMPLES) * PIECE_SAMPLES
+    step, low, high = -(-block_samples // PIECE_SAMPLES) * PIECE_SAMPLES, np.inf, -np.inf
     margin = 1 if bucket == 1 else 0
     for start in range(0, channel.size, step):
-        first, stop = max(start - margin, 0), min(start + step, channel.size)
-        values = np.ascontiguousarray(
-            channel.read(first, min(stop + margin, channel.size)), dtype=np.float64
-        )
-        own = medians[start // bucket : -(-stop // bucket)]
+        read = channel.read(start - margin, start + step + margin)
+        values = np.ascontiguousarray(read, dtype=np.float64)
+        own = medians[start // bucket : (start + step) // bucket]
         if bucket == 1:
-            running_medians(values, start - first, sign, own)
+            running_medians(values, min(start, 1), sign, own)
         else:
             bucket_medians(values, bucket, sign, own)
-        yield start, values[start - first : stop - first]
+        low, high = np.fmin.reduce(values, initial=low), np.fmax.reduce(values, initial=high)
+    parts, extremes = _parts(channel.axis, bucket), (float(low), float(high))
+    return Decimated(_bridged(medians), bucket, parts, extremes, sample_noise(channel))
 
 
 def _parts(axis: TimeAxis, bucket: int) -> IntArray:
@@ -264,12 +235,12 @@ def _bridged(medians: NDArray[np.float32]) -> NDArray[np.float32]:
 
     Nothing at all if all are lost.
     """
-    known = np.isfinite(medians)
-    if not known.any():
+    lost = ~np.isfinite(medians)
+    if lost.all():
         return medians[:0]
-    lost = np.flatnonzero(~known)
-    if lost.size:  # the places take four times the room of the medians
-        medians[lost] = np.interp(lost, np.flatnonzero(known), medians[known])
+    if lost.any():  # the places take four times the room of the medians
+        known = np.flatnonzero(~lost)
+        medians[lost] = np.interp(np.flatnonzero(lost), known, medians[known])
     return medians
 
 
@@ -282,9 +253,6 @@ LEAST_SIGMAS = 8.0
 #: pulses on either side whose widths are the usual one; twice as many pulses tell it of a speed
 #: that changes over twice as many
 REACH = 3
-#: radial acceleration outside the patch [m/s^2], over this time [s]; below the least (3 m/s on a
-#: car's wheel) nothing is looked for; twice the least leaves wheels below 4.2 m/s without passages
-LEVEL_S, LEAST_LEVEL, LEAST_LEVEL_SIGMAS = 0.5, 30.0, 12.0
 
 
 def _turning_points(values: NDArray[np.float32], least: float) -> IntArray:
@@ -374,7 +342,7 @@ def pulses_in(
     # lies between two buckets looks two wide, however narrow it is, and below 1.2 it may be too low
     # to count.  Half as many would leave such pulses out
     while data.bucket > 1 and (usual(pulses["width"]) < 2.2 * data.bucket).any():
-        data = shorter(channel, data, sign)
+        data = decimate(channel, sign, data.bucket // 4 if data.bucket >= 16 else 1)
         pulses = _found(data, level, without)
     return _seen(channel.axis, pulses), data
 
@@ -393,14 +361,16 @@ def _found(data: Decimated, level: Level | None, without: int) -> Records:
 
 
 def _level(channel: Channel, data: Decimated) -> Level:
-    """Median size of the values over pieces of LEVEL_S, never below the least.
+    """Median size of the values over pieces of half a second, never below the least.
 
     With straight lines between their middles.
     """
-    size = max(int(LEVEL_S * channel.axis.rate_Hz / data.bucket), 1)
+    size = max(int(0.5 * channel.axis.rate_Hz / data.bucket), 1)
     firsts = np.arange(0, data.values.size, size)
     medians = [float(np.median(np.abs(data.values[first : first + size]))) for first in firsts]
-    least = max(LEAST_LEVEL, LEAST_LEVEL_SIGMAS * data.noise)
+    # below 30 m/s^2 (3 m/s on a car's wheel) nothing is looked for; twice the least leaves wheels
+    # below 4.2 m/s without passages
+    least = max(30.0, 12.0 * data.noise)
     middles = data.index(np.asarray(firsts + 0.5 * size, np.float64))
     return partial(np.interp, xp=middles, fp=np.maximum(medians, least))
 
@@ -427,13 +397,6 @@ def usual(values: FloatArray) -> FloatArray:
 # ---- Which way the patch points.
 
 
-#: which way radial acceleration's patch points is told from so many pieces of this length [s]: a
-#: turn or more above 2 m/s, and the level outside changes little within.  This share of each side
-#: is taken for wild: a fifth of the patch's own share of a turn; twice as many look twice as long,
-#: as twice as many samples of each do
-SIGN_PIECES, SIGN_S, SIGN_CUT, SIGN_SAMPLES = 64, 1.0, 0.01, 2500
-
-
 def patch_sign(channel: Channel) -> float:
     """+1 if the patch is a maximum of the recorded signal, -1 if it is a minimum.
 
@@ -448,19 +411,21 @@ def patch_sign(channel: Channel) -> float:
 
 
 def _third_moment(channel: Channel) -> float:
-    """Sum of the third moments of pieces of SIGN_S from all over the channel.
+    """Sum of the third moments of pieces of a second from all over the channel.
 
     Each about its own median, wild samples cut to size.
     """
-    size = min(max(int(SIGN_S * channel.axis.rate_Hz), 1), BLOCK_SAMPLES)
+    # a turn or more above 2 m/s, and the level outside changes little within
+    size = min(max(int(channel.axis.rate_Hz), 1), BLOCK_SAMPLES)
     total = 0.0
     for start in np.unique(
-        np.linspace(0, max(channel.size - size, 0), SIGN_PIECES).astype(np.int64)
+        np.linspace(0, max(channel.size - size, 0), 64).astype(np.int64)
     ).tolist():
-        some = channel.read(start, start + size)[:: -(-size // SIGN_SAMPLES)]
+        some = channel.read(start, start + size)[:: -(-size // 2500)]
         some = some[np.isfinite(some)]
         if some.size:
-            low, middle, high = np.quantile(some, [SIGN_CUT, 0.5, 1.0 - SIGN_CUT])
+            # the share of each side that is taken for wild is a fifth of the patch's in a turn
+            low, middle, high = np.quantile(some, [0.01, 0.5, 0.99])
             total += float(np.sum((np.clip(some, low, high) - middle) ** 3))
     return total
 

@@ -34,9 +34,6 @@ _DELAY_S = 1.0
 #: the same of a belt that grows at 25 m/s, share of the radius: tires grow by less than 1 %.
 #: Doubled, logs with little cruising tell the delay less well
 _GROWTH, _GROWTH_M_S = 0.01, 25.0
-#: share by which the slip per force may change from a log's lowest speed to its highest: what that
-#: looks like is a delay. Doubled, the delay's error beside slip is twice as large
-_SLIP_BY_SPEED = 0.1
 #: scatters that a turn may lie off its neighbours before its own error is larger than others' (a
 #: reference that jumps, a corner of the speed), and off the radius before it is left out (a turn
 #: over a border of manoeuvres rolls freely for a part of it only); half as many do so by chance to
@@ -48,8 +45,6 @@ _LONGEST_RUN = 100_000
 _WAVES = 20
 #: error of a turn's distance that no row goes below, as a share: 2 um per turn; mere numerics
 _LEAST_SHARE = 1e-6
-#: rounds of Gauss and Newton, and the change [s] at which they end; mere numerics
-_ROUNDS, _SETTLED_S = 20, 1e-5
 
 
 @dataclass(frozen=True)
@@ -98,7 +93,9 @@ class Odometer:
             parts.append(rows[:, kept])
             tail = rows[2:, -1]
         table = np.concatenate(parts, axis=1)
-        if hold > 1 and table.size:
+        if table.shape[1] < 2:
+            table = np.full((5, 2), np.nan)
+        elif hold > 1:
             table = _held(table, 0.5 * (hold - 1) / speed.axis.rate_Hz)
         time, value, distance, hole, changes = table
         return cls(time, distance, value, hole, changes, step, hold > 1 or apart == 1)
@@ -109,8 +106,6 @@ class Odometer:
         NaN outside of the channel and in its holes. Between two times with another number of holes
         samples are missing, and their distance is not known.
         """
-        if self.time_s.size < 2:
-            return np.full(time_s.size, np.nan), np.zeros(time_s.size)
         low = np.clip(
             np.searchsorted(self.time_s, time_s, side="right") - 1, 0, self.time_s.size - 2
         )
@@ -133,8 +128,6 @@ class Odometer:
 
         A line over a time h is off by a twelfth of h^2 for each change of the acceleration.
         """
-        if self.time_s.size < 3:
-            return np.zeros(begin_s.size)
         step = np.diff(self.time_s)
         with np.errstate(invalid="ignore", divide="ignore"):
             bends = (
@@ -154,7 +147,7 @@ class Odometer:
 
     def changed(self, time_s: FloatArray) -> FloatArray:
         """Changes of the reading before times of shape (n,)."""
-        return np.interp(time_s, self.time_s, self.changes) if self.time_s.size else 0.0 * time_s
+        return np.interp(time_s, self.time_s, self.changes)
 
 
 def _samples(speed: Channel) -> Iterator[tuple[FloatArray, FloatArray]]:
@@ -218,13 +211,6 @@ class WheelTurns:
     quality: QualityFlags
 
 
-#: share by which the time from sample to sample over a turn may leave the log's usual one; stamps
-#: that jitter by a sample make a tenth of it; half of it and twice as much find the same clocks
-OFF_CLOCK = 0.03
-#: share of a log's turns beyond which nobody knows which of them have the right clock
-MOST_OFF_CLOCK = 0.3
-
-
 def off_clock(axis: TimeAxis, begin_s: FloatArray, end_s: FloatArray) -> BoolArray:
     """Which turns from `begin_s` to `end_s` (n,) lie where the clock runs fast or slow.
 
@@ -238,7 +224,10 @@ def off_clock(axis: TimeAxis, begin_s: FloatArray, end_s: FloatArray) -> BoolArr
     if known.size < LEAST_TURNS:
         return off
     period = time / np.maximum(samples, 1.0)
-    far = np.abs(period / np.median(period) - 1.0) > OFF_CLOCK
+    # share by which the time from sample to sample over a turn may leave the log's usual one;
+    # stamps that jitter by a sample make a tenth of it; half of it and twice as much find the same
+    # clocks
+    far = np.abs(period / np.median(period) - 1.0) > 0.03
     # beside a change of the clock a turn has some of both: the turns before and after it are held
     # against each other
     at = np.flatnonzero(far[2:] != far[:-2])
@@ -250,7 +239,8 @@ def off_clock(axis: TimeAxis, begin_s: FloatArray, end_s: FloatArray) -> BoolArr
         for one in logs
     )
     if far.any() and float(np.sum(times)) > float(np.sum(counts)):
-        off[known] = of_the_log(far, MOST_OFF_CLOCK)
+        # share of a log's turns beyond which nobody knows which of them have the right clock
+        off[known] = of_the_log(far, 0.3)
     return off
 
 
@@ -292,11 +282,11 @@ def rolling(speed: Channel, wheel: WheelTurns) -> Rolling:
     with np.errstate(invalid="ignore", divide="ignore"):
         period = np.where(wheel.turns > 0, (wheel.end_s - wheel.begin_s) / wheel.turns, np.nan)
     change, delay = wheel.acceleration_m_s2 * period, 0.0
-    for _ in range(_ROUNDS):
+    for _ in range(20):  # rounds of Gauss and Newton
         rows = _rows(meter, wheel, period, delay)
         step, delay_se = _delay_step(wheel, rows, change, period, delay)
         delay += step
-        if abs(step) < _SETTLED_S:
+        if abs(step) < 1e-5:
             break
     rows = _rows(meter, wheel, period, delay)
     known = np.isfinite(rows["se"]) & np.isfinite(rows["metres"])
@@ -396,7 +386,9 @@ def _delay_step(
     found = inverse @ wanted
     share = inverse[-1, : a.size] * weight
     slips = design[:, 2:6] @ found[2:6]
-    bent = _SLIP_BY_SPEED * slips * (speed - speed.mean()) / max(float(np.ptp(speed)), 1e-9)
+    # share by which the slip per force may change from a log's lowest speed to its highest: what
+    # that looks like is a delay. Doubled, the delay's error beside slip is twice as large
+    bent = 0.1 * slips * (speed - speed.mean()) / max(float(np.ptp(speed)), 1e-9)
     error = _error(rows, share, metres - design @ found)
     squares = error**2 + np.sum(inverse[-1, a.size :] ** 2) + (share @ bent) ** 2
     return float(found[-1]), float(np.sqrt(squares))

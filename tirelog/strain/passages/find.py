@@ -229,7 +229,7 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
     """
     channel = without_spikes(channel)
     sign = patch_sign(channel)
-    pulses, data = pulses_in(channel, decimate(channel, sign, block_samples), sign)
+    pulses, data = pulses_in(channel, decimate(channel, sign, block_samples=block_samples), sign)
     signal = Signal(channel, sign, data.noise, data.extremes)
     if len(pulses) > FEW_PULSES:
         del data  # memory
