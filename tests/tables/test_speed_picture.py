@@ -6,8 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tirelog.plots import tables as speed
-from tirelog.plots.record import Panel
-from tirelog.plots.style import draw_panel
+from tirelog.plots.record import Panel, draw_panel
 
 
 def rows(channel, n, flagged=()):
@@ -60,8 +59,9 @@ def test_a_log_without_a_passage_is_an_empty_row():
 
 def test_bars_are_two_standard_errors_to_each_side():
     axes = Figure().subplots()
-    mark = speed._points(np.arange(3.0), np.ones(3), np.array([0.1, np.nan, 0.3]), "k")
-    draw_panel(axes, Panel(marks=[mark]))
+    rows = {"x": np.arange(3.0), "y": np.ones(3), "se": np.array([0.1, np.nan, 0.3])}
+    marks = speed.ways([("a", rows, 0, "circle")], "x", {"y": "words"}, error="se")
+    draw_panel(axes, Panel(marks=marks))
     (bars,) = axes.containers[0].lines[2]
     heights = [np.ptp(segment[:, 1]) for segment in bars.get_segments()]
     np.testing.assert_allclose(heights, [0.4, 0.0, 1.2])

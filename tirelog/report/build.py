@@ -38,6 +38,7 @@ from tirelog.physics.effects import Effect
 from tirelog.physics.model.file import load_model
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.user_effects import catalogue_with, own_effects
+from tirelog.plots.tables import holds
 from tirelog.products import OF_A_DRIVE, tables_of
 from tirelog.report.page import (
     Card,
@@ -50,6 +51,7 @@ from tirelog.report.page import (
 )
 from tirelog.report.sections import models
 from tirelog.report.sections import recorded as sections
+from tirelog.report.sections.recorded import MadeTable
 from tirelog.storage.whole import json_of
 from tirelog.strain.dissipation import regressions
 from tirelog.tables.frame import frame_of, table_parts
@@ -57,7 +59,6 @@ from tirelog.version import __version__
 from tirelog.vocabulary.columns import OPTIONAL, TABLES
 
 Progress = Callable[[str], None]
-_COMMANDS = ("speed", "footprint", "dissipation", "phase-shift")
 
 
 def build(
@@ -138,53 +139,35 @@ def _tables(
 
     What was measured, and the first sentence of each section by its title.
     """
-    speed: pd.DataFrame | None = None
     first = len(report.sections)
-    wanted = [name for name in _COMMANDS if name not in files]
+    wanted = [name for name in sections.OF_TABLES if name not in files]
     progress(f"making the tables {', '.join(wanted)}")
     try:
         ready = made_tables(wanted, recordings)
     except TirelogError:  # which of them it is, each alone will say
         ready = {}
-    for name in _COMMANDS:
+    for name, section in sections.OF_TABLES.items():
         command = asked.command(name)
-        try:  # a table goes as soon as it is drawn
+        try:
             table, lines, remarks = _one_table(name, files, ready, recordings)
         except TirelogError as problem:
             report.missing.append((f"{name}: {problem}", command))
             continue
-        if table is None:
-            report.missing.append((f"{name}: no channel for it", asked.command("info")))
+        if table is None or not len(table):
+            found = "no channel for it" if table is None else "no passage was found"
+            look = asked.command("info") if table is None else command
+            report.missing.append((f"{name}: {found}", look))
             continue
-        if not len(table):
-            report.missing.append((f"{name}: no passage was found", command))
-            continue
-        drawn = (table, command, remarks, colours)
-        if name == "speed":
-            report.sections.append(sections.drive_section(recordings, *drawn))
-            of_first = table["log"] == (recordings[0].log if recordings else "")
-            speed = table.loc[of_first, ["log", "channel", "revolution", "acceleration_m_s2"]]
-        elif name == "footprint":
-            passage = [
-                f
-                for recording in recordings[:1]
-                for f in sections.passage_figures(
-                    recording, table, speed, colours[Path(recording.log).name]
-                )
-            ]
-            report.sections.append(sections.footprint_section(*drawn, passage))
-        elif name == "dissipation":
-            report.sections.append(sections.dissipation_section(*drawn, lines))
-            if lines is None:
-                absent = "dissipation: the regressions on speed (give the file with --table)"
-                report.missing.append((absent, asked.command(name, "--fit", "-o", "fit.csv")))
-        else:
-            report.sections.append(sections.phase_shift_section(*drawn))
-            lacks = [what for c, what in _CALIBRATED.items() if not sections.holds(table, c)]
-            if lacks:
-                learnt = ("--calibration", "CALIBRATION.toml", "-o", "phase.csv")
-                said = f"phase shift: {' and '.join(lacks)} (give the table with --table)"
-                report.missing.append((said, asked.command(name, *learnt)))
+        drawn = (table, lines, remarks, command, colours)
+        report.sections.append(section(drawn, recordings))
+        if name == "dissipation" and lines is None:
+            absent = "dissipation: the regressions on speed (give the file with --table)"
+            report.missing.append((absent, asked.command(name, "--fit", "-o", "fit.csv")))
+        uncalibrated = [what for c, what in _CALIBRATED.items() if not holds(table, c)]
+        if name == "phase-shift" and uncalibrated:
+            learnt = ("--calibration", "CALIBRATION.toml", "-o", "phase.csv")
+            said = f"phase shift: {' and '.join(uncalibrated)} (give the table with --table)"
+            report.missing.append((said, asked.command(name, *learnt)))
         del table, drawn  # an hour of 16 gratings is half a million rows
     measured = [(section.title, section.text[0]) for section in report.sections[first:]]
     return [("Measured", sections.measured_on(recordings)), *measured] if recordings else measured
@@ -318,7 +301,7 @@ def model_story(
             return models.not_answered(logs.obstacles, compared.model.carcass, command("compare"))
         progress("driving the model over the obstacles")
         answers = compare_transients(logs.obstacles, compared.model, unit=compared.unit)
-        return models.obstacles(answers, command("compare"), colours)
+        return models.obstacles(answers, command("compare"))
 
     if logs.obstacles:
         add("obstacles", command("compare"), answered)
@@ -424,8 +407,6 @@ _UNUSED = {
 
 #: files by the command that made them, each with the log's name if the file does not hold it
 GivenTables = dict[str, list[tuple[Path, str | None]]]
-#: a table, the regressions on speed of a dissipation table, and what was said of it
-MadeTable = tuple[pd.DataFrame | None, pd.DataFrame | None, list[str]]
 
 
 def given_table(files: GivenTables, kind: str) -> pd.DataFrame | None:

@@ -35,8 +35,9 @@ import numpy as np
 from tirelog.data.setup import setup_beside
 from tirelog.diagnosis.answer import AnswerTable
 from tirelog.errors import UsageError
-from tirelog.plots.record import Mark, Panel
+from tirelog.plots.record import SYMBOLS, Mark, Panel
 from tirelog.storage.remote import shown
+from tirelog.tables.writer import shown_cell
 from tirelog.version import __version__
 
 #: told apart by all forms of colour blindness (Okabe and Ito's first three), each with three times
@@ -57,7 +58,6 @@ DIVERGING = (
     (1.0, "#b2182b"),
 )
 SCATTER_POINTS = 6000
-SYMBOLS = ("circle", "square", "diamond")
 DASHES = ("solid", "dash", "dot", "dashdot")
 
 
@@ -490,20 +490,13 @@ def _rungs(card: Card) -> str:
     )
 
 
-def shown_number(value: Any) -> str:
-    """A number or a word as the cell of a table; nothing if there is none."""
-    if value is None or (isinstance(value, float) and not np.isfinite(value)):
-        return ""
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
 def _table(table: AnswerTable) -> str:
     """The table; the first cell of a row names it, with the colour that it has in the figures."""
     caption, *names = (escape(t.replace("m/s^2", "m/s²")) for t in (table.caption, *table.names))
     head = "".join(f'<th scope="col">{name}</th>' for name in names)
     rows = ""
     for number, row in enumerate(table.rows):
-        first, *others = map(escape, map(shown_number, row or [""]))
+        first, *others = map(escape, map(shown_cell, row or [""]))
         if number < len(table.colours):
             colour = f"var(--c{table.colours[number] % len(COLOURS)})"
             first = f'<span class="swatch" style="background:{colour}"></span>{first}'
