@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path as File
 from pkgutil import resolve_name
@@ -35,9 +35,8 @@ from tirelog.vocabulary.tables import LOG_TABLES, STRETCH, LogTable
 from tirelog.vocabulary.units import likely_number
 
 __all__ = [
-    "Part", "calibrated", "calibration_notes", "checked_options", "figure", "parts_of",
-    "parts_of_drive", "picture_kinds", "refuse_other_tables", "save_calibration", "sketch",
-    "table_picture",
+    "Part", "calibrated", "calibration_notes", "checked_options", "parts_of", "parts_of_drive",
+    "refuse_other_tables", "save_calibration", "table_picture",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -207,31 +206,13 @@ def parts_of_drive(
     return made, [name for name in names if name not in suited]
 
 
-@contextmanager
 def table_picture(
-    table: LogTable, path: Path | None, kind: str = "", ends: Mapping[str, Any] = {}
-) -> Iterator[Callable[[Recording, Part], None]]:
-    """What takes each part while its log is open; the picture is written to `path` at the end.
+    table: LogTable, kind: str = "", ends: Mapping[str, Any] = {}
+) -> tuple[Callable[[Recording, Part], None], Callable[[Path | None], Figure | None]]:
+    """(What takes each part while its log is open, what draws them and writes a file if asked).
 
-    Without a path, or a part, none is drawn. UsageError: the table has no picture, or none of that
-    kind (default: its first), or its picture is of the whole log and not of a stretch.
-    """
-    kinds = [] if path is None else picture_kinds(table, kind, ends)
-    kept = list[Any]()
-
-    def keep(recording: Recording, part: Part) -> None:
-        if path is not None:
-            kept.append(sketch(table, recording, part, kinds))
-
-    yield keep
-    if path is not None and kept:
-        resolve_name("tirelog.plots.style:write")(figure(table, kept, kinds), File(path))
-
-
-def picture_kinds(table: LogTable, kind: str, ends: Mapping[str, Any]) -> list[str]:
-    """The kind of picture of a table, its first by default; none if it has one picture alone.
-
-    UsageError: it has no picture, none of that kind, or one of the whole log and not of a stretch.
+    Without a part nothing is drawn. UsageError: the table has no picture, or none of that kind
+    (default: its first), or its picture is of the whole log and not of a stretch.
     """
     if not table.picture:
         raise UsageError(f"{table.name} has no picture", do="draw its rows")
@@ -243,20 +224,20 @@ def picture_kinds(table: LogTable, kind: str, ends: Mapping[str, Any]) -> list[s
         )
     if kind and table.pictures:
         refuse_unknown(kind, table.pictures, f"no picture is called {kind!r}", do="choose one")
-    return [kind or next(iter(table.pictures))] if table.pictures else []
+    kinds = [kind or next(iter(table.pictures))] if table.pictures else []
+    kept = list[Any]()
 
+    def keep(recording: Recording, part: Part) -> None:
+        sketch = resolve_name(table.sketch) if table.sketch else None
+        kept.append(sketch(recording, part, *(kinds or [""])) if sketch else (recording, part))
 
-def sketch(table: LogTable, recording: Recording, part: Part, kinds: Sequence[str]) -> Any:
-    """The content of a part for the picture, while its log is open."""
-    if not table.sketch:
-        return recording, part
-    return resolve_name(table.sketch)(recording, part, *(kinds or [""]))
+    def drawn(path: Path | None) -> Figure | None:
+        figure: Figure | None = resolve_name(table.picture)(kept, *kinds) if kept else None
+        if figure is not None and path is not None:
+            resolve_name("tirelog.plots.record:write")(figure, File(path))
+        return figure
 
-
-def figure(table: LogTable, kept: Sequence[Any], kinds: Sequence[str]) -> Figure:
-    """The figure of the sketches of a table's parts."""
-    drawn: Figure = resolve_name(table.picture)(kept, *kinds)
-    return drawn
+    return keep, drawn
 
 
 def calibrated(parts: Iterable[Part], *, forces: bool = False) -> tuple[Calibration, list[Part]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from inspect import Parameter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,7 +16,6 @@ from tirelog.cli import options, pages
 from tirelog.cli.session import Session
 from tirelog.errors import ExitStatus, UsageError, printable
 from tirelog.vocabulary.tables import LOG_TABLES, STRETCH, LogTable, TableOption
-from tirelog.vocabulary.units import likely_number
 
 if TYPE_CHECKING:
     from tirelog.data.recording import Recording
@@ -55,24 +54,15 @@ def check(
 
 def _tolerances(texts: list[str]) -> dict[str, float]:
     """`column=value` options as numbers."""
-    out = {}
+    found = {}
+    allowed = "allowed is COLUMN=NUMBER from 0, such as --tolerance speed_m_s=0.001"
     for text in texts:
-        name, _, value = text.partition("=")
-        try:
-            out[name] = float(value)
-        except ValueError:
-            raise UsageError(
-                f"--tolerance {text}: not COLUMN=NUMBER",
-                allowed="e.g. --tolerance speed_m_s=0.001",
-                do=likely_number(value) or "correct it",
-            ) from None
-        if not out[name] >= 0:
-            raise UsageError(
-                f"--tolerance {text}: below zero",
-                allowed="allowed is a number from 0",
-                do="correct it",
-            )
-    return out
+        name, word = options.assigned(text, "--tolerance ", allowed)
+        with suppress(ValueError):
+            found[name] = float(word)
+        if not found.get(name, -1.0) >= 0.0:
+            raise UsageError(f"--tolerance {text}", allowed=allowed, do="correct it")
+    return found
 
 
 # ---- `tirelog ingest LOG -o run.h5`.
@@ -242,17 +232,20 @@ def table_command(table: LogTable) -> Callable[..., None]:
         asked = {option.name: given[option.name] for option in table.asked}
         plot, kind = given.get("plot"), given.get("kind", "page")
         options.refuse_kind_alone(kind, plot)
+        picture = None if plot is None else api.parts.table_picture(table, kind, asked)
         with (
             Session(given["setup"], given["quiet"], given["output"], given["format"]) as session,
             session.table(table.given(asked)) as writer,
-            api.parts.table_picture(table, plot, kind, asked) as keep,
         ):
             for recording, part in session.parts(
                 given["logs"], table.name, given["channel"], **asked
             ):
                 if part.columns:
                     writer.write(part.columns)
-                keep(recording, part)
+                if picture is not None:
+                    picture[0](recording, part)
+            if picture is not None:
+                picture[1](plot)
 
     own: list[tuple[str, Any, Any]] = [
         (option.name, Annotated[option.kind | None, table_option(option)], None)
@@ -402,10 +395,10 @@ def phase_shift(
         )
     applied = api.parts.calibration_notes(calibration)
     asked = {"zero": zero, "calibration": calibration}
+    picture = None if plot is None else api.parts.table_picture(TABLE, ends=ends)
     with (
         Session(setup, quiet, output, format) as session,
         session.table(TABLE.name, calibration=str(calibration or "")) as writer,
-        api.parts.table_picture(TABLE, plot, ends=ends) as keep,
     ):
         if calibrate is None:
             made = session.parts(logs, TABLE.name, channel, **asked, **ends)
@@ -417,5 +410,8 @@ def phase_shift(
             made = ((read[0][0], part) for part in rows)
         for recording, part in made:
             writer.write(part.columns)
-            keep(recording, part)
+            if picture is not None:
+                picture[0](recording, part)
+        if picture is not None:
+            picture[1](plot)
         session.note(*applied)
