@@ -65,6 +65,9 @@ def test_a_calibration_is_learnt_and_applied(folder: Path, command: Command) -> 
 def test_pictures_of_tables(folder: Path) -> None:
     tirelog.plot_table("footprint", "log.csv", "p.png", kind="polar")
     assert (folder / "p.png").read_bytes().startswith(b"\x89PNG")
+    for name, kind in (("speed", ""), ("footprint", "polar"), ("dissipation", "")):
+        shown = tirelog.plot_table(name, "log.csv", kind=kind)
+        assert shown._repr_png_().startswith(b"\x89PNG")  # in a notebook
     for given, says in (
         (("slip", {}), "has no picture"),
         (("footprint", {"kind": "pollar"}), "nearest: polar"),
