@@ -7,7 +7,6 @@ import pytest
 
 from tests.sources import nodes
 from tirelog.errors import ModelError, SetupError, UsageError
-from tirelog.physics.model.file import parse_model
 
 pytestmark = pytest.mark.xdist_group("sources")  # one worker parses the package, once
 
@@ -32,20 +31,6 @@ def test_an_error_told_elsewhere_keeps_its_parts() -> None:
     assert (there.what, there.allowed, there.do) == (here.what, here.allowed, here.do)
     travelled = pickle.loads(pickle.dumps(there))
     assert (str(travelled), travelled.what) == (str(there), there.what)
-
-
-def test_no_part_shows_a_secret() -> None:
-    secret = ModelError("s3://me:pw@host/a", allowed=("s3://me:pw@host/b",), do="s3://me:pw@host")
-    assert "pw" not in f"{secret}{secret.what}{secret.allowed}{secret.do}{secret.message}"
-
-
-def test_an_error_in_a_model_file_has_fields_place_and_sentence() -> None:
-    with pytest.raises(ModelError) as caught:
-        parse_model('[model]\ncarcass = "baem"\nobservable = "strain"\n')
-    problem = caught.value
-    assert problem.what == "carcass = 'baem' in [model] (nearest: beam)"
-    assert (problem.line, problem.do) == (2, "choose one")
-    assert str(problem) == f"model:2: {problem.what}; {problem.allowed}; choose one"
 
 
 def test_a_raise_site_hands_over_parts() -> None:

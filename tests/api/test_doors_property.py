@@ -38,19 +38,6 @@ def test_a_log_is_ingested_drafted_and_checked(folder: Path, command: Command) -
     assert draft.text.replace("draft.toml", "drafted.toml") == drafted
 
 
-def test_tables_that_differ_are_told(folder: Path, command: Command) -> None:
-    table = tirelog.speed("log.csv")
-    table.to_csv("old.csv", index=False)
-    table.assign(speed_m_s=table.speed_m_s * 1.01).to_csv("new.csv", index=False)
-    found = tirelog.check("new.csv", "old.csv")
-    assert {one.column for one in found.differences} == {"speed_m_s"}
-    assert tirelog.check("old.csv", "old.csv").differences == ()
-    outcome = command("check", "new.csv", "--against", "old.csv", "-o", "moved.parquet")
-    assert outcome.status == 1
-    moved = pd.DataFrame(found.columns)
-    assert read_table("moved.parquet")["column"].tolist() == moved["column"].tolist()
-
-
 def test_a_calibration_is_learnt_and_applied(folder: Path, command: Command) -> None:
     learning = ("phase-shift", str(ENCODER), "--calibrate", "c.toml", "-o", "p.parquet")
     assert command(*learning).status == 0

@@ -1,7 +1,7 @@
 """Rows of tables, part by part: what commands write, and what the DataFrames are made of.
 
     open log --parts_of, parts_of_drive--> Part (rows of a channel, remarks) --> files, DataFrames
-                                           --table_picture--> a picture
+                                           --TablePicture--> a picture
 
 No table is held in memory here, and pandas is not needed.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path as File
@@ -35,8 +35,8 @@ from tirelog.vocabulary.tables import LOG_TABLES, STRETCH, LogTable
 from tirelog.vocabulary.units import likely_number
 
 __all__ = [
-    "Part", "calibrated", "calibration_notes", "checked_options", "parts_of", "parts_of_drive",
-    "refuse_other_tables", "save_calibration", "table_picture",
+    "Part", "TablePicture", "calibrated", "calibration_notes", "checked_options", "parts_of",
+    "parts_of_drive", "refuse_other_tables", "save_calibration",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -206,38 +206,44 @@ def parts_of_drive(
     return made, [name for name in names if name not in suited]
 
 
-def table_picture(
-    table: LogTable, kind: str = "", ends: Mapping[str, Any] = {}
-) -> tuple[Callable[[Recording, Part], None], Callable[[Path | None], Figure | None]]:
-    """(What takes each part while its log is open, what draws them and writes a file if asked).
+class TablePicture:
+    """A picture of a table, of the parts that are kept.
 
-    Without a part nothing is drawn. UsageError: the table has no picture, or none of that kind
-    (default: its first), or its picture is of the whole log and not of a stretch.
+    kind  of `LogTable.pictures`, the first by default; `ends`: of a stretch, `start` and `stop`
+
+    UsageError: the table has no picture, or none of that kind, or its picture is of the whole log
+    and not of a stretch.
     """
-    if not table.picture:
-        raise UsageError(f"{table.name} has no picture", do="draw its rows")
-    if table.drawn == "whole" and any(ends.get(end.name) is not None for end in STRETCH):
-        raise UsageError(
-            f"the picture of {table.name} is of the whole log",
-            allowed="a stretch is for rows",
-            do="leave out --plot, or --from and --to",
+
+    def __init__(self, table: LogTable, kind: str = "", ends: Mapping[str, Any] = {}) -> None:
+        if not table.picture:
+            raise UsageError(f"{table.name} has no picture", do="draw its rows")
+        if table.drawn == "whole" and any(ends.get(end.name) is not None for end in STRETCH):
+            raise UsageError(
+                f"the picture of {table.name} is of the whole log",
+                allowed="a stretch is for rows",
+                do="leave out --plot, or --from and --to",
+            )
+        if kind and table.pictures:
+            refuse_unknown(kind, table.pictures, f"no picture is called {kind!r}", do="choose one")
+        self.table, self.kept = table, list[Any]()
+        self.kinds = [kind or next(iter(table.pictures))] if table.pictures else []
+
+    def keep(self, recording: Recording, part: Part) -> None:
+        """Keep the content of a part, while its log is open."""
+        sketch = resolve_name(self.table.sketch) if self.table.sketch else None
+        self.kept.append(
+            sketch(recording, part, *(self.kinds or [""])) if sketch else (recording, part)
         )
-    if kind and table.pictures:
-        refuse_unknown(kind, table.pictures, f"no picture is called {kind!r}", do="choose one")
-    kinds = [kind or next(iter(table.pictures))] if table.pictures else []
-    kept = list[Any]()
 
-    def keep(recording: Recording, part: Part) -> None:
-        sketch = resolve_name(table.sketch) if table.sketch else None
-        kept.append(sketch(recording, part, *(kinds or [""])) if sketch else (recording, part))
-
-    def drawn(path: Path | None) -> Figure | None:
-        figure: Figure | None = resolve_name(table.picture)(kept, *kinds) if kept else None
-        if figure is not None and path is not None:
+    def draw(self, path: Path | None) -> Figure | None:
+        """The figure, None without a part; a file of it if a path is given."""
+        if not self.kept:
+            return None
+        figure: Figure = resolve_name(self.table.picture)(self.kept, *self.kinds)
+        if path is not None:
             resolve_name("tirelog.plots.record:write")(figure, File(path))
         return figure
-
-    return keep, drawn
 
 
 def calibrated(parts: Iterable[Part], *, forces: bool = False) -> tuple[Calibration, list[Part]]:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from tirelog.api.logs import Logs, Path, SetupLike, each_log
-from tirelog.api.parts import calibrated, checked_options, parts_of, table_picture
+from tirelog.api.parts import TablePicture, calibrated, checked_options, parts_of
 from tirelog.errors import refuse_unknown
 from tirelog.tables.frame import (
     Difference,
@@ -350,11 +350,11 @@ def plot_table(
         No such table, picture or option, or a log that it cannot be drawn of.
     """
     refuse_unknown(name, LOG_TABLES, f"no table is called {name!r}", do="choose among them")
-    keep, drawn = table_picture(LOG_TABLES[name], kind, options)
+    picture = TablePicture(LOG_TABLES[name], kind, options)
     for recording in each_log(logs, setup):
         for part in parts_of(recording, name, options):
-            keep(recording, part)
-    return drawn(path)
+            picture.keep(recording, part)
+    return picture.draw(path)
 
 
 def _table(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, suppress
 from inspect import Parameter
 from pathlib import Path
@@ -225,6 +225,22 @@ def table_option(option: TableOption) -> Any:
     return typer.Option(option.flag, help=option.help)
 
 
+def _write(
+    parts: Iterable[tuple[Recording, api.parts.Part]],
+    writer: TableWriter,
+    picture: api.parts.TablePicture | None,
+    plot: Path | None,
+) -> None:
+    """Write the rows of parts, and the picture of what it keeps of them."""
+    for recording, part in parts:
+        if part.columns:
+            writer.write(part.columns)
+        if picture is not None:
+            picture.keep(recording, part)
+    if picture is not None:
+        picture.draw(plot)
+
+
 def table_command(table: LogTable) -> Callable[..., None]:
     """The command of a table: its options, one call, rows in the given format."""
 
@@ -232,20 +248,13 @@ def table_command(table: LogTable) -> Callable[..., None]:
         asked = {option.name: given[option.name] for option in table.asked}
         plot, kind = given.get("plot"), given.get("kind", "page")
         options.refuse_kind_alone(kind, plot)
-        picture = None if plot is None else api.parts.table_picture(table, kind, asked)
+        picture = None if plot is None else api.parts.TablePicture(table, kind, asked)
         with (
             Session(given["setup"], given["quiet"], given["output"], given["format"]) as session,
             session.table(table.given(asked)) as writer,
         ):
-            for recording, part in session.parts(
-                given["logs"], table.name, given["channel"], **asked
-            ):
-                if part.columns:
-                    writer.write(part.columns)
-                if picture is not None:
-                    picture[0](recording, part)
-            if picture is not None:
-                picture[1](plot)
+            parts = session.parts(given["logs"], table.name, given["channel"], **asked)
+            _write(parts, writer, picture, plot)
 
     own: list[tuple[str, Any, Any]] = [
         (option.name, Annotated[option.kind | None, table_option(option)], None)
@@ -395,7 +404,7 @@ def phase_shift(
         )
     applied = api.parts.calibration_notes(calibration)
     asked = {"zero": zero, "calibration": calibration}
-    picture = None if plot is None else api.parts.table_picture(TABLE, ends=ends)
+    picture = None if plot is None else api.parts.TablePicture(TABLE, ends=ends)
     with (
         Session(setup, quiet, output, format) as session,
         session.table(TABLE.name, calibration=str(calibration or "")) as writer,
@@ -408,10 +417,5 @@ def phase_shift(
             api.parts.save_calibration(learnt, calibrate)
             applied = learnt.remarks
             made = ((read[0][0], part) for part in rows)
-        for recording, part in made:
-            writer.write(part.columns)
-            if picture is not None:
-                picture[0](recording, part)
-        if picture is not None:
-            picture[1](plot)
+        _write(made, writer, picture, plot)
         session.note(*applied)
