@@ -28,7 +28,6 @@ from tirelog.plots.record import (
     Mark,
     Page,
     Panel,
-    band,
     decimated,
     dots,
     level,
@@ -80,17 +79,31 @@ _ASIDE, _PALE = {"size": 6, "opacity": 0.4}, {"size": 4, "opacity": 0.4}
 _FULL = {"size": 7, "opacity": 1.0, "symbol": "square"}
 
 
+#: rows of a channel that are drawn: evenly over the log if there are more
+_MOST_ROWS = 20_000
+
+
 def rows_of_parts(parts: Sequence[tuple[Recording, Mapping[str, Any]]]) -> list[ChannelRows]:
-    """The good rows of each part, by channel and, of several, log; at most MOST."""
+    """The good rows of each part, by channel and, of several, log; at most MOST.
+
+    Of more than so many rows every n-th.
+    """
     found = list[ChannelRows]()
     for number, (recording, columns) in enumerate(parts[:MOST]):
-        kept = good_rows(columns["quality"])
+        kept = np.flatnonzero(good_rows(columns["quality"]))
+        kept = kept[:: -(-max(kept.size, 1) // _MOST_ROWS)]
         name = str(next(iter(np.atleast_1d(columns["channel"])), ""))
         if len(parts) > 1:
             name = f"{Path(recording.log).name}: {name}"
         rows = {c: np.asarray(values)[kept] for c, values in columns.items() if np.ndim(values)}
         found.append((name, rows, number, SYMBOLS[0]))
     return found
+
+
+def undrawn(parts: Iterable[tuple[Recording, Mapping[str, Any]]]) -> str:
+    """How many rows are flagged, which a picture leaves out; empty if none is."""
+    flagged = sum(int((~good_rows(columns["quality"])).sum()) for _, columns in parts)
+    return f"{flagged} flagged rows are not drawn" if flagged else ""
 
 
 def ways(
@@ -236,10 +249,8 @@ def footprint_picture(sketches: Sequence[Any], kind: str) -> Figure:
 def _footprint_page(sketches: Sequence[Sketch]) -> Page:
     """Time series and lengths at the left, passages at the right."""
     first = next((sketch for sketch in sketches if len(sketch.found.passages)), sketches[0])
-    p, found = (
-        first.found.passages,
-        rows_of_parts([(s.recording, s.found.columns) for s in sketches]),
-    )
+    kept = [(sketch.recording, sketch.found.columns) for sketch in sketches]
+    p, found = first.found.passages, rows_of_parts(kept)
     speeds = Panel(
         "time [s]", "speed [m/s]", [line(p.time_s, p.speed_m_s, symbol=".", size=2, width=0.8)]
     )
@@ -264,6 +275,7 @@ def _footprint_page(sketches: Sequence[Sketch]) -> Page:
     left = [Page(over_time, heights=(1.0, 0.7, 1.0), share="x"), Page([[by_speed]])]
     return Page(
         size=(13.5 if len(columns) < 2 else 17.0, 10.5),
+        title=undrawn(kept),
         parts=[Page(parts=left, stacked=True, heights=(2.7, 1.1)), Page(right, share="x")],
         widths=(1.0, 0.8 * max(len(columns), 1)),
     )
@@ -416,7 +428,8 @@ def dissipation_picture(sketches: Sequence[Sketch]) -> Figure:
     """The page."""
     first = next((sketch for sketch in sketches if len(sketch.found.passages)), sketches[0])
     d, p = first.found.dissipation, first.found.passages
-    found = rows_of_parts([(sketch.recording, sketch.found.columns) for sketch in sketches])
+    kept = [(sketch.recording, sketch.found.columns) for sketch in sketches]
+    found = rows_of_parts(kept)
     lines = [
         (name, number, fit)
         for (name, _, number, _), sketch in zip(found, sketches, strict=False)
@@ -440,7 +453,7 @@ def dissipation_picture(sketches: Sequence[Sketch]) -> Figure:
     ]
     right = [_magnified(first), powers, factors]
     parts = [Page([[panel] for panel in left], share="x"), Page([[panel] for panel in right])]
-    return picture(Page(size=(15.0, 10.0), parts=parts, widths=(1.35, 1.0)))
+    return picture(Page(size=(15.0, 10.0), title=undrawn(kept), parts=parts, widths=(1.35, 1.0)))
 
 
 def _fits(found: DissipationOfChannel) -> list[Mapping[str, Any]]:
@@ -472,51 +485,26 @@ def _magnified(sketch: Sketch) -> Panel:
 # Rows of each channel --> PNG, SVG or PDF
 
 
-#: rows of a channel that are drawn: evenly over the log if there are more
-_MOST_ROWS = 20_000
-
-
 def speed_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure:
-    """The page: logs by rows, channels by colour, flagged rows in grey."""
-    logs: dict[str, list[Mapping[str, Any]]] = {}
+    """The page: logs by rows, channels by colour."""
+    logs: dict[str, list[tuple[Recording, Mapping[str, Any]]]] = {}
     for recording, part in kept:
-        logs.setdefault(recording.log, []).append(part.columns)
-    shown = list(logs)[:MOST]
-    rows = [_speeds(log, logs[log]) for log in shown]
-    if more := len(logs) - len(shown):
-        said = f"{rows[-1][0].title}; {more} more logs are not drawn"
-        rows[-1][0] = replace(rows[-1][0], title=said)
-    return picture(Page(rows, (12.0, 3.2 * len(rows) + 0.4)))
-
-
-def _speeds(log: str, channels: Sequence[Mapping[str, Any]]) -> list[Panel]:
-    """Speed and acceleration of a log."""
-    speeds, accelerations, reached = list[Mark](), list[Mark](), list[FloatArray]()
-    for number, columns in enumerate(channels):
-        colour = COLOURS[number % len(COLOURS)]
-        names = ("time_s", "speed_m_s", "speed_se_m_s", "acceleration_m_s2", "quality")
-        time, speed, error, pushed, quality = _thinned(columns, names)
-        good = quality == OK
-        name = str(np.atleast_1d(columns["channel"])[0]) if time.size else ""
-        low, high = speed - 2.0 * error, speed + 2.0 * error
-        speeds += [
-            band(time[good], low[good], high[good], "", colour, opacity=0.25),
-            dots(time[good], speed[good], name, colour, size=2.5),
-            dots(time[~good], speed[~good], "", RAW, symbol="x", size=3.5),
-        ]
-        accelerations.append(dots(time[good], pushed[good], "", colour, size=2.5))
-        reached.append(speed[good])
-    return [
-        Panel(
-            "time [s]",
-            "speed [m/s]",
-            speeds,
-            f"{Path(log).name}: band: two standard errors; grey: flagged",
-            (None, robust_range(*reached, share=0.0)),
-            legend={"fontsize": 8} if len(channels) > 1 else None,
-        ),
-        Panel("time [s]", "acceleration [m/s²]", accelerations),
-    ]
+        logs.setdefault(recording.log, []).append((recording, part.columns))
+    rows = []
+    for log, parts in list(logs.items())[:MOST]:
+        found = rows_of_parts(parts)
+        speeds = ways(found, "time_s", {"speed_m_s": ""}, error="speed_se_m_s")
+        pushed = ways(found, "time_s", {"acceleration_m_s2": ""})
+        said = "; ".join(filter(None, (Path(log).name, "bars: two errors", undrawn(parts))))
+        rows.append(
+            [
+                Panel("time [s]", "speed [m/s]", speeds, said),
+                Panel("time [s]", "acceleration [m/s²]", pushed, legend=None),
+            ]
+        )
+    more = len(logs) - len(rows)
+    title = f"{more} more logs are not drawn" if more > 0 else ""
+    return picture(Page(rows, (12.0, 3.2 * len(rows) + 0.4), title))
 
 
 def _thinned(columns: Mapping[str, Any], names: Sequence[str]) -> list[Any]:
@@ -630,7 +618,8 @@ def phase_shift_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure:
     """The page."""
     kept, calibration = kept[:MOST_ACCELEROMETERS], kept[0][1].found.calibration
     shown = [part.found.passages[0] for _, part in kept]
-    rows = rows_of_parts([(recording, part.columns) for recording, part in kept])
+    parts = [(recording, part.columns) for recording, part in kept]
+    rows = rows_of_parts(parts)
     maps = [_with_map(rows, quantity, calibration) for quantity in SHIFTED]
     columns = [
         [
@@ -645,9 +634,10 @@ def phase_shift_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure:
         for one, p in zip(rows, shown, strict=True)
     ]
     below = Page([list(row) for row in zip(*columns, strict=True)], share="x")
-    parts = [Page([[_fronts(shown), *maps]]), below]
-    width = max(4.2 * len(shown), 12.0)
-    return picture(Page(size=(width, 13.0), parts=parts, stacked=True, heights=(1.0, 2.2)))
+    both = [Page([[_fronts(shown), *maps]]), below]
+    size = (max(4.2 * len(shown), 12.0), 13.0)
+    title = undrawn(parts)
+    return picture(Page(size=size, title=title, parts=both, stacked=True, heights=(1.0, 2.2)))
 
 
 def _fronts(logs: Sequence[EdgeTimes]) -> Panel:
