@@ -138,7 +138,7 @@ def good_rows(column: Iterable[object]) -> NDArray[np.bool_]:
     An unknown word spoils its row.
     """
     known = _good_texts()
-    return np.array([text in known for text in column], bool)
+    return np.array([isinstance(text, str) and text in known for text in column], bool)
 
 
 def quality_text(flags: int) -> str:
