@@ -58,9 +58,10 @@ def _tolerances(texts: list[str]) -> dict[str, float]:
     allowed = "allowed is COLUMN=NUMBER from 0, such as --tolerance speed_m_s=0.001"
     for text in texts:
         name, word = options.assigned(text, "--tolerance ", allowed)
+        found[name] = -1.0
         with suppress(ValueError):
             found[name] = float(word)
-        if not found.get(name, -1.0) >= 0.0:
+        if not found[name] >= 0.0:
             raise UsageError(f"--tolerance {text}", allowed=allowed, do="correct it")
     return found
 

@@ -131,7 +131,11 @@ def assigned(text: str, option: str, allowed: str, do: str = "correct it") -> tu
     """Name and word of NAME=WORD.  UsageError: no name or word, or a number with a unit."""
     name, _, word = text.partition("=")
     likely = likely_number(word)
-    if not word.strip() or likely or word.strip().lower().lstrip("+-") in ("nan", "inf"):
+    if (
+        not word.strip()
+        or likely
+        or word.strip().lower().lstrip("+-") in ("nan", "inf", "infinity")
+    ):
         raise UsageError(f"{option}{text}", allowed=allowed, do=likely or do)
     return name.strip(), word.strip()
 
