@@ -18,9 +18,6 @@ import pytest
 from tests.diagnosis.planted import MODEL, ringing, stack
 from tests.report.test_page import data, numbers
 from tirelog.diagnosis.obstacles import TransientComparison
-from tirelog.diagnosis.propose.ground import MeasuredShape
-from tirelog.diagnosis.propose.propose import FoundFormula, Proposal, Term
-from tirelog.errors import UsageError
 from tirelog.inference.measured import MeasuredLogs
 from tirelog.physics.effects import BY_ID
 from tirelog.report.build import PAPERS, model_story, used_papers
@@ -31,14 +28,11 @@ from tirelog.report.page import (
     GREY,
     INK,
     PALE,
-    Report,
     ReportRequest,
     Section,
     log_colours,
-    render,
 )
 from tirelog.report.sections import models
-from tirelog.report.sections.models import proposed
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
 
@@ -160,7 +154,7 @@ def test_a_page_without_a_model_opens_with_what_was_measured(page_file: Path) ->
     assert "Contact length, best estimate" in text
     assert "tirelog model new --carcass beam" in text
     figures = data(page_file)["figures"]
-    assert {"answer-speed", "answer-passage-0"} <= set(figures)
+    assert {"answer-speed", "answer-passage-strain"} <= set(figures)
 
 
 def colours_by_log(page: Path) -> dict[str, set[str]]:
@@ -293,64 +287,6 @@ def test_every_colour_of_a_trace_has_one_for_dark_paper(model_page: Path) -> Non
 
 # ---- what is proposed, and obstacles -------------------------------------------------------------
 
-HOSTILE = "<b>x</b>"
-
-
-def proposal(status: str = "formula") -> Proposal:
-    phi = np.linspace(-np.pi, np.pi, 32, endpoint=False)
-    formula = FoundFormula("A * (speed / 20)", "strain", "a hump", "(speed / 20)", 1e-12)
-    numbers = {"A": {"value": 1.2e-5, "se": 3e-7, "unit": "1"}}
-    shape = MeasuredShape(
-        "patch", "strain", "1", np.linspace(-2, 2, 9), 1e-5 * np.hanning(9), np.full(9, 1e-7), 1, 9
-    )
-    return Proposal(
-        status=status,
-        reason="the catalogue explains it" if status == "nothing" else "",
-        diagnosis=None,
-        terms=(Term(HOSTILE, formula, (), numbers, 1e-3, 42041),),
-        shapes=(shape,),
-        written=("proposed_1",),
-        model=None,
-        locked={
-            "manoeuvres": 6,
-            "rmse_before": 10.4e-6,
-            "rmse_after": 2.04e-6,
-            "noise_floor": 1.94e-6,
-            "share_removed": 0.99,
-        },
-        observable="strain",
-        rmse_heldout_before=13.2e-6,
-        rmse_heldout_after=2.27e-6,
-        noise_floor=2.28e-6,
-        manoeuvres=11,
-        nearest=({"effect": "edge_impact", "excess_removed": 0.228},),
-        separating_manoeuvres=(),
-        notes=(),
-        phi_rad=phi,
-        leading_before=1e-5 * np.cos(phi),
-        leading_after=1e-7 * np.cos(phi),
-    )
-
-
-def test_a_proposal_is_shown_with_its_formula_and_none_by_its_reason() -> None:
-    section = proposed(proposal(), "tirelog propose a.csv --model M -o M+proposed.toml")
-    text = "".join(render(Report("t", [section])))
-    assert HOSTILE not in text
-    assert html.escape(HOSTILE) in text
-    assert "<code>A * (speed / 20)</code>" in text
-    assert "tirelog propose a.csv --model M -o M+proposed.toml" in text
-    locked = next(row for row in section.tables[0].rows if row[0].startswith("locked"))
-    assert locked[1:] == ["6", "10.4", "2.04", "1.94"]
-    shape, rest = section.figures
-    band = [numbers(trace["y"]) for trace in shape.traces[:2]]
-    np.testing.assert_allclose(band[1] - band[0], 0.4, rtol=1e-4)  # four standard errors of 0.1
-    np.testing.assert_allclose(numbers(shape.traces[2]["y"]), 10 * np.hanning(9), atol=1e-5)
-    assert numbers(rest.traces[0]["y"]).max() == pytest.approx(10.0)
-    assert numbers(rest.traces[1]["y"]).max() == pytest.approx(0.1)
-    none = proposed(proposal("nothing"), "tirelog propose")
-    assert none.text == ["Nothing to propose: the catalogue explains it"]
-    assert not none.figures + none.tables
-
 
 def test_obstacles_are_told_hit_by_hit() -> None:
     row = {
@@ -380,13 +316,11 @@ def test_a_model_that_does_not_move_says_so() -> None:
     assert section.tables[0].rows == [["a.csv", "cleat", "2", "1.000, 2.000"]]
 
 
-@pytest.mark.parametrize("asked_for", [True, False])
-def test_what_is_unknown_is_written_down_if_asked(monkeypatch, asked_for):
+def test_what_is_unknown_is_named_with_the_command_that_writes_it_down(monkeypatch):
     log = SimpleNamespace(log="made", hits_s=np.ones(2), road=SimpleNamespace(kind="cleat"))
     measured = MeasuredLogs([stack(ringing, manoeuvres=9, revolutions=4, m=64)], (log,))
     monkeypatch.setattr("tirelog.report.build.measured_for", lambda *_, **__: measured)
-    monkeypatch.setattr("tirelog.report.build.propose", lambda *_, **__: proposal())
-    asked = ReportRequest(("made",), model=Path("M.toml"), setup=Path("s.toml"), propose=asked_for)
+    asked = ReportRequest(("made",), model=Path("M.toml"), setup=Path("s.toml"))
     (answer, *sections), missing = model_story(
         [], MODEL, None, asked, BY_ID, lambda _: None, log_colours(["made"])
     )
@@ -395,32 +329,14 @@ def test_what_is_unknown_is_written_down_if_asked(monkeypatch, asked_for):
     assert answer.card.command.startswith("tirelog propose made --model ")
     assert answer.card.command.endswith("--setup s.toml")
     assert not any(figure.id == "answer-map-1" for figure in answer.figures)
-    wanted = ["propose", "obstacles"] if asked_for else ["obstacles"]
-    assert [section.id for section in sections] == [*wanted, "diagnosis", "model"]
+    assert [section.id for section in sections] == ["obstacles", "diagnosis", "model"]
     offered = [command for what, command in missing if "written down" in what]
-    again = "tirelog report made --setup s.toml --model M.toml --propose -o report.html"
-    assert offered == ([] if asked_for else [again])
-    if asked_for:
-        assert sections[0].command == answer.card.command
-
-
-def test_what_cannot_be_proposed_costs_no_other_section(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refused(*_: object, **__: object) -> None:
-        raise UsageError("no waveform")
-
-    measured = MeasuredLogs([stack(ringing, manoeuvres=9, revolutions=4, m=64)])
-    monkeypatch.setattr("tirelog.report.build.measured_for", lambda *_, **__: measured)
-    monkeypatch.setattr("tirelog.report.build.propose", refused)
-    asked = ReportRequest(("made",), model=Path("M.toml"), propose=True)
-    sections, missing = model_story([], MODEL, None, asked, BY_ID, lambda _: None)
-    assert [section.id for section in sections] == ["answer", "diagnosis", "model"]
-    told = "what is unknown, written down as a formula: no waveform"
-    assert told in [what for what, _ in missing]
+    assert offered == [answer.card.command]
 
 
 def test_options_of_the_page_are_in_its_commands() -> None:
-    asked = ReportRequest(("a.csv",), Path("s.toml"), Path("m.toml"), propose=True, channel="c 1")
-    assert asked.report_command().endswith("--channel 'c 1' --propose -o report.html")
+    asked = ReportRequest(("a.csv",), Path("s.toml"), Path("m.toml"), channel="c 1")
+    assert asked.report_command().endswith("--channel 'c 1' -o report.html")
     line = asked.with_options("tirelog propose a.csv --model m.toml")
     assert line == "tirelog propose a.csv --model m.toml --setup s.toml --channel 'c 1'"
     assert ReportRequest(("a.csv",)).with_options("tirelog x") == "tirelog x"

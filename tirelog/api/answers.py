@@ -502,8 +502,6 @@ def report_page(asked: ReportRequest, output: File | None) -> File:
         )
     if output is None:
         raise UsageError("nothing to write", do="add -o PAGE.html")
-    if asked.propose and asked.model is None:
-        raise UsageError("--propose is for a model", do="give the model with --model")
     if output.suffix.lower() not in _PAGES and (output.is_file() or not output.exists()):
         raise UsageError(
             f"-o {output}: the page is HTML",
@@ -546,7 +544,6 @@ def write_report(
     ladder: Path | None = None,
     channel: str | None = None,
     effects: Path | None = None,
-    propose: bool = False,
     progress: Progress = lambda text: None,
 ) -> tuple[str, ...]:
     """One offline page: the logs, their tables, and where a model fails.
@@ -569,8 +566,6 @@ def write_report(
         The steps that `ladder` kept beside the model.
     channel, effects
         As for `measure` and `load_model`.
-    propose : bool
-        Identify what is unknown, as `propose` does.
     progress : callable, optional
         Called with a sentence on each step.
 
@@ -597,7 +592,6 @@ def write_report(
         tuple(log.log if isinstance(log, Recording) else os.fspath(log) for log in named),
         tables=tuple(map(File, tables)),
         channel=channel,
-        propose=propose,
         **{name: None if path is None else File(path) for name, path in given.items()},
     )
     page = report_page(asked, None if output is None else File(output))

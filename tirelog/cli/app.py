@@ -303,7 +303,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("tirelog report drive.csv.gz --model model.toml -o report.html", "one offline page"),
         (
             "tirelog report hidden_*.csv.gz --model model.toml --ladder model.ladder.json -o r.htm",
-            "with the ladder; --propose also identifies an unknown effect",
+            "with the ladder",
         ),
     ),
     "campaign run": (

@@ -255,22 +255,14 @@ def propose_figure(result: Proposal) -> Figure:
     return picture(Page([[shape(result), rest(result)]], (11.0, 4.5)))
 
 
-def shape(
-    result: Proposal,
-    as_shown: tuple[float, str] | None = None,
-    colours: Sequence[Any] = (COLOURS[5], COLOURS[0]),
-) -> Panel | None:
-    """The best measured shape with two standard errors; None if there is none.
-
-    `as_shown`: factor and unit of the observable; `colours`: of the band and the line.
-    """
+def shape(result: Proposal) -> Panel | None:
+    """The best measured shape with two standard errors; None if there is none."""
     if not result.shapes:
         return None
     best = result.shapes[0]
     frame = FRAMES[best.frame]
     own = best.acts_on == result.observable
-    factor, unit = as_shown or drawn(result.observable, result.unit)
-    factor, unit = (factor, unit) if own else (1.0, "1")
+    factor, unit = drawn(result.observable, result.unit) if own else (1.0, "1")
     unit = {"contact_pressure": "mean pressures", "load": "N"}.get(best.acts_on, unit)
     values, error = best.values * factor, 2.0 * best.band * factor
     seen = np.abs(best.values) > 3.0 * best.band
@@ -287,27 +279,23 @@ def shape(
                 best.nodes, values - error, values + error, "two standard errors", COLOURS[5],
                 opacity=0.5,
             ),
-            line(best.nodes, values, "measured shape", colours[1]),
+            line(best.nodes, values, "measured shape", COLOURS[0]),
         ],
         f"measured shape, times {best.law}",
         reach,
     )  # fmt: skip
 
 
-def rest(
-    result: Proposal,
-    as_shown: tuple[float, str] | None = None,
-    colours: Sequence[Any] = COLOURS[1:3],
-) -> Panel:
+def rest(result: Proposal) -> Panel:
     """The leading shape of the residual, before and after."""
-    factor, unit = as_shown or drawn(result.observable, result.unit)
+    factor, unit = drawn(result.observable, result.unit)
     angle = np.degrees(result.phi_rad)
     return Panel(
         "angle [deg]",
         f"{result.observable} [{unit}]",
         [
-            line(angle, result.leading_before * factor, "before", colours[0], dash="dash"),
-            line(angle, result.leading_after * factor, "with the proposal", colours[1]),
+            line(angle, result.leading_before * factor, "before", COLOURS[1], dash="dash"),
+            line(angle, result.leading_after * factor, "with the proposal", COLOURS[2]),
         ],
         "residual",
     )

@@ -29,10 +29,9 @@ from tirelog.diagnosis.compare import Measured, compare, comparison_of, measured
 from tirelog.diagnosis.diagnose import Diagnosis, diagnose
 from tirelog.diagnosis.history import read_ladder
 from tirelog.diagnosis.obstacles import compare_transients
-from tirelog.diagnosis.propose.propose import propose
 from tirelog.diagnosis.results import Comparison, effect_curves
 from tirelog.errors import ModelError, TirelogError, UsageError, nearest, or_refusal
-from tirelog.inference.measured import measured_for
+from tirelog.inference.measured import TransientLog, measured_for
 from tirelog.inference.shared_samples import once_each
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.file import load_model
@@ -245,8 +244,7 @@ def _provenance(recordings: Sequence[Recording], asked: ReportRequest) -> list[s
 #                                           (a campaign: pieces of its logs, and what it was asked)
 # + a ladder, or what the diagnosis selected --> the best model's comparison
 # all of it --`answer`--> the page's first section
-# logs that met an obstacle --> how well the model answers it; something unknown, and --propose -->
-#                               what `propose` writes down
+# logs that met an obstacle --> how well the model answers it
 
 
 #: sections, and (what cannot be shown and why, the command that would show it)
@@ -285,39 +283,27 @@ def model_story(
     )
     if isinstance(asked_of, ModelError):
         missing.append((f"the diagnosis: {asked_of}", command("diagnose")))
-    better = f"{(asked.model or Path('M.toml')).with_suffix('')}+proposed.toml"
-    wanted = asked.command("propose", "-o", better, model=True)
-
-    def add(what: str, made_by: str, make: Callable[[], Section]) -> None:
-        """A section below the answer; if it cannot be made the rest of the story stays."""
-        try:
-            told.insert(1, make())
-        except TirelogError as problem:
-            missing.append((f"{what}: {problem}", made_by))
-
-    def answered() -> Section:
-        """The answer to the obstacles of the model that came, as `compare` gives it."""
-        if compared.model.carcass != "coupled_ring":
-            return models.not_answered(logs.obstacles, compared.model.carcass, command("compare"))
-        progress("driving the model over the obstacles")
-        answers = compare_transients(logs.obstacles, compared.model, unit=compared.unit)
-        return models.obstacles(answers, command("compare"))
 
     if logs.obstacles:
-        add("obstacles", command("compare"), answered)
-    unknown = "what is unknown, written down as a formula"
+        try:
+            told.insert(1, _obstacles(logs.obstacles, compared, command("compare"), progress))
+        except TirelogError as problem:
+            missing.append((f"obstacles: {problem}", command("compare")))
     if found is not None and found.next_command.startswith("tirelog propose"):
-        wanted = asked.with_options(found.next_command)
-        if asked.propose:
-            write = partial(propose, logs.stacks, model, effects=own, progress=progress)
-            add(unknown, wanted, lambda: models.proposed(write(), wanted))
-        else:
-            again = replace(asked, propose=True).report_command()
-            missing.append((f"{unknown} (--propose)", again))
-    elif asked.propose and found is not None:
-        word = found.verdict.replace("_", " ")
-        missing.append((f"{unknown}: the verdict is {word}", wanted))
+        unknown = "what is unknown, written down as a formula"
+        missing.append((unknown, asked.with_options(found.next_command)))
     return told, missing
+
+
+def _obstacles(
+    logs: Sequence[TransientLog], compared: Comparison, command: str, progress: Progress
+) -> Section:
+    """The answer to the obstacles of the model that came, as `compare` gives it."""
+    if compared.model.carcass != "coupled_ring":
+        return models.not_answered(logs, compared.model.carcass, command)
+    progress("driving the model over the obstacles")
+    answers = compare_transients(logs, compared.model, unit=compared.unit)
+    return models.obstacles(answers, command)
 
 
 def story_of(
@@ -576,7 +562,6 @@ _SECTION = {
     ],
     "tables": [{"caption": str, "names": [str], "rows": [[object]], "colours?": [int]}],
     "card?": _CARD,
-    "formulas?": [[str]],
     "sources?": [[str]],
 }
 
@@ -607,8 +592,7 @@ def _section(data: dict[str, Any]) -> Section:
     figures = [Figure(**one) for one in data.pop("figures")]
     tables = [AnswerTable(**one) for one in data.pop("tables")]
     card = data.pop("card", None)
-    for pairs in ("formulas", "sources"):
-        data[pairs] = tuple((str(name), str(text)) for name, text in data.get(pairs, ()))
+    data["sources"] = tuple((str(name), str(text)) for name, text in data.get("sources", ()))
     if not all(_ID.fullmatch(name) for name in (data["id"], *(figure.id for figure in figures))):
         raise ValueError
     answer = None if card is None else Card(**card)

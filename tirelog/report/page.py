@@ -231,7 +231,7 @@ class Section:
     """A section: what it says, the command that makes it, its figures and tables.
 
     The first paragraph always shows; the rest is folded away if `folded`.
-    `formulas`: (name, expression). `sources`: (effect, where its physics is from).
+    `sources`: (effect, where its physics is from).
     """
 
     id: str
@@ -242,7 +242,6 @@ class Section:
     tables: Sequence[AnswerTable] = ()
     folded: bool = True
     card: Card | None = None
-    formulas: Sequence[tuple[str, str]] = ()
     sources: Sequence[tuple[str, str]] = ()
 
 
@@ -261,7 +260,6 @@ class ReportRequest:
     tables: tuple[Path, ...] = ()
     channel: str | None = None
     effects: Path | None = None
-    propose: bool = False
 
     def command(self, name: str, *more: str, model: bool = False) -> str:
         """A command line on the same logs."""
@@ -287,7 +285,6 @@ class ReportRequest:
         words = ["tirelog", "report", *map(shown, self.logs)]
         words += self._given("setup", "model", "ladder", "campaign", "channel", "effects")
         words += [word for path in self.tables for word in ("--table", str(path))]
-        words += ["--propose"] if self.propose else []
         return shlex.join([*words, "-o", "report.html"])
 
     def _given(self, *names: str) -> list[str]:
@@ -424,10 +421,6 @@ def _fold(summary: str, content: str) -> str:
 
 def _section(section: Section) -> str:
     first, *more = [f"<p>{escape(p)}</p>" for p in section.text] or [""]
-    first += "".join(
-        f'<p class="formula"><strong>{escape(name)}</strong> = <code>{escape(text)}</code></p>'
-        for name, text in section.formulas
-    )
     rest = "".join([*more, _figures(section.figures), *map(_table, section.tables)])
     made = f'<p class="made">Made with <code>{escape(section.command)}</code></p>'
     rest += made if section.command else ""

@@ -30,7 +30,6 @@ from tirelog.diagnosis.candidates.search import removed_errors
 from tirelog.diagnosis.candidates.separation import drive_sentences
 from tirelog.diagnosis.diagnose import Diagnosis
 from tirelog.diagnosis.obstacles import TransientComparison
-from tirelog.diagnosis.propose.propose import Proposal
 from tirelog.diagnosis.results import Comparison, EffectCurve, Map, steps_table
 from tirelog.diagnosis.rules import RULES
 from tirelog.inference.measured import TransientLog
@@ -40,8 +39,6 @@ from tirelog.plots.answers import (
     differences,
     over_angle,
     ranked_panel,
-    rest,
-    shape,
     waveforms,
 )
 from tirelog.plots.record import SYMBOLS, Panel, band, dots, heat, line
@@ -672,68 +669,3 @@ def obstacles(result: TransientComparison, command: str) -> Section:
     ]
     table = result.hits_table(lambda log: Path(log).name)
     return Section("obstacles", "Obstacles", command, words, (), [table])
-
-
-# ---- What `propose` wrote down: formulas or a measured shape, and how well they do.
-
-
-def proposed(result: Proposal, command: str) -> Section:
-    """The section; of no proposal the reason."""
-    title = "What is unknown, written down"
-    if result.status == "nothing":
-        return Section("propose", title, command, [result.sentence])
-    as_shown = shown_value(result.observable, result.unit)
-    terms = result.terms if result.status == "formula" else ()
-    left = figure(
-        "propose-rest",
-        "What is left, before and after",
-        "The leading shape of what is left over the angle, before and with the proposal.",
-        rest(result, as_shown, (GREY, INK)),
-        half=True,
-    )
-    return Section(
-        "propose",
-        title,
-        command,
-        [result.sentence, *result.sentences()],
-        [*_shape(result, as_shown), left],
-        [*_errors(result, *as_shown), *([result.terms_table()] if terms else [])],
-        folded=False,
-        formulas=[(term.name, term.formula.expression) for term in terms],
-    )
-
-
-def _errors(result: Proposal, factor: float, unit: str) -> list[AnswerTable]:
-    """Errors before and after, on manoeuvres that the search saw and on those it did not."""
-    before, after, floor = result.rmse_heldout_before, result.rmse_heldout_after, result.noise_floor
-    known = []
-    if before is not None and floor is not None:
-        known.append(("seen, held out in turn", result.manoeuvres, (before, after, floor)))
-    if (locked := result.locked) is not None:
-        errors = (locked["rmse_before"], locked["rmse_after"], locked["noise_floor"])
-        known.append(("locked away from the search", locked["manoeuvres"], errors))
-    rows = [
-        [which, str(count), *("" if error is None else f"{error * factor:.3g}" for error in errors)]
-        for which, count, errors in known
-    ]
-    header = ["manoeuvres", "how many", *(f"{w} [{unit}]" for w in ("before", "after", "floor"))]
-    return [AnswerTable("Errors without and with the proposal", header, rows)] if rows else []
-
-
-def _shape(result: Proposal, as_shown: tuple[float, str]) -> list[Figure]:
-    """The best measured shape with two standard errors."""
-    panel = shape(result, as_shown, (GREY, INK))
-    if panel is None:
-        return []
-    best = result.shapes[0]
-    named = f"{best.words}{'' if best.law == '1' else f', times {best.law}'}"
-    return [
-        figure(
-            "propose-shape",
-            f"Measured shape {named}",
-            f"A free shape {named}, with two standard errors as a band: what any formula in this "
-            "frame can remove at most.",
-            panel,
-            half=True,
-        )
-    ]

@@ -274,16 +274,17 @@ def passage_figures(recording: Recording, footprint: pd.DataFrame, colour: int =
         which = f"{Path(recording.log).name}, {channel.name}, revolution {row['revolution']}"
         state = f"{row['time_s']:.2f} s, {row['speed_m_s']:.1f} m/s"
         titles = ("Strain", "First derivative of the strain", "Second derivative of the strain")
+        names = ("strain", "first", "second")
         panels = passage_panels(recording, channel, row, (GREY, colour), INK)
         return [
             figure(
-                f"passage-{number}",
+                f"passage-{name}",
                 f"One passage: {title.lower()} ({which}; {state})",
                 f"{title} along the tread, entry at the left: {which}, {state}. Contact length "
                 f"{1e3 * row['length_m']:.1f} mm.",
                 replace(panel, x="ξ from the patch centre [mm], entry to exit"),
             )
-            for number, (title, panel) in enumerate(zip(titles, panels, strict=False))
+            for name, title, panel in zip(names, titles, panels, strict=False)
         ]
     return []
 
