@@ -28,7 +28,7 @@ import pandas as pd
 
 import tirelog
 from tirelog.cli import run
-from tirelog.plots.style import figure_page
+from tirelog.plots.record import figure_page
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE, PICTURES = ROOT / "docs" / "gallery.md", ROOT / "docs" / "pictures" / "gallery"

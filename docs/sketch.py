@@ -12,7 +12,7 @@ import numpy as np
 
 import tirelog
 from tirelog.api.models import angles
-from tirelog.plots.style import figure_page
+from tirelog.plots.record import figure_page
 
 #: the tire of the sketch: half of the patch's angle is large, so that it can be seen [rad]
 HALF_PATCH = np.radians(28)

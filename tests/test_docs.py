@@ -75,32 +75,3 @@ def test_the_citation_has_the_package_s_version_and_licence() -> None:
     assert f"version: {__version__}\n" in cited
     assert "license: MIT\n" in cited
     assert (ROOT / "LICENSE").read_text(encoding="utf-8").startswith("MIT License")
-
-
-def test_the_papers_rows_are_counted_as_they_stand() -> None:
-    """Every row once, in order, with a status; the sum above them; a reason for what is no yes."""
-    text = (ROOT / "docs" / "papers.md").read_text(encoding="utf-8")
-    rows = [
-        [cell.strip() for cell in line.split("|")[1:-1]]
-        for line in re.findall(r"^\| \d\.\d+ \|.*$", text, re.M)
-    ]
-    sizes = {1: 50, 2: 45, 3: 37, 4: 34}
-    assert [row[0] for row in rows] == [
-        f"{paper}.{n + 1}" for paper, size in sizes.items() for n in range(size)
-    ]
-    words = ("yes", "partly", "no", "none to do")
-    counted = {word: sum(row[4] == word for row in rows) for word in words}
-    assert sum(counted.values()) == len(rows)
-    said = ", ".join(f"{count} {word}" for word, count in counted.items())
-    assert f"**{len(rows)} rows: {said}.**" in text
-    assert [row[0] for row in rows if row[4] != "yes" and not row[5]] == []
-
-
-def test_the_literature_tests_are_listed_with_their_number() -> None:
-    text = (ROOT / "docs" / "papers.md").read_text(encoding="utf-8")
-    listed = dict(re.findall(r"^\| `(test_\w+\.py)` \| (\d+) \|", text, re.M))
-    files = (ROOT / "tests" / "literature").glob("test_*.py")
-    assert listed == {
-        file.name: str(len(re.findall(r"^def test_", file.read_text(encoding="utf-8"), re.M)))
-        for file in files
-    }

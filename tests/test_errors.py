@@ -7,7 +7,6 @@ import pytest
 
 from tests.sources import nodes
 from tirelog.errors import ModelError, SetupError, UsageError
-from tirelog.physics.model.file import parse_model
 
 pytestmark = pytest.mark.xdist_group("sources")  # one worker parses the package, once
 
@@ -25,17 +24,6 @@ def test_the_sentence_is_made_of_the_parts() -> None:
     assert str(UsageError("no log", do="give one")) == "no log; give one"
 
 
-def test_a_whole_sentence_says_what_is_wrong_by_its_first_clause() -> None:
-    whole = ModelError("no speed; every revolution needs one; leave it out")
-    assert whole.what == "no speed"
-    assert str(whole) == whole.message == "no speed; every revolution needs one; leave it out"
-
-
-def test_parts_may_hold_what_separates_them() -> None:
-    """A user's text may have a semicolon; the field keeps it, a cut sentence would not."""
-    assert ModelError("expression 'a; b' is no formula", do="correct it").what.endswith("formula")
-
-
 def test_an_error_told_elsewhere_keeps_its_parts() -> None:
     here = ModelError("no speed", allowed=("one",), do="give it")
     there = here.at("m.toml", 4)
@@ -43,33 +31,6 @@ def test_an_error_told_elsewhere_keeps_its_parts() -> None:
     assert (there.what, there.allowed, there.do) == (here.what, here.allowed, here.do)
     travelled = pickle.loads(pickle.dumps(there))
     assert (str(travelled), travelled.what) == (str(there), there.what)
-
-
-def test_no_part_shows_a_secret() -> None:
-    secret = ModelError("s3://me:pw@host/a", allowed=("s3://me:pw@host/b",), do="s3://me:pw@host")
-    assert "pw" not in f"{secret}{secret.what}{secret.allowed}{secret.do}{secret.message}"
-
-
-def test_an_error_in_a_model_file_has_fields_place_and_sentence() -> None:
-    with pytest.raises(ModelError) as caught:
-        parse_model('[model]\ncarcass = "baem"\nobservable = "strain"\n')
-    problem = caught.value
-    assert problem.what == "carcass = 'baem' in [model] (nearest: beam)"
-    assert (problem.line, problem.do) == (2, "choose one")
-    assert str(problem) == f"model:2: {problem.what}; {problem.allowed}; choose one"
-
-
-def test_no_code_reads_an_error_s_sentence() -> None:
-    """`.message` is made and printed; what is looked for in it has a field."""
-    readers = [
-        f"{file}:{node.lineno}"
-        for file, node in nodes()
-        if isinstance(node, ast.Attribute)
-        and isinstance(node.value, ast.Attribute)
-        and node.value.attr == "message"
-        and node.attr in ("split", "startswith", "endswith", "partition", "find")
-    ]
-    assert readers == []
 
 
 def test_a_raise_site_hands_over_parts() -> None:

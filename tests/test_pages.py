@@ -52,14 +52,3 @@ def test_every_file_that_the_errata_name_is_there() -> None:
 
 def files_of(folder: str) -> list[Path]:
     return list((ROOT / folder).rglob("*.py"))
-
-
-def test_the_errata_have_tables_that_are_whole_and_a_section_for_each_paper() -> None:
-    page = text_of("docs/errata.md")
-    lines = [line for line in page.splitlines() if line.startswith("|")]
-    heads = [i for i, line in enumerate(lines) if line.startswith("| ---")]
-    assert len(heads) == 4
-    for first, after in zip(heads, [*(i - 1 for i in heads[1:]), len(lines)], strict=True):
-        assert {line.count("|") for line in lines[first - 1 : after]} == {lines[first].count("|")}
-    assert all(f"* **P{paper}**: " in page for paper in (1, 2, 3, 4))
-    assert "docs/errata.md" in text_of("tirelog/physics/__init__.py")

@@ -2,23 +2,20 @@
 
     recording, {name: options} --tables_of--> Part (rows of one channel, remarks, what they are
                                               made of), channel by channel
-    channels --threads, or processes of their own--> Parts of each channel, in their order
+    channels --one after the other, or processes--> Parts of each channel, in their order
 
 Each table's command, `tables`, campaigns, the report and the Python functions all go through
 `tables_of`. Tables of strain channels share what they are made of: a channel is read once and its
-passages are found once, whatever the number of tables, and several channels are worked on at a
-time; a channel's rows are the same to the bit whoever makes them. A table that a function of its
+passages are found once, whatever the number of tables; a channel's rows are the same to the bit
+whoever makes them. A table that a function of its
 own makes needs nothing here: `vocabulary.tables` names the function.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, replace
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from pkgutil import resolve_name
@@ -153,11 +150,11 @@ def tables_of(
 ) -> Iterator[Part]:
     """The `wanted` tables (keys of MAKERS, with their options), part by part.
 
-    A table's parts are in the order of the channels, whatever the number of `workers` (threads),
-    and the same to the bit. `refused_first` finds the passages of all channels before the first
-    part. A log that is refused for one of its channels then leaves no rows on a stream, and its
-    channels are read once more. With `processes` the workers are processes where
-    they can be, and parts come without what they were `found` in.
+    A table's parts are in the order of the channels, whatever the number of `workers`, and the same
+    to the bit. `refused_first` finds the passages of all channels before the first part. A log that
+    is refused for one of its channels then leaves no rows on a stream, and its channels are read
+    once more. With `processes` the workers are processes where they can be, and parts come without
+    what they were `found` in; else one channel is worked on after the other.
 
     UsageError: the recording lacks what a table is made of, or an option is none.
     """
@@ -195,8 +192,7 @@ def _channel_tables(
 
         if not only_speed and len(stored) == 1:
             stored = [without_spikes(stored[0])]  # gone through once more
-        with ThreadPoolExecutor(workers) as pool:
-            found = list(pool.map(partial(passages_of, recording), stored))
+        found = [passages_of(recording, channel) for channel in stored]
         if not only_speed and not any(len(passages) for passages in found if passages is not None):
             raise not_turning(recording)
     turned = False
@@ -229,21 +225,13 @@ def _by_channel(
 ) -> Generator[tuple[list[Part], bool]]:
     """(tables, whether it has passages) of each channel, in order; with passages, if known.
 
-    With `processes` the workers are processes where they can be, and parts come without what they
-    were `found` in, which no pipe carries.
+    With `processes` they are shared by the workers where they can be, and parts come without what
+    they were `found` in, which no pipe carries.
     """
     at_hand = all(channel.at_hand for channel, _ in channels)  # processes can read it side by side
     make = _maker(recording, wanted, channels)
     if not (processes and len(channels) > 1 and workers > 1 and POSSIBLE and at_hand):
-        ahead: deque[Future[tuple[list[Part], bool]]] = deque()
-        with ThreadPoolExecutor(workers) as pool:
-            for number in range(len(channels)):
-                ahead.append(pool.submit(make, number))
-                # one more than are at work, so that nobody waits while rows are written
-                if len(ahead) > workers:
-                    yield ahead.popleft().result()
-            while ahead:
-                yield ahead.popleft().result()
+        yield from map(make, range(len(channels)))
         return
     for module in _OF_CHANNELS:  # loaded once, before the processes part
         import_module(module)

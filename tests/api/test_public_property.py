@@ -124,16 +124,6 @@ def test_dir_has_the_public_names_alone() -> None:
     assert pickle.loads(pickle.dumps(values)) == values  # as processes of a pool take them
 
 
-def test_a_picture_of_a_table_is_shown(folder: Path) -> None:
-    from matplotlib.figure import Figure
-
-    for name, kind in (("speed", ""), ("footprint", "polar"), ("dissipation", "")):
-        figure = tirelog.plot_table(name, "log.csv", kind=kind)
-        assert isinstance(figure, Figure)
-        assert figure._repr_png_().startswith(b"\x89PNG")
-    assert not list(folder.glob("*.png"))
-
-
 def test_a_number_is_a_cut_off_in_hertz(folder: Path) -> None:
     table = tirelog.footprint("log.csv", cutoff=400)
     assert table.equals(tirelog.footprint("log.csv", cutoff="400Hz"))
@@ -225,15 +215,3 @@ def test_answers_are_drawn_shown_and_written(folder, command):
         fitted.plot("c.docx")
     for name, value in fitted.model.values.items():
         assert value == pytest.approx(compared.model.values[name], rel=1e-6)
-
-
-def test_a_fit_of_numbers_per_revolution_says_which_nuisances_it_leaves_out() -> None:
-    log = str(SAMPLES / "encoder_ramp.h5")
-    measured = tirelog.measure(log, "phase_shift")
-    with tirelog.open_log(log) as opened:
-        model, _ = tirelog.new_model("ring", opened.setup, observable="phase_shift")
-    plain = tirelog.fit(measured, model)
-    other = tirelog.fit(measured, model, nuisances=("offset",))
-    assert not any("nuisances" in said for said in plain.remarks)
-    assert any("nuisances (offset) not used" in said for said in other.remarks)
-    assert other.model.parameters == plain.model.parameters

@@ -228,15 +228,6 @@ def test_a_setup_s_source_is_a_name_not_a_path(folder: Path, tirelog: Command) -
     assert "root:" not in outcome.out + outcome.err
 
 
-@pytest.mark.parametrize("target", ["no/run.h5", "."])
-def test_output_that_cannot_be_written(folder: Path, tirelog: Command, target: str) -> None:
-    before = sorted(folder.iterdir())
-    outcome = tirelog("ingest", "log.csv", "-o", target)
-    assert outcome.status == 2
-    assert message(outcome.err).startswith(f"tirelog: error: {target}")
-    assert sorted(folder.iterdir()) == before
-
-
 @pytest.mark.parametrize(
     "words",
     [
@@ -255,24 +246,6 @@ def test_a_folder_that_is_not_there_is_told_before_the_work(folder, tirelog, wor
         outcome = tirelog(f"{words} {place}")
         assert outcome.status == 2
         assert message(outcome.err).startswith(f"tirelog: error: {place}: cannot be written (No")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["sped", "log.csv"], "sped"),
-        (["speed"], "Missing argument"),
-        (["speed", "log.csv", "--nonsense"], "nonsense"),
-        (["speed", "log.csv", "--format", "xls"], "csv, ndjson, parquet, json"),
-        (["speed", "log.csv", "-o", "t.xls"], "csv"),
-        (["speed", "log.csv", "--setup", "no.toml"], "no.toml"),
-        (["check", "log.csv", "--against", "log.csv", "--tolerance", "x"], "COLUMN=NUMBER"),
-    ],
-)
-def test_usage(folder: Path, tirelog: Command, arguments: list[str], words: str) -> None:
-    outcome = tirelog(*arguments)
-    assert outcome.status == 2, outcome.err
-    assert words in message(outcome.err)
 
 
 @pytest.mark.parametrize("log", [".", "/", "", "..", "x" * 300, "a" * 5000 + ".csv"])

@@ -1,15 +1,11 @@
 """Property: every command's help has examples that it takes, and words for its values."""
 
-import shlex
-import shutil
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 import typer
 
 from tests.cli.conftest import commands
-from tirelog.cli import options
 from tirelog.cli.app import EXAMPLES, GROUPS, RARE, command
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
@@ -74,18 +70,6 @@ def test_usage_has_no_braces(tirelog):
     assert help_of(tirelog, "footprint").startswith("Usage: tirelog footprint [OPTIONS] LOG...\n")
 
 
-@pytest.mark.parametrize("path", sorted(EXAMPLES))
-def test_an_example_is_taken_as_it_stands(path, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for line, _ in EXAMPLES[path]:
-        typed = line.split(" | ")[-1] if line.startswith("zstd") else line.split(" | ")[0]
-        words = shlex.split(typed)
-        own = path.split()
-        assert words[: 1 + len(own)] == ["tirelog", *own]
-        context = ALL[path].make_context(path, words[1 + len(own) :])
-        assert not context.args  # nothing is left over
-
-
 def test_help_names_values_and_shows_examples(tirelog):
     for path, one in ALL.items():
         for parameter in one.params:
@@ -128,18 +112,3 @@ def test_values_are_completed():
     assert completed("model new", "preset", "P3") == ["P3"]
     assert completed("tables", "table", "sp") == ["speed"]
     assert completed("footprint", "kind", "po") == ["polar"]
-
-
-def test_channels_are_those_of_the_setup(tmp_path):
-    shutil.copy(SAMPLES / "drive.toml", tmp_path)
-    shutil.copy(SAMPLES / "drive.csv.gz", tmp_path)
-
-    def asked(**given):
-        return options.channels(SimpleNamespace(params=given), "")
-
-    beside = asked(logs=[str(tmp_path / "drive.csv.gz")])
-    assert beside
-    assert beside == asked(setup=tmp_path / "drive.toml")
-    (tmp_path / "drive.toml").write_text("[channels")  # what is no setup completes nothing
-    assert asked(setup=tmp_path / "drive.toml") == []
-    assert asked(logs=[str(tmp_path / "no.csv")]) == []

@@ -151,13 +151,6 @@ def test_credentials_are_in_no_message(folder: Path, tirelog: Command) -> None:
     assert "s3cr3t" not in outcome.err + outcome.out
 
 
-def test_a_message_is_one_line_without_control_characters(folder: Path, tirelog: Command) -> None:
-    outcome = tirelog("info", "a\x1b[31m\nb\u202e.csv", "--setup", "log.toml")
-    assert outcome.status == 4
-    assert outcome.err.count("\n") == 1
-    assert "a\\x1b[31m\\nb\\u202e.csv: cannot be read" in outcome.err
-
-
 @pytest.mark.filterwarnings("default")  # the tests' own rule would make an error of it
 def test_a_library_s_warning_is_no_message(folder, tirelog, monkeypatch):
     def warns(*_: object) -> None:

@@ -124,24 +124,6 @@ def test_a_table_whose_rows_do_not_fit_its_header(folder, tirelog, text):
     assert outcome.err.count("\n") == 1
 
 
-def test_several_logs_make_one_table(folder: Path, tirelog: Command) -> None:
-    (folder / "again.csv").write_bytes((folder / "log.csv").read_bytes())
-    outcome = tirelog("speed", "log.csv", "again.csv", "--setup", "log.toml")
-    table = pd.read_csv(io.StringIO(outcome.out))
-    assert outcome.status == 0
-    assert table["log"].unique().tolist() == ["log.csv", "again.csv"]
-    assert table.groupby("log")["revolution"].max().nunique() == 1
-
-
-def test_ndjson_is_one_object_a_line(folder: Path, tirelog: Command) -> None:
-    rows = [
-        json.loads(line)
-        for line in tirelog("speed", "log.csv", "--format", "ndjson").out.splitlines()
-    ]
-    assert rows[2]["revolution"] == 2
-    assert rows[2]["quality"] == "ok"
-
-
 def test_info_as_a_table(folder: Path, tirelog: Command) -> None:
     rows = json.loads(tirelog("info", "log.csv", "--format", "json").out)
     assert [(r["channel"], r["samples"], r["rate_Hz"]) for r in rows] == [

@@ -23,16 +23,6 @@ def test_a_setup_goes_before_a_preset_and_set_before_both(folder, tirelog):
     assert load_model("m.toml").values["radius_m"] == 0.31
 
 
-def test_a_preset_may_predict_something_else(folder, tirelog):
-    line = ["model", "new", "--preset", "P1", "--observable", "strain", "-o", "m.toml"]
-    assert tirelog(*line).status == 0
-    made = load_model("m.toml")
-    assert made.observable == "strain"
-    assert made.values["foundation_stiffness_N_m2"] == 7.79e6
-    assert "foundation_stiffness_N_m2" in made.free
-    assert (folder / "m.toml").is_file()
-
-
 def test_an_unknown_preset_and_one_of_another_carcass_are_refused(folder, tirelog):
     outcome = tirelog("model", "new", "--preset", "P9", "-o", "m.toml")
     assert outcome.status == 2

@@ -6,14 +6,12 @@ A name in capitals (LOG, M.toml) stands for a file of the reader's own; FILES sa
 copy takes its place.
 """
 
-import ast
 import gzip
 import html
 import re
 import shlex
 import shutil
 import sys
-from collections.abc import Iterator
 from io import BufferedReader, BytesIO, TextIOWrapper
 from itertools import islice
 from pathlib import Path
@@ -21,6 +19,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import Command, command_of, refuse_other_options, tirelog
+from tests.test_words import held
 from tirelog.cli import run
 from tirelog.cli.app import EXAMPLES
 
@@ -264,31 +263,12 @@ def test_commands_on_a_page_with_a_model_run(folder: Path, tirelog: Command) -> 
 # ---- in messages ---------------------------------------------------------------------------------
 
 
-def messages() -> Iterator[tuple[str, str]]:
-    """(file, text) of every string of the package that may be printed, with X for its values."""
-    for file in sorted((ROOT / "tirelog").rglob("*.py")):
-        tree = ast.parse(file.read_text(encoding="utf-8"))
-        docs, inside = set(), set()
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
-                docs.add(node.value)
-            if isinstance(node, ast.JoinedStr):
-                inside |= set(node.values)
-                text = "".join(
-                    str(part.value) if isinstance(part, ast.Constant) else "X"
-                    for part in node.values
-                )
-                yield str(file), text
-        for node in ast.walk(tree):
-            is_text = isinstance(node, ast.Constant) and isinstance(node.value, str)
-            if is_text and node not in docs and node not in inside:
-                yield str(file), node.value
-
-
 def test_every_command_in_a_message_exists() -> None:
     """It may lack arguments; its name and its options are there."""
     found = 0
-    for file, text in messages():
+    for file, _, text, documents in held():
+        if documents:
+            continue
         for line in re.findall(r"(?:^|`)tirelog ([a-z][\w-]*(?: [^`;\n]*)?)(?:`|$|;)", text):
             one, words = command_of(line.split("&&")[0].split())
             if hasattr(one, "commands") and words[:1] == ["X"]:  # a value names the command

@@ -12,7 +12,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import tirelog
 from tests.diagnosis.toy import stack
 from tirelog.campaign import models, runner
 from tirelog.campaign.ledger import pieces_bytes
@@ -21,7 +20,6 @@ from tirelog.cli import run
 from tirelog.diagnosis.compare import compare
 from tirelog.diagnosis.fitted import fit_channels_measured
 from tirelog.diagnosis.ladder import ladder
-from tirelog.errors import ModelError
 from tirelog.inference.cells import pieces
 from tirelog.inference.cells.pieces import pieces_of_all, pieces_of_logs
 from tirelog.inference.measured import measured
@@ -146,12 +144,6 @@ def test_several_channels_are_fitted_together_by_command(cleat, beam, compared, 
         assert p.free
         assert p.value == pytest.approx(alone["value"], rel=1e-4)
         assert p.se * 2**0.5 == pytest.approx(alone["se"], rel=0.05)
-    measured = tirelog.measure(log, beam, "strain_2")
-    found = tirelog.fit(measured, model, nuisances=("offset", "shift"))
-    assert "7 revolutions" in found.headline
-    assert any(": offset, shift" in remark for remark in found.remarks)
-    with pytest.raises(ModelError, match="unknown nuisance 'gain'; allowed are offset, amplitude"):
-        tirelog.fit(measured, model, nuisances=("gain",))
 
 
 def test_one_manoeuvre_has_no_error_held_out_and_one_floor_within(cleat, beam, compared):

@@ -15,8 +15,7 @@ from tirelog.errors import UsageError
 from tirelog.physics.model.model import Model
 from tirelog.plots import answers
 from tirelog.plots.answers import coloured
-from tirelog.plots.record import Panel
-from tirelog.plots.style import COLOURS, draw_panel
+from tirelog.plots.record import COLOURS, Panel, draw_panel
 from tirelog.report.page import figure, log_colours
 from tirelog.report.sections.models import styles
 
@@ -118,11 +117,12 @@ def test_edges_close_up_show_what_is_left_behind_the_exit():
     drawn = answers.compare_figure(with_waveforms(), "edges")
     assert "residual" not in [axes.get_title() for axes in drawn.axes]
     entry, exit_ = drawn.axes[2:4]
-    assert entry.get_ylabel() == "measured - predicted [microstrain]"
-    assert np.abs(entry.lines[0].get_ydata()).max() < 1e-9
+    assert entry.get_ylabel() == "residual [microstrain]"
     x, y = exit_.lines[0].get_data()
     assert y[x > np.degrees(0.2)] == pytest.approx(5.0)
-    assert (x.min(), x.max()) == pytest.approx(np.degrees([0.08, 0.32]), abs=6.0)
+    assert np.abs(y[x < np.degrees(0.2)]).max() < 1e-9
+    assert exit_.get_xlim() == pytest.approx(np.degrees([0.08, 0.32]), abs=1e-6)
+    assert entry.get_xlim() == pytest.approx(np.degrees([-0.32, -0.08]), abs=1e-6)
 
 
 def test_the_polar_picture_has_the_pressure_that_carries_the_load():

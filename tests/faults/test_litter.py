@@ -1,12 +1,8 @@
 """Faults: what killed processes leave beside their outputs is removed by the next command there."""
 
-import os
 import subprocess
 import sys
-import threading
 from pathlib import Path
-
-import pytest
 
 from tirelog.cli import run
 
@@ -47,22 +43,3 @@ def test_a_later_command_of_one_process_sweeps_its_folder_anew(tmp_path):
         ended(other)
     assert run(words) == 0
     assert list(tmp_path.glob(".*.part")) == []
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
-def test_a_process_that_is_killed_during_the_command_leaves_nothing(tmp_path):
-    pipe, setup = tmp_path / "pipe", LOG.with_name("drive.toml")
-    os.mkfifo(pipe)
-    other = begun(tmp_path / "other.csv")
-
-    def feed() -> None:
-        ended(other)
-        pipe.write_bytes(LOG.read_bytes())
-
-    timer = threading.Timer(1.0, feed)
-    timer.start()
-    output = tmp_path / "speed.csv"
-    assert run(["speed", str(pipe), "--setup", str(setup), "-o", str(output), "--quiet"]) == 0
-    timer.join()
-    assert list(tmp_path.glob(".*.part")) == []
-    assert output.exists()

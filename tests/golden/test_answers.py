@@ -65,21 +65,3 @@ def test_verdicts_are_covered() -> None:
         if "diagnose" in answers
     }
     assert given >= {"missing", "ambiguous", "unknown", "nothing_missing", "too_few"}
-
-
-def test_a_number_that_moves_is_found() -> None:
-    golden = {"rmse": 3.21e-6, "effects": [{"se": 1.0}], "verdict": "missing"}
-    assert goldens.moved(golden, golden) == []
-    near = golden | {"rmse": 3.21001e-6, "effects": [{"se": 1.0005}]}
-    assert goldens.moved(golden, near) == []
-    far = {"rmse": 3.2102e-6, "effects": [{"se": 1.01}], "verdict": "partial", "note": ""}
-    assert [line.split(":")[0] for line in goldens.moved(golden, far)] == [
-        ".note",
-        ".rmse",
-        ".effects[0].se",
-        ".verdict",
-    ]
-    own = {"part": {"value": 1e-6, "se": 0.3}}
-    assert goldens.moved(own, {"part": {"value": 2e-6, "se": 0.3}}) == []
-    assert goldens.moved(own, {"part": {"value": 1e-3, "se": 0.3}}) != []
-    assert goldens.moved(golden, {"rmse": 3.21e-6}) == [".effects[0].se: gone", ".verdict: gone"]

@@ -49,7 +49,7 @@ def test_add_remove_and_show(here, capsys):
         30.0
     ]
     assert status("model show b2.toml --against b.toml") == 0
-    assert "difference in standard errors" in capsys.readouterr().out
+    assert "difference_sigma" in capsys.readouterr().out
 
 
 def test_predict_gives_the_contracts_columns(here):

@@ -3,7 +3,6 @@ and the page is accessible by its text alone.
 """
 
 import html
-import importlib.util
 import json
 import re
 from collections.abc import Iterator
@@ -18,12 +17,7 @@ import pytest
 
 from tests.diagnosis.planted import MODEL, ringing, stack
 from tests.report.test_page import data, numbers
-from tirelog.diagnosis.history import history_file
 from tirelog.diagnosis.obstacles import TransientComparison
-from tirelog.diagnosis.propose.ground import MeasuredShape
-from tirelog.diagnosis.propose.propose import FoundFormula, Proposal, Term
-from tirelog.diagnosis.results import Map
-from tirelog.errors import UsageError
 from tirelog.inference.measured import MeasuredLogs
 from tirelog.physics.effects import BY_ID
 from tirelog.report.build import PAPERS, model_story, used_papers
@@ -34,14 +28,11 @@ from tirelog.report.page import (
     GREY,
     INK,
     PALE,
-    Report,
     ReportRequest,
     Section,
     log_colours,
-    render,
 )
 from tirelog.report.sections import models
-from tirelog.report.sections.models import proposed, residual_map
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
 
@@ -145,16 +136,6 @@ def test_before_and_after_are_drawn_at_one_scale(model_page: Path) -> None:
         np.testing.assert_allclose(
             numbers(measured["y"]) - numbers(trace["y"]), rest, atol=2e-2 * size
         )
-
-
-def test_numbers_per_revolution_are_drawn_at_one_scale_too() -> None:
-    speed, left = np.array([8.0, 12.0, 20.0]), 1e-3 * np.array([[0.5], [-1.0], [0.2]])
-    found = Map(speed, "speed_m_s", np.zeros(1), left, left / 1e-4)
-    result = SimpleNamespace(observable="patch_length", unit="m", half_angle_rad=0.0)
-    figures = [residual_map(name, name, found, result, 10.0) for name in ("before", "after")]
-    assert [figure.layout["yaxis"]["range"] for figure in figures] == [[-11.0, 11.0]] * 2
-    assert figures[0].layout["yaxis"]["title"]["text"] == "residual [mm]"
-    np.testing.assert_allclose(numbers(figures[0].traces[0]["y"]), [0.5, -1.0, 0.2], rtol=1e-6)
 
 
 def test_everything_but_the_answer_is_folded(model_page: Path) -> None:
@@ -306,93 +287,23 @@ def test_every_colour_of_a_trace_has_one_for_dark_paper(model_page: Path) -> Non
 
 # ---- what is proposed, and obstacles -------------------------------------------------------------
 
-HOSTILE = "<b>x</b>"
-
-
-def proposal(status: str = "formula") -> Proposal:
-    phi = np.linspace(-np.pi, np.pi, 32, endpoint=False)
-    formula = FoundFormula("A * (speed / 20)", "strain", "a hump", "(speed / 20)", 1e-12)
-    numbers = {"A": {"value": 1.2e-5, "se": 3e-7, "unit": "1"}}
-    shape = MeasuredShape(
-        "patch", "strain", "1", np.linspace(-2, 2, 9), 1e-5 * np.hanning(9), np.full(9, 1e-7), 1, 9
-    )
-    return Proposal(
-        status=status,
-        reason="the catalogue explains it" if status == "nothing" else "",
-        diagnosis=None,
-        terms=(Term(HOSTILE, formula, (), numbers, 1e-3, 42041),),
-        shapes=(shape,),
-        written=("proposed_1",),
-        model=None,
-        locked={
-            "manoeuvres": 6,
-            "rmse_before": 10.4e-6,
-            "rmse_after": 2.04e-6,
-            "noise_floor": 1.94e-6,
-            "share_removed": 0.99,
-        },
-        observable="strain",
-        rmse_heldout_before=13.2e-6,
-        rmse_heldout_after=2.27e-6,
-        noise_floor=2.28e-6,
-        manoeuvres=11,
-        nearest=({"effect": "edge_impact", "excess_removed": 0.228},),
-        separating_manoeuvres=(),
-        notes=(),
-        phi_rad=phi,
-        leading_before=1e-5 * np.cos(phi),
-        leading_after=1e-7 * np.cos(phi),
-    )
-
-
-def test_a_proposal_is_shown_with_its_formula_and_none_by_its_reason() -> None:
-    section = proposed(proposal(), "tirelog propose a.csv --model M -o M+proposed.toml")
-    text = "".join(render(Report("t", [section])))
-    assert HOSTILE not in text
-    assert html.escape(HOSTILE) in text
-    assert "<code>A * (speed / 20)</code>" in text
-    assert "tirelog propose a.csv --model M -o M+proposed.toml" in text
-    locked = next(row for row in section.tables[0].rows if row[0].startswith("locked"))
-    assert locked[1:] == ["6", "10.4", "2.04", "1.94"]
-    shape, rest = section.figures
-    band = [numbers(trace["y"]) for trace in shape.traces[:2]]
-    np.testing.assert_allclose(band[1] - band[0], 0.4, rtol=1e-4)  # four standard errors of 0.1
-    np.testing.assert_allclose(numbers(shape.traces[2]["y"]), 10 * np.hanning(9), atol=1e-5)
-    assert numbers(rest.traces[0]["y"]).max() == pytest.approx(10.0)
-    assert numbers(rest.traces[1]["y"]).max() == pytest.approx(0.1)
-    none = proposed(proposal("nothing"), "tirelog propose")
-    assert none.text == ["Nothing to propose: the catalogue explains it"]
-    assert not none.figures + none.tables
-
 
 def test_obstacles_are_told_hit_by_hit() -> None:
-    since = np.arange(0.0, 0.3, 0.01)
     row = {
         "log": "f/a.csv", "time_s": 1.25, "time_se_s": 1e-6, "speed_m_s": 12.0, "added": 2e-5,
         "missed": 3e-6, "rmse": 3e-6, "rmse_steady": 1e-6, "noise_floor": 1e-6, "excess": 2e-6,
         "covered": 0.98, "quality": "ok",
     }  # fmt: skip
-    sizes = {"measured": 1e-5, "predicted": 2e-5, "added": 3e-5, "missed": 1e-6}
-    curves = {name: size * since for name, size in sizes.items()}
-    hit = SimpleNamespace(time_s=1.25, speed_m_s=12.0, since_s=since, **curves)
-    bands = dict.fromkeys(("added", "missed", "residual", "steady", "floor"), np.ones(2))
-    log, edges = SimpleNamespace(log="f/a.csv"), np.array([0.0, 20.0, 40.0])
-    one = SimpleNamespace(hit=hit, log=log, edges_Hz=edges, bands=bands, row=lambda: row)
     total = {**row, "nuisance_parameters": 20, "hits": [row]}
-    told = {"hits": (one,) * 5, "remarks": ("mind",), "tables": {"hit": [row] * 5}}
+    told = {"hits": (row,) * 5, "remarks": ("mind",), "tables": {"hit": [row] * 5}}
     result = SimpleNamespace(observable="strain", unit="1", to_json=lambda: total, **told)
     result.hits_table = partial(TransientComparison.hits_table, result)
-    section = models.obstacles(result, "tirelog compare", log_colours(["f/0.csv", "f/a.csv"]))
+    section = models.obstacles(result, "tirelog compare")
     assert "5 hits on an obstacle" in section.text[0]
     assert "The model covers 98 %" in section.text[0]
     assert "20 microstrain, of which 3 is missed; noise floor 1" in section.text[0]
     assert "mind." in section.text
-    assert "The first 3 hits are drawn" in section.text[-1]
-    assert len(section.figures) == 9
     assert len(section.tables[0].rows) == 5
-    assert section.figures[0].traces[0]["marker"]["color"] == COLOURS[1]
-    drawn = section.figures[1].traces
-    np.testing.assert_allclose(numbers(drawn[0]["y"]), 30.0 * since[since <= 0.25], rtol=1e-5)
 
 
 def test_a_model_that_does_not_move_says_so() -> None:
@@ -405,13 +316,11 @@ def test_a_model_that_does_not_move_says_so() -> None:
     assert section.tables[0].rows == [["a.csv", "cleat", "2", "1.000, 2.000"]]
 
 
-@pytest.mark.parametrize("asked_for", [True, False])
-def test_what_is_unknown_is_written_down_if_asked(monkeypatch, asked_for):
+def test_what_is_unknown_is_named_with_the_command_that_writes_it_down(monkeypatch):
     log = SimpleNamespace(log="made", hits_s=np.ones(2), road=SimpleNamespace(kind="cleat"))
     measured = MeasuredLogs([stack(ringing, manoeuvres=9, revolutions=4, m=64)], (log,))
     monkeypatch.setattr("tirelog.report.build.measured_for", lambda *_, **__: measured)
-    monkeypatch.setattr("tirelog.report.build.propose", lambda *_, **__: proposal())
-    asked = ReportRequest(("made",), model=Path("M.toml"), setup=Path("s.toml"), propose=asked_for)
+    asked = ReportRequest(("made",), model=Path("M.toml"), setup=Path("s.toml"))
     (answer, *sections), missing = model_story(
         [], MODEL, None, asked, BY_ID, lambda _: None, log_colours(["made"])
     )
@@ -420,52 +329,14 @@ def test_what_is_unknown_is_written_down_if_asked(monkeypatch, asked_for):
     assert answer.card.command.startswith("tirelog propose made --model ")
     assert answer.card.command.endswith("--setup s.toml")
     assert not any(figure.id == "answer-map-1" for figure in answer.figures)
-    wanted = ["propose", "obstacles"] if asked_for else ["obstacles"]
-    assert [section.id for section in sections] == [*wanted, "diagnosis", "model"]
+    assert [section.id for section in sections] == ["obstacles", "diagnosis", "model"]
     offered = [command for what, command in missing if "written down" in what]
-    again = "tirelog report made --setup s.toml --model M.toml --propose -o report.html"
-    assert offered == ([] if asked_for else [again])
-    if asked_for:
-        assert sections[0].command == answer.card.command
-
-
-def test_what_cannot_be_proposed_costs_no_other_section(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refused(*_: object, **__: object) -> None:
-        raise UsageError("no waveform")
-
-    measured = MeasuredLogs([stack(ringing, manoeuvres=9, revolutions=4, m=64)])
-    monkeypatch.setattr("tirelog.report.build.measured_for", lambda *_, **__: measured)
-    monkeypatch.setattr("tirelog.report.build.propose", refused)
-    asked = ReportRequest(("made",), model=Path("M.toml"), propose=True)
-    sections, missing = model_story([], MODEL, None, asked, BY_ID, lambda _: None)
-    assert [section.id for section in sections] == ["answer", "diagnosis", "model"]
-    told = "what is unknown, written down as a formula: no waveform"
-    assert told in [what for what, _ in missing]
-
-
-def test_the_demo_s_page_has_the_ladder_that_it_climbed(monkeypatch, tmp_path):
-    spec = importlib.util.spec_from_file_location("demo", ROOT / "sample_data" / "demo.py")
-    assert spec is not None
-    assert spec.loader is not None
-    demo = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(demo)
-    said: list[tuple[str, ...]] = []
-    monkeypatch.setattr(demo, "OUTPUT", tmp_path)
-    monkeypatch.setattr(demo, "tirelog", lambda *words, **_: said.append(words))
-    monkeypatch.setattr(demo, "_diagnosed", lambda _: "water_film")
-    monkeypatch.setattr(demo, "unknown", lambda: None)
-    demo.main()
-    (ladder,) = (line for line in said if line[0] == "ladder")
-    (page,) = (line for line in said if line[0] == "report")
-    model = ladder[ladder.index("--model") + 1]
-    assert page[page.index("--model") + 1] == model
-    assert page[page.index("--ladder") + 1] == str(history_file(Path(model)))
-    assert said.index(page) > said.index(ladder)
+    assert offered == [answer.card.command]
 
 
 def test_options_of_the_page_are_in_its_commands() -> None:
-    asked = ReportRequest(("a.csv",), Path("s.toml"), Path("m.toml"), propose=True, channel="c 1")
-    assert asked.report_command().endswith("--channel 'c 1' --propose -o report.html")
+    asked = ReportRequest(("a.csv",), Path("s.toml"), Path("m.toml"), channel="c 1")
+    assert asked.report_command().endswith("--channel 'c 1' -o report.html")
     line = asked.with_options("tirelog propose a.csv --model m.toml")
     assert line == "tirelog propose a.csv --model m.toml --setup s.toml --channel 'c 1'"
     assert ReportRequest(("a.csv",)).with_options("tirelog x") == "tirelog x"

@@ -21,7 +21,6 @@ from tirelog.report.page import ReportRequest
         (["log.csv", "--campaign", "nowhere", "-o", "page.html"], "no campaign's output"),
         (["log.csv", "--ladder", "log.toml", "-o", "page.html"], "is no ladder"),
         (["log.csv", "--ladder", "nowhere.json", "-o", "page.html"], "is no ladder"),
-        (["log.csv", "--propose", "-o", "page.html"], "--propose is for a model"),
         (["log.csv", "--table", "log.csv", "-o", "page.html"], "is no table of"),
         (["log.csv", "--model", "log.toml", "-o", "page.html"], "log.toml"),
         (["log.csv", "--ladder", "steps.json", "-o", "page.html"], "is no ladder"),

@@ -35,7 +35,6 @@ def section(name: str = "effects") -> Section:
         [AnswerTable("T", ["a"], [["1"]], [0])],
         folded=False,
         card=card,
-        formulas=(("a", "b"),),
         sources=(("wear", "P3"),),
     )
 

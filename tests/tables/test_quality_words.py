@@ -21,7 +21,6 @@ from tirelog.vocabulary.quality import (
     good,
     good_rows,
     having,
-    marked,
     none_of,
     quality_column,
     quality_text,
@@ -31,14 +30,6 @@ pytestmark = pytest.mark.xdist_group("sources")  # one worker parses the package
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 REGISTER = "vocabulary/quality.py"
-#: other things of the same name: a column, an option, a regime of the simulation, a repair's count
-NAMESAKES = {
-    "implausible": "api/logs.py drafts/setup.py cli/files.py cli/pages.py",
-    "leak": "vocabulary/columns.py vocabulary/tables.py strain/inflation.py plots/tables.py",
-    "cutoff": "vocabulary/tables.py products.py campaign/manifest.py api/tables.py cli/app.py",
-    "standstill": "simulation/scenario/schema.py simulation/steady/waveforms.py",
-    "clock_set_back": "runs/clock.py",
-}
 COMPARED = {"compare --by revolution", "compare --by hit"}
 
 
@@ -74,34 +65,9 @@ def test_every_word_is_set_somewhere() -> None:
     assert used == {flag.name for flag in Quality}
 
 
-def test_no_word_stands_as_a_text_elsewhere() -> None:
-    words = {flag.word for flag in Quality} | {OK}
-    found = {
-        (file, node.value)
-        for file, node in nodes()
-        if file != REGISTER and isinstance(node, ast.Constant) and node.value in words
-    }
-    assert {at for at in found if at[0] not in NAMESAKES.get(at[1], "").split()} == set()
-
-
-def test_texts_are_the_words_in_alphabetical_order() -> None:
-    assert quality_text(0) == OK == "ok"
-    assert quality_text(Quality.SPIKE | Quality.GAP) == "gap;spike"
-    flags = random_flags(500, 2)
-    assert flags.dtype == marked(np.ones(9, bool), Quality.GAP).dtype == np.uint32
-    column = quality_column(flags)
-    assert column.dtype == object
-    assert column.tolist() == [quality_text(int(one)) for one in flags]
-    for one, text in zip(flags.tolist(), column.tolist()):
-        words = [] if text == OK else text.split(";")
-        assert words == sorted({flag.word for flag in Quality if flag & one})
-    assert quality_column(none_of(0)).tolist() == []
-
-
 def test_a_flag_that_is_not_of_the_register_cannot_be_written() -> None:
-    unknown = 1 << len(Quality)
     with pytest.raises(ValueError, match="no quality word"):
-        quality_text(unknown | Quality.GAP)
+        quality_text(1 << len(Quality) | Quality.GAP)
 
 
 @pytest.mark.parametrize("use", Use)
@@ -145,9 +111,8 @@ def test_an_unknown_word_of_a_foreign_table_is_kept() -> None:
     )  # fmt: skip
     counts = sections.quality(table, "footprint").rows
     assert sorted(counts) == [["gap;wobbly", "1"], ["ok", "2"], ["wobbly", "1"]]
-    section = sections.footprint_section(
-        table, "tirelog footprint a.csv", [], log_colours(["a.csv"])
-    )
+    drawn = (table, None, [], "tirelog footprint a.csv", log_colours(["a.csv"]))
+    section = sections.footprint_section(drawn, [])
     assert any("2 passages without a mark" in text for text in section.text)
     assert not len(differences(table, table.copy(), {}))
     moved = table.assign(quality=["ok", "ok", "ok", "gap;wobbly"])

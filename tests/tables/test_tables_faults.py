@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.tables.speed_rows import PART
-from tirelog.errors import OutputError, ReadError, UsageError
+from tirelog.errors import OutputError, ReadError
 from tirelog.storage.whole import whole_file
 from tirelog.tables.frame import read_table
 from tirelog.tables.writer import TableWriter
@@ -28,20 +28,6 @@ def test_a_failed_write_leaves_the_older_file(tmp_path: Path) -> None:
         raise OSError(28, "No space left on device")
     assert (tmp_path / "t.csv").read_text() == "older"
     assert list(tmp_path.iterdir()) == [tmp_path / "t.csv"]
-
-
-def test_an_output_that_cannot_be(tmp_path: Path) -> None:
-    (tmp_path / "t.csv").mkdir()
-    for name, said in (("no/t.csv", "folder has to exist"), ("t.csv", "it is a folder")):
-        with pytest.raises(OutputError, match=said):
-            TableWriter("speed", tmp_path / name, None)
-
-
-def test_unknown_suffix_and_format(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"no format has the suffix '.xls'"):
-        TableWriter("speed", tmp_path / "t.xls", None)
-    with pytest.raises(UsageError, match="nearest: parquet"):
-        TableWriter("speed", None, "parket")
 
 
 @pytest.mark.parametrize("name", ["t.csv", "t.parquet", "t.json"])

@@ -25,7 +25,7 @@ from tirelog.diagnosis import ladder as climbing
 from tirelog.diagnosis.answer import AnswerTable
 from tirelog.diagnosis.certainty import MOST_DRAWS
 from tirelog.diagnosis.diagnose import Diagnosis
-from tirelog.diagnosis.fitted import AS_COMPARE, FitOfLogs, TireForm, fit_channels_measured
+from tirelog.diagnosis.fitted import FitOfLogs, TireForm, fit_channels_measured
 from tirelog.diagnosis.gratings import GratingsFound
 from tirelog.diagnosis.history import read_history, remember
 from tirelog.diagnosis.obstacles import (
@@ -143,12 +143,7 @@ def observable_of(channel: str | None, recordings: Sequence[Recording], model: M
     return waveform_of(kinds) if model.observable in WAVEFORMS and kinds else model.observable
 
 
-def fit(
-    measured: MeasuredLogs | Sequence[MeasuredLogs],
-    model: ModelLike,
-    *,
-    nuisances: Sequence[str] = AS_COMPARE,
-) -> FitOfLogs:
+def fit(measured: MeasuredLogs | Sequence[MeasuredLogs], model: ModelLike) -> FitOfLogs:
     """The model's free parameters fitted to measured revolutions, as `compare` fits them.
 
     Parameters
@@ -158,9 +153,6 @@ def fit(
         damping and bristles of a coupled ring are fitted to the obstacles, if the logs met some.
     model : Model, str, os.PathLike or dict
         The start of the fit, as for `measure`; its bounds are kept.
-    nuisances : sequence of str
-        Removed from each mean of similar revolutions: ``"offset"``, ``"amplitude"`` (by some 10 %),
-        ``"shift"``. `compare` removes the shift; a number per revolution has no other.
 
     Returns
     -------
@@ -183,13 +175,8 @@ def fit(
         raise UsageError(
             "nothing measured", allowed="allowed are results of `measure`", do="give one at least"
         )
-    notes = []
-    if model.observable not in WAVEFORMS and set(nuisances) != set(AS_COMPARE):
-        asked = ", ".join(nuisances) or "none"
-        notes.append(f"{model.observable} is a number per revolution: nuisances ({asked}) not used")
-        nuisances = AS_COMPARE
-    found, remarks = fit_channels_measured([one.revolutions for one in channels], model, nuisances)
-    notes += remarks
+    found, remarks = fit_channels_measured([one.revolutions for one in channels], model)
+    notes = list(remarks)
     moving = motion_names(model)
     fitted = found.model.with_parameters({name: model.parameters[name] for name in moving})
     obstacles = [log for one in channels for log in one.obstacles]
@@ -515,8 +502,6 @@ def report_page(asked: ReportRequest, output: File | None) -> File:
         )
     if output is None:
         raise UsageError("nothing to write", do="add -o PAGE.html")
-    if asked.propose and asked.model is None:
-        raise UsageError("--propose is for a model", do="give the model with --model")
     if output.suffix.lower() not in _PAGES and (output.is_file() or not output.exists()):
         raise UsageError(
             f"-o {output}: the page is HTML",
@@ -559,7 +544,6 @@ def write_report(
     ladder: Path | None = None,
     channel: str | None = None,
     effects: Path | None = None,
-    propose: bool = False,
     progress: Progress = lambda text: None,
 ) -> tuple[str, ...]:
     """One offline page: the logs, their tables, and where a model fails.
@@ -582,8 +566,6 @@ def write_report(
         The steps that `ladder` kept beside the model.
     channel, effects
         As for `measure` and `load_model`.
-    propose : bool
-        Identify what is unknown, as `propose` does.
     progress : callable, optional
         Called with a sentence on each step.
 
@@ -605,12 +587,11 @@ def write_report(
         "model": model if in_memory is None else "MODEL.toml",
         "ladder": ladder, "campaign": campaign, "effects": effects,
     }  # fmt: skip
-    named = as_logs(logs)
+    named = list(as_logs(logs))
     asked = ReportRequest(
         tuple(log.log if isinstance(log, Recording) else os.fspath(log) for log in named),
         tables=tuple(map(File, tables)),
         channel=channel,
-        propose=propose,
         **{name: None if path is None else File(path) for name, path in given.items()},
     )
     page = report_page(asked, None if output is None else File(output))

@@ -220,7 +220,7 @@ def each_log(logs: Logs, setup: SetupLike | None = None) -> Iterator[Recording]:
     A warning names what was lost of a log, once it has been read. UsageError: something among them
     is no log.
     """
-    for log in _several(logs):
+    for log in as_logs(logs):
         if isinstance(log, Recording):
             yield log
             if isinstance(log, OpenLog):  # else whoever opened it tells
@@ -231,33 +231,26 @@ def each_log(logs: Logs, setup: SetupLike | None = None) -> Iterator[Recording]:
                 _warn_of_losses(opened)
 
 
-def as_logs(logs: Logs) -> list[Path | Recording]:
-    """The logs as a list.  UsageError: something among them is no log."""
-    return list(_several(logs))
-
-
-def _several(logs: Logs) -> Iterator[Path | Recording]:
-    if isinstance(logs, str | os.PathLike | Recording):
-        logs = [logs]
-    if not isinstance(logs, Iterable):
-        raise _no_log(logs)
-    for log in logs:
+def as_logs(logs: Logs) -> Iterator[Path | Recording]:
+    """The logs one after the other.  UsageError: something among them is no log."""
+    several: Iterable[Any] = (
+        [logs]
+        if isinstance(logs, str | os.PathLike | Recording) or not isinstance(logs, Iterable)
+        else logs
+    )
+    for log in several:
         if not isinstance(log, str | os.PathLike | Recording):
-            raise _no_log(log)
+            raise UsageError(
+                f"{type(log).__name__} is no log",
+                allowed="allowed are paths, open logs and lists of them",
+                do="give one, such as tirelog.open_log(path)",
+            )
         yield log
 
 
 def _warn_of_losses(log: Recording) -> None:
     for loss in log.losses:
         warnings.warn(f"{log.log}: {loss}", UserWarning, stacklevel=4)
-
-
-def _no_log(value: Any) -> UsageError:
-    return UsageError(
-        f"{type(value).__name__} is no log",
-        allowed="allowed are paths, open logs and lists of them",
-        do="give one, such as tirelog.open_log(path)",
-    )
 
 
 # ---- Setups: the content of a log without one, a first draft, and a check of it.

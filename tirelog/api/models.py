@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.api.logs import Path, SetupLike, as_read, as_setup
-from tirelog.data.recording import Conditions, Recording
+from tirelog.data.recording import Conditions
 from tirelog.data.setup import RoadSetup, Setup
 from tirelog.diagnosis.history import history_rows as ladder_rows
 from tirelog.errors import ModelError, UsageError, refuse_unknown
@@ -304,28 +304,11 @@ def draw_effects(effects: Sequence[Effect], path: Path) -> None:
     signatures(effects, File(path))
 
 
-def draw_modes(
-    model: Model,
-    columns: Mapping[str, Sequence[Any]],
-    path: Path,
-    logs: Iterable[Recording] = (),
-    *,
-    channel: str | None = None,
-    highest_Hz: float,
-    **hub: float | None,
-) -> None:
-    """The shapes of the modes that `modes` gave, or of open logs their order maps below the modes.
-
-    UsageError: a log has no such channel, or too few revolutions.
-    """
+def draw_modes(columns: Mapping[str, Sequence[Any]], path: Path) -> None:
+    """The shapes of the modes that `modes` gave, as a picture."""
     from tirelog.plots.answers import modes_picture
-    from tirelog.plots.turns import map_of_log, modes_over_orders
 
-    maps = [(log.log, map_of_log(log, channel)) for log in logs]
-    if maps:
-        modes_over_orders(model, maps, File(path), highest_Hz=highest_Hz, **hub)
-    else:
-        modes_picture(columns, File(path))
+    modes_picture(columns, File(path))
 
 
 def predict(
@@ -461,12 +444,17 @@ def forces(
     With a setup that gives viscosity, height and width of the tread strip also its powers.
     UsageError and ModelError as `predict`.
     """
+    section = None
+    if setup is not None:
+        tire = setup.tire
+        strip = (tire.viscosity_Pa_s, tire.section_height_m, tire.width_m)
+        section = None if None in strip else StripSection(*strip)
     return force_columns(
         model,
         _checked(model, conditions),
         slip_angle_deg=slip_angle_deg,
         camber_deg=camber_deg,
-        section=None if setup is None else _section(setup),
+        section=section,
     )
 
 
@@ -512,14 +500,6 @@ def modes(model: Model, *, speed_m_s: float = 0.0, **asked: Any) -> dict[str, li
     return {name: [row[name] for row in rows] for name in TABLES["modes"]}
 
 
-def _section(setup: Setup) -> StripSection | None:
-    """The strip that a setup's [tire] describes; None if it lacks one of its three numbers."""
-    tire = setup.tire
-    if tire.viscosity_Pa_s is None or tire.section_height_m is None or tire.width_m is None:
-        return None
-    return StripSection(tire.viscosity_Pa_s, tire.section_height_m, tire.width_m)
-
-
 def angles(count: int = ANGLES) -> FloatArray:
     """The middles of `count` equal bins over a revolution [rad], shape (count,)."""
     return np.linspace(-np.pi, np.pi, count, endpoint=False) + np.pi / count
@@ -527,11 +507,12 @@ def angles(count: int = ANGLES) -> FloatArray:
 
 def contributions(
     model: ModelLike,
-    conditions: Conditions | Mapping[str, Any],
+    conditions: Conditions | Mapping[str, Any] | None = None,
     phi_rad: FloatArray | None = None,
     *,
     surface: str = "outer",
     observable: str | None = None,
+    **named: Any,
 ) -> dict[str, FloatArray]:
     """The prediction by effect: the bare carcass, each effect, and what they do together.
 
@@ -566,10 +547,9 @@ def contributions(
     >>> list(parts), float(abs(parts["interaction"]).max()) < 1e-12
     (['base', 'water_film', 'interaction'], True)
     """
-    given = given_conditions(conditions)
-    settled = as_model(model).resolved(
-        given
-    )  # what depends on all revolutions, once for every part
+    given = given_conditions(conditions, **named)
+    # what depends on all revolutions, once for every part
+    settled = as_model(model).resolved(given)
 
     def predicted(one: Model) -> FloatArray:
         return predict(one, given, phi_rad, surface=surface, observable=observable)

@@ -1,7 +1,7 @@
 """Rows of tables, part by part: what commands write, and what the DataFrames are made of.
 
     open log --parts_of, parts_of_drive--> Part (rows of a channel, remarks) --> files, DataFrames
-                                           --table_picture--> a picture
+                                           --TablePicture--> a picture
 
 No table is held in memory here, and pandas is not needed.
 """
@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path as File
 from pkgutil import resolve_name
@@ -35,9 +35,8 @@ from tirelog.vocabulary.tables import LOG_TABLES, STRETCH, LogTable
 from tirelog.vocabulary.units import likely_number
 
 __all__ = [
-    "Part", "calibrated", "calibration_notes", "checked_options", "figure", "parts_of",
-    "parts_of_drive", "picture_kinds", "refuse_other_tables", "save_calibration", "sketch",
-    "table_picture",
+    "Part", "TablePicture", "calibrated", "calibration_notes", "checked_options", "parts_of",
+    "parts_of_drive", "refuse_other_tables", "save_calibration",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -207,56 +206,44 @@ def parts_of_drive(
     return made, [name for name in names if name not in suited]
 
 
-@contextmanager
-def table_picture(
-    table: LogTable, path: Path | None, kind: str = "", ends: Mapping[str, Any] = {}
-) -> Iterator[Callable[[Recording, Part], None]]:
-    """What takes each part while its log is open; the picture is written to `path` at the end.
+class TablePicture:
+    """A picture of a table, of the parts that are kept.
 
-    Without a path, or a part, none is drawn. UsageError: the table has no picture, or none of that
-    kind (default: its first), or its picture is of the whole log and not of a stretch.
+    kind  of `LogTable.pictures`, the first by default; `ends`: of a stretch, `start` and `stop`
+
+    UsageError: the table has no picture, or none of that kind, or its picture is of the whole log
+    and not of a stretch.
     """
-    kinds = [] if path is None else picture_kinds(table, kind, ends)
-    kept = list[Any]()
 
-    def keep(recording: Recording, part: Part) -> None:
-        if path is not None:
-            kept.append(sketch(table, recording, part, kinds))
+    def __init__(self, table: LogTable, kind: str = "", ends: Mapping[str, Any] = {}) -> None:
+        if not table.picture:
+            raise UsageError(f"{table.name} has no picture", do="draw its rows")
+        if table.drawn == "whole" and any(ends.get(end.name) is not None for end in STRETCH):
+            raise UsageError(
+                f"the picture of {table.name} is of the whole log",
+                allowed="a stretch is for rows",
+                do="leave out --plot, or --from and --to",
+            )
+        if kind and table.pictures:
+            refuse_unknown(kind, table.pictures, f"no picture is called {kind!r}", do="choose one")
+        self.table, self.kept = table, list[Any]()
+        self.kinds = [kind or next(iter(table.pictures))] if table.pictures else []
 
-    yield keep
-    if path is not None and kept:
-        resolve_name("tirelog.plots.style:write")(figure(table, kept, kinds), File(path))
-
-
-def picture_kinds(table: LogTable, kind: str, ends: Mapping[str, Any]) -> list[str]:
-    """The kind of picture of a table, its first by default; none if it has one picture alone.
-
-    UsageError: it has no picture, none of that kind, or one of the whole log and not of a stretch.
-    """
-    if not table.picture:
-        raise UsageError(f"{table.name} has no picture", do="draw its rows")
-    if table.drawn == "whole" and any(ends.get(end.name) is not None for end in STRETCH):
-        raise UsageError(
-            f"the picture of {table.name} is of the whole log",
-            allowed="a stretch is for rows",
-            do="leave out --plot, or --from and --to",
+    def keep(self, recording: Recording, part: Part) -> None:
+        """Keep the content of a part, while its log is open."""
+        sketch = resolve_name(self.table.sketch) if self.table.sketch else None
+        self.kept.append(
+            sketch(recording, part, *(self.kinds or [""])) if sketch else (recording, part)
         )
-    if kind and table.pictures:
-        refuse_unknown(kind, table.pictures, f"no picture is called {kind!r}", do="choose one")
-    return [kind or next(iter(table.pictures))] if table.pictures else []
 
-
-def sketch(table: LogTable, recording: Recording, part: Part, kinds: Sequence[str]) -> Any:
-    """The content of a part for the picture, while its log is open."""
-    if not table.sketch:
-        return recording, part
-    return resolve_name(table.sketch)(recording, part, *(kinds or [""]))
-
-
-def figure(table: LogTable, kept: Sequence[Any], kinds: Sequence[str]) -> Figure:
-    """The figure of the sketches of a table's parts."""
-    drawn: Figure = resolve_name(table.picture)(kept, *kinds)
-    return drawn
+    def draw(self, path: Path | None) -> Figure | None:
+        """The figure, None without a part; a file of it if a path is given."""
+        if not self.kept:
+            return None
+        figure: Figure = resolve_name(self.table.picture)(self.kept, *self.kinds)
+        if path is not None:
+            resolve_name("tirelog.plots.record:write")(figure, File(path))
+        return figure
 
 
 def calibrated(parts: Iterable[Part], *, forces: bool = False) -> tuple[Calibration, list[Part]]:

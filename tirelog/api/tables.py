@@ -11,14 +11,13 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from inspect import Parameter, Signature, signature
-from pathlib import Path as File
 from textwrap import fill, indent
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from tirelog.api.logs import Logs, Path, SetupLike, each_log
-from tirelog.api.parts import calibrated, checked_options, figure, parts_of, picture_kinds, sketch
+from tirelog.api.parts import TablePicture, calibrated, checked_options, parts_of
 from tirelog.errors import refuse_unknown
 from tirelog.tables.frame import (
     Difference,
@@ -351,18 +350,11 @@ def plot_table(
         No such table, picture or option, or a log that it cannot be drawn of.
     """
     refuse_unknown(name, LOG_TABLES, f"no table is called {name!r}", do="choose among them")
-    table, kept = LOG_TABLES[name], list[Any]()
-    kinds = picture_kinds(table, kind, options)
+    picture = TablePicture(LOG_TABLES[name], kind, options)
     for recording in each_log(logs, setup):
-        kept += [
-            sketch(table, recording, part, kinds) for part in parts_of(recording, name, options)
-        ]
-    drawn = figure(table, kept, kinds) if kept else None
-    if drawn is not None and path is not None:
-        from tirelog.plots.style import write
-
-        write(drawn, File(path))
-    return drawn
+        for part in parts_of(recording, name, options):
+            picture.keep(recording, part)
+    return picture.draw(path)
 
 
 def _table(

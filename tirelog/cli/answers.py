@@ -305,13 +305,6 @@ def report(
     ] = None,
     channel: options.ChannelName = None,
     effects: options.EffectsFile = None,
-    propose: Annotated[
-        bool,
-        typer.Option(
-            "--propose",
-            help="Identify what is unknown, as `propose` does; half a minute and more.",
-        ),
-    ] = False,
     quiet: options.Quiet = False,
 ) -> None:
     """One offline page: the logs, their tables, and where the model fails."""
@@ -321,7 +314,7 @@ def report(
 
     paths, tables = tuple(logs or ()), tuple(table or ())
     asked = api.answers.ReportRequest(
-        paths, setup, model, ladder, campaign, tables, channel, effects, propose
+        paths, setup, model, ladder, campaign, tables, channel, effects
     )
     page = api.answers.report_page(asked, output)
     with Session(setup, quiet, hashed=True) as session:

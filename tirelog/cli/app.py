@@ -163,7 +163,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("tirelog footprint drive.csv.gz -o f.csv --plot footprint.png", "and a picture"),
         (
             "tirelog footprint drive.csv.gz -o f.csv --plot wheel.svg --plot-kind polar",
-            "strain around the wheel; also waterfall, edges, lengths, orders",
+            "strain around the wheel; also waterfall, edges",
         ),
     ),
     "dissipation": (
@@ -259,10 +259,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     ),
     "model modes": (
         ("tirelog model modes ring.toml --speed 20", "of a ring, on the road"),
-        (
-            "tirelog model modes ring.toml --log drive.csv.gz --plot orders.png",
-            "its modes over the log's order map; without a log, their shapes",
-        ),
+        ("tirelog model modes ring.toml --plot modes.png", "their shapes"),
     ),
     "compare": (
         ("tirelog compare drive.csv.gz --model model.toml", "validation error and noise floor"),
@@ -306,7 +303,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("tirelog report drive.csv.gz --model model.toml -o report.html", "one offline page"),
         (
             "tirelog report hidden_*.csv.gz --model model.toml --ladder model.ladder.json -o r.htm",
-            "with the ladder; --propose also identifies an unknown effect",
+            "with the ladder",
         ),
     ),
     "campaign run": (

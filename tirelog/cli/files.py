@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, suppress
 from inspect import Parameter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,7 +16,6 @@ from tirelog.cli import options, pages
 from tirelog.cli.session import Session
 from tirelog.errors import ExitStatus, UsageError, printable
 from tirelog.vocabulary.tables import LOG_TABLES, STRETCH, LogTable, TableOption
-from tirelog.vocabulary.units import likely_number
 
 if TYPE_CHECKING:
     from tirelog.data.recording import Recording
@@ -55,24 +54,16 @@ def check(
 
 def _tolerances(texts: list[str]) -> dict[str, float]:
     """`column=value` options as numbers."""
-    out = {}
+    found = {}
+    allowed = "allowed is COLUMN=NUMBER from 0, such as --tolerance speed_m_s=0.001"
     for text in texts:
-        name, _, value = text.partition("=")
-        try:
-            out[name] = float(value)
-        except ValueError:
-            raise UsageError(
-                f"--tolerance {text}: not COLUMN=NUMBER",
-                allowed="e.g. --tolerance speed_m_s=0.001",
-                do=likely_number(value) or "correct it",
-            ) from None
-        if not out[name] >= 0:
-            raise UsageError(
-                f"--tolerance {text}: below zero",
-                allowed="allowed is a number from 0",
-                do="correct it",
-            )
-    return out
+        name, word = options.assigned(text, "--tolerance ", allowed)
+        found[name] = -1.0
+        with suppress(ValueError):
+            found[name] = float(word)
+        if not found[name] >= 0.0:
+            raise UsageError(f"--tolerance {text}", allowed=allowed, do="correct it")
+    return found
 
 
 # ---- `tirelog ingest LOG -o run.h5`.
@@ -235,6 +226,22 @@ def table_option(option: TableOption) -> Any:
     return typer.Option(option.flag, help=option.help)
 
 
+def _write(
+    parts: Iterable[tuple[Recording, api.parts.Part]],
+    writer: TableWriter,
+    picture: api.parts.TablePicture | None,
+    plot: Path | None,
+) -> None:
+    """Write the rows of parts, and the picture of what it keeps of them."""
+    for recording, part in parts:
+        if part.columns:
+            writer.write(part.columns)
+        if picture is not None:
+            picture.keep(recording, part)
+    if picture is not None:
+        picture.draw(plot)
+
+
 def table_command(table: LogTable) -> Callable[..., None]:
     """The command of a table: its options, one call, rows in the given format."""
 
@@ -242,17 +249,13 @@ def table_command(table: LogTable) -> Callable[..., None]:
         asked = {option.name: given[option.name] for option in table.asked}
         plot, kind = given.get("plot"), given.get("kind", "page")
         options.refuse_kind_alone(kind, plot)
+        picture = None if plot is None else api.parts.TablePicture(table, kind, asked)
         with (
             Session(given["setup"], given["quiet"], given["output"], given["format"]) as session,
             session.table(table.given(asked)) as writer,
-            api.parts.table_picture(table, plot, kind, asked) as keep,
         ):
-            for recording, part in session.parts(
-                given["logs"], table.name, given["channel"], **asked
-            ):
-                if part.columns:
-                    writer.write(part.columns)
-                keep(recording, part)
+            parts = session.parts(given["logs"], table.name, given["channel"], **asked)
+            _write(parts, writer, picture, plot)
 
     own: list[tuple[str, Any, Any]] = [
         (option.name, Annotated[option.kind | None, table_option(option)], None)
@@ -402,10 +405,10 @@ def phase_shift(
         )
     applied = api.parts.calibration_notes(calibration)
     asked = {"zero": zero, "calibration": calibration}
+    picture = None if plot is None else api.parts.TablePicture(TABLE, ends=ends)
     with (
         Session(setup, quiet, output, format) as session,
         session.table(TABLE.name, calibration=str(calibration or "")) as writer,
-        api.parts.table_picture(TABLE, plot, ends=ends) as keep,
     ):
         if calibrate is None:
             made = session.parts(logs, TABLE.name, channel, **asked, **ends)
@@ -415,7 +418,5 @@ def phase_shift(
             api.parts.save_calibration(learnt, calibrate)
             applied = learnt.remarks
             made = ((read[0][0], part) for part in rows)
-        for recording, part in made:
-            writer.write(part.columns)
-            keep(recording, part)
+        _write(made, writer, picture, plot)
         session.note(*applied)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from contextlib import suppress
 from pathlib import Path
@@ -14,7 +13,6 @@ import tirelog.api as api
 from tirelog.cli import options, pages
 from tirelog.cli.session import Session
 from tirelog.errors import UsageError, refuse_unknown
-from tirelog.vocabulary.units import likely_number
 
 
 def _words(text: str) -> list[str]:
@@ -26,19 +24,15 @@ def _assignments(sets: list[str], prefix: str = "") -> dict[str, float | str]:
     """Numbers, and words of an effect's choices, by name."""
     values: dict[str, float | str] = {}
     for text in sets:
-        name, equals, word = text.partition("=")
-        value: float | str = word.strip()
+        name, word = options.assigned(
+            text,
+            "--set ",
+            "NAME=VALUE with a finite number or a word is allowed, such as --set "
+            "line_mass_kg_m=4.5 or --set law=softens",
+        )
+        values[prefix + name.removeprefix(prefix)] = word
         with suppress(ValueError):
-            value = float(word)
-        wrong = value == "" or (isinstance(value, float) and not math.isfinite(value))
-        if not equals or wrong or likely_number(word):
-            raise UsageError(
-                f"--set {text}",
-                allowed="NAME=VALUE with a finite number or a word is allowed, such as --set "
-                "line_mass_kg_m=4.5 or --set law=softens",
-                do=likely_number(word) or "correct it",
-            )
-        values[prefix + name.strip().removeprefix(prefix)] = value
+            values[prefix + name.removeprefix(prefix)] = float(word)
     return values
 
 
@@ -107,10 +101,10 @@ def show(
     read = api.models.load_model(model, effects=effects)
     if history:
         rows: dict[str, Any] = api.models.ladder_rows(model)
-        shown = pages.history_page(rows)
+        shown = pages.rows_page(rows)
     elif against is not None:
         rows = api.models.difference_rows(read, api.models.load_model(against, effects=effects))
-        shown = pages.difference_page(rows)
+        shown = pages.rows_page(rows)
     else:
         rows, shown = api.models.parameter_rows(read), pages.model_page(read)
     Session(None, quiet, output, format).show("model", shown, rows)
@@ -178,17 +172,9 @@ def change(
 ) -> None:
     """Change values, bounds and choices of a model file, in its place or with -o."""
     read = api.models.load_model(model, effects=effects)
-    pairs = []
-    for text in changes:
-        name, equals, word = text.partition("=")
-        if not equals or not word.strip() or likely_number(word):
-            raise UsageError(
-                text,
-                allowed="allowed are NAME=NUMBER, NAME=fixed, NAME=free, NAME=MIN:MAX, NAME=WORD",
-                do=likely_number(word)
-                or f"names: `{shlex.join(['tirelog', 'model', 'show', str(model)])}`",
-            )
-        pairs.append((name.strip(), word.strip()))
+    allowed = "allowed are NAME=NUMBER, NAME=fixed, NAME=free, NAME=MIN:MAX, NAME=WORD"
+    names = f"names: `{shlex.join(['tirelog', 'model', 'show', str(model)])}`"
+    pairs = [options.assigned(text, "", allowed, names) for text in changes]
     api.models.save_model(api.models.changed(read, pairs), new_model or model)
 
 
@@ -461,38 +447,26 @@ def modes(
     output: options.Output = None,
     format: options.Format = None,
     plot: options.Plot = None,
-    log: Annotated[
-        list[str],
-        typer.Option("--log", help="With --plot: a log, for its order map; repeat for several."),
-    ] = [],  # noqa: B006
-    setup: options.SetupFile = None,
-    channel: options.ChannelName = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Natural frequencies, damping and shapes of a ring model, in the air and on a flat road.
 
     The ring moves on the sidewall of a hub with the given mass, without the model's effects. --plot
-    draws the shapes; with --log it draws the modes over the log's order map.
+    draws the shapes.
     """
-    if log and plot is None:
-        raise UsageError("--log without --plot", allowed="--log is for a picture", do="add --plot")
-    read = api.models.load_model(model, effects=effects)
-    hub: dict[str, Any] = {"hub_mass_kg": hub_mass, "hub_inertia_kg_m2": hub_inertia}
-    session = Session(setup, quiet, output, format)
+    session = Session(None, quiet, output, format)
     with session.working_on("looking for modes"):
-        columns = api.models.modes(read, speed_m_s=speed, load_N=load, to_Hz=to_frequency, **hub)
-    with session, session.table("modes") as table:
-        if plot is not None:
-            api.models.draw_modes(
-                read,
-                columns,
-                plot,
-                session.recordings(log) if log else (),
-                channel=channel,
-                highest_Hz=to_frequency,
-                **hub,
-            )
-        table.write(columns)
+        columns = api.models.modes(
+            api.models.load_model(model, effects=effects),
+            speed_m_s=speed,
+            load_N=load,
+            to_Hz=to_frequency,
+            hub_mass_kg=hub_mass,
+            hub_inertia_kg_m2=hub_inertia,
+        )
+    if plot is not None:
+        api.models.draw_modes(columns, plot)
+    session.write("modes", [columns])
 
 
 def effects(

@@ -6,7 +6,6 @@ import errno
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
 from functools import wraps
 from importlib import util
 from inspect import Parameter, Signature
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import tirelog.api as api
-from tirelog.errors import OutputError, TirelogError, UsageError, refuse_unknown
+from tirelog.errors import OutputError, UsageError, refuse_unknown
 from tirelog.storage.remote import address
 from tirelog.storage.whole import (
     output_error,
@@ -48,19 +47,6 @@ def completing(words: Iterable[str] | Callable[[], Iterable[str]]) -> Callable[[
 
 
 effects = completing(lambda: api.models.catalogue_with())
-
-
-def channels(ctx: Any, incomplete: str) -> list[str]:
-    """Channels of the given setup, or of the setup beside the first log."""
-    from tirelog.data.setup import load_setup, setup_beside
-
-    found: tuple[str, ...] = ()
-    with suppress(TirelogError, OSError):
-        logs = ctx.params.get("logs") or []
-        place = ctx.params.get("setup") or (setup_beside(logs[0]) if logs else None)
-        if place is not None:
-            found = tuple(load_setup(place).channels)
-    return [name for name in found if name.startswith(incomplete)]
 
 
 # ---- Refusals before the work: paths that nothing could be written to in the end.
@@ -139,6 +125,19 @@ def values_of(text: str, option: str) -> list[float]:
         allowed=f"allowed are a number, several with commas, or FROM:TO:STEP, {MOST} at most",
         do=likely or f"write {option} 20, {option} 10,20 or {option} 5:25:5",
     )
+
+
+def assigned(text: str, option: str, allowed: str, do: str = "correct it") -> tuple[str, str]:
+    """Name and word of NAME=WORD.  UsageError: no name or word, or a number with a unit."""
+    name, _, word = text.partition("=")
+    likely = likely_number(word)
+    if (
+        not word.strip()
+        or likely
+        or word.strip().lower().lstrip("+-") in ("nan", "inf", "infinity")
+    ):
+        raise UsageError(f"{option}{text}", allowed=allowed, do=likely or do)
+    return name.strip(), word.strip()
 
 
 def refuse_many(conditions: int, points: int) -> None:
@@ -298,7 +297,6 @@ ChannelName = Annotated[
         "--channel",
         help="Channel to compare; default the first that fits. Strain: several gratings in one "
         "fit, as NAME,NAME or all.",
-        autocompletion=channels,
     ),
 ]
 Channels = Annotated[
@@ -306,7 +304,6 @@ Channels = Annotated[
     typer.Option(
         "--channel",
         help="Only this channel; repeat for several. Default: all that fit.",
-        autocompletion=channels,
     ),
 ]
 ModelFile = Annotated[Path, typer.Option("--model", help="Model file.")]

@@ -254,18 +254,13 @@ def model_page(model: api.models.Model) -> str:
     return "\n".join(parts)
 
 
-def difference_page(rows: dict[str, list[Any]]) -> str:
-    """The differences of two models to read."""
-    header = ("parameter", "value", "against", "difference in standard errors")
+def rows_page(rows: dict[str, list[Any]]) -> str:
+    """Rows of a table to read, below the names of its columns."""
     body = (
-        (
-            name,
-            *("-" if v != v else f"{v:.6g}" for v in (value, against)),
-            "" if sigma != sigma else f"{sigma:+.1f}",
-        )
-        for name, value, against, sigma in zip(*rows.values())
+        ["-" if x != x else f"{x:.6g}" if isinstance(x, float) else str(x) for x in row]
+        for row in zip(*rows.values())
     )
-    return aligned([header, *body], indent="")
+    return aligned([tuple(rows), *map(tuple, body)], indent="")
 
 
 def fit_page(fitted: api.answers.FitOfLogs) -> str:
@@ -354,19 +349,3 @@ def catalogue_rows(effects: Iterable[api.models.Effect]) -> dict[str, list[Any]]
         "valid": [e.valid for e in effects],
         "signature": [e.signature for e in effects],
     }
-
-
-def history_page(rows: dict[str, list[Any]]) -> str:
-    """The same to read: a line per step, errors in the observable's unit."""
-    lines, last = [], ""
-    for i, climbed in enumerate(rows["climbed"]):
-        if climbed != last:
-            lines.append(f"{climbed}  {rows['observable'][i]}  {rows['verdict'][i]}")
-            last = climbed
-        error, floor = rows["rmse_heldout"][i], rows["noise_floor"][i]
-        held_out = "-" if error != error else f"{error:.4g}"
-        lines.append(
-            f"  {rows['step'][i]}  {rows['effect'][i]:20} held-out error {held_out}, floor "
-            f"{floor:.4g}  {rows['decision'][i]}"
-        )
-    return "\n".join(lines)

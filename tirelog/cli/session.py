@@ -225,16 +225,8 @@ def summary(output: Path | str, rows: int, logs: int, began: float) -> None:
 
 
 def campaign_progress(quiet: bool, of: int) -> Callable[[api.campaigns.Entry, int, int], None]:
-    """A callable for each finished log, `of` so many: it prints a line.
-
-    On a terminal the line is overwritten and has the remaining time; elsewhere a line per log.
-    """
-    begun, terminal = time.monotonic(), sys.stderr.isatty()
-
-    def show(line: str, end: str = "") -> None:
-        if not quiet:
-            sys.stderr.write(f"\r\x1b[K{line}{end}" if terminal else f"{line}\n")
-            sys.stderr.flush()
+    """A callable for each finished log, `of` so many: it prints a line with the remaining time."""
+    begun = time.monotonic()
 
     def finished(entry: api.campaigns.Entry, done: int, of: int) -> None:
         left = (time.monotonic() - begun) / done * (of - done)
@@ -242,11 +234,9 @@ def campaign_progress(quiet: bool, of: int) -> Callable[[api.campaigns.Entry, in
         outcome = f"{made}, {entry.seconds:.1f} s, {entry.peak_memory_MB:.0f} MB"
         if entry.error:
             outcome = "stays open" if entry.fault == "machine" else "failed"
-        line = f"tirelog: {done}/{of} {entry.log}: {outcome}; {left:.0f} s left"
-        show(printable(line), "\n" if done == of else "")
+        if not quiet:
+            say(f"{done}/{of} {entry.log}: {outcome}; {left:.0f} s left")
 
-    if terminal and of:  # the first log may take minutes
-        show(f"tirelog: 0/{of}, working")
     return finished
 
 

@@ -90,11 +90,11 @@ class AnswerRecord:
         """
         if path_or_axes is not None and not isinstance(path_or_axes, str | Path):
             panel = resolve_name(f"{PICTURES}:{self.panel}")(self)
-            resolve_name("tirelog.plots.style:draw_panel")(path_or_axes, panel)
+            resolve_name("tirelog.plots.record:draw_panel")(path_or_axes, panel)
             return path_or_axes.figure
         figure = resolve_name(f"{PICTURES}:{self.picture}")(self, **how)
         if path_or_axes is not None:
-            resolve_name("tirelog.plots.style:write")(figure, Path(path_or_axes))
+            resolve_name("tirelog.plots.record:write")(figure, Path(path_or_axes))
         return figure
 
     def draw(self, path: Path, **how: str) -> list[Path]:

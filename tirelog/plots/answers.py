@@ -25,29 +25,26 @@ from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.user_effects import FRAMES
 from tirelog.plots.record import (
+    COLOURS,
+    MICRO,
+    RAW,
+    SLIDE,
     Mark,
     Page,
     Panel,
     band,
     bars,
+    by_value,
     dots,
     heat,
     level,
     line,
+    on_a_slide,
+    picture,
     rows_of,
     span,
     upright,
     words,
-)
-from tirelog.plots.style import (
-    COLOURS,
-    EDGE,
-    MICRO,
-    RAW,
-    SLIDE,
-    by_value,
-    on_a_slide,
-    picture,
     write,
 )
 from tirelog.plots.turns import around_the_wheel
@@ -258,22 +255,14 @@ def propose_figure(result: Proposal) -> Figure:
     return picture(Page([[shape(result), rest(result)]], (11.0, 4.5)))
 
 
-def shape(
-    result: Proposal,
-    as_shown: tuple[float, str] | None = None,
-    colours: Sequence[Any] = (COLOURS[5], COLOURS[0]),
-) -> Panel | None:
-    """The best measured shape with two standard errors; None if there is none.
-
-    `as_shown`: factor and unit of the observable; `colours`: of the band and the line.
-    """
+def shape(result: Proposal) -> Panel | None:
+    """The best measured shape with two standard errors; None if there is none."""
     if not result.shapes:
         return None
     best = result.shapes[0]
     frame = FRAMES[best.frame]
     own = best.acts_on == result.observable
-    factor, unit = as_shown or drawn(result.observable, result.unit)
-    factor, unit = (factor, unit) if own else (1.0, "1")
+    factor, unit = drawn(result.observable, result.unit) if own else (1.0, "1")
     unit = {"contact_pressure": "mean pressures", "load": "N"}.get(best.acts_on, unit)
     values, error = best.values * factor, 2.0 * best.band * factor
     seen = np.abs(best.values) > 3.0 * best.band
@@ -290,27 +279,23 @@ def shape(
                 best.nodes, values - error, values + error, "two standard errors", COLOURS[5],
                 opacity=0.5,
             ),
-            line(best.nodes, values, "measured shape", colours[1]),
+            line(best.nodes, values, "measured shape", COLOURS[0]),
         ],
         f"measured shape, times {best.law}",
         reach,
     )  # fmt: skip
 
 
-def rest(
-    result: Proposal,
-    as_shown: tuple[float, str] | None = None,
-    colours: Sequence[Any] = COLOURS[1:3],
-) -> Panel:
+def rest(result: Proposal) -> Panel:
     """The leading shape of the residual, before and after."""
-    factor, unit = as_shown or drawn(result.observable, result.unit)
+    factor, unit = drawn(result.observable, result.unit)
     angle = np.degrees(result.phi_rad)
     return Panel(
         "angle [deg]",
         f"{result.observable} [{unit}]",
         [
-            line(angle, result.leading_before * factor, "before", colours[0], dash="dash"),
-            line(angle, result.leading_after * factor, "with the proposal", colours[1]),
+            line(angle, result.leading_before * factor, "before", COLOURS[1], dash="dash"),
+            line(angle, result.leading_after * factor, "with the proposal", COLOURS[2]),
         ],
         "residual",
     )
@@ -364,34 +349,26 @@ SHOWN_S = 0.25
 def draw_transient(result: TransientComparison, path: Path) -> None:
     """Write a figure of the first hits; the suffix decides the format."""
     as_shown = drawn(result.observable, result.unit)
-    rows = [hit_panels(hit, result.observable, as_shown) for hit in result.hits[:_MOST_HITS]]
+    rows = [hit_panels(hit, result.observable, *as_shown) for hit in result.hits[:_MOST_HITS]]
     write(picture(Page(rows, (15.0, 3.2 * len(rows) + 0.6))), path)
 
 
-def hit_panels(
-    result: HitResult,
-    observable: str,
-    as_shown: tuple[float, str],
-    colours: Sequence[Any] = (COLOURS[6], COLOURS[7], COLOURS[0], COLOURS[1], COLOURS[2]),
-) -> list[Panel]:
-    """Panels of a hit: measured and predicted, the change and its error, and by frequency.
-
-    `colours`: of what is measured, added, predicted, missed, and of the floor.
-    """
-    hit, (factor, unit) = result.hit, as_shown
+def hit_panels(result: HitResult, observable: str, factor: float, unit: str) -> list[Panel]:
+    """Panels of a hit: measured and predicted, the change and its error, and by frequency."""
+    hit, thin = result.hit, {"width": 0.9}
     at = hit.since_s <= SHOWN_S
-    time, since, thin = 1e3 * hit.since_s[at], "time since the hit [ms]", {"width": 0.9}
-    measured, added, predicted, missed, floor = colours
-    sizes = [
-        (name, factor * np.sqrt(np.maximum(result.bands[band], 0.0)), colour, dash)
-        for name, band, colour, dash in (
-            ("added", "added", added, "solid"),
-            ("missed", "missed", missed, "solid"),
-            ("residual", "residual", predicted, "dot"),
-            ("off the obstacle", "steady", measured, "dash"),
-            ("floor", "floor", floor, "dash"),
-        )
-    ]
+    time, since = 1e3 * hit.since_s[at], "time since the hit [ms]"
+    sizes = []
+    for name, part, colour, dash in (
+        ("added", "added", COLOURS[7], "solid"),
+        ("missed", "missed", COLOURS[1], "solid"),
+        ("residual", "residual", COLOURS[0], "dot"),
+        ("off the obstacle", "steady", COLOURS[6], "dash"),
+        ("floor", "floor", COLOURS[2], "dash"),
+    ):
+        size = factor * np.sqrt(np.maximum(result.bands[part], 0.0))
+        look = {"dash": dash, "drawstyle": "steps-post"}
+        sizes.append(line(result.edges_Hz, [*size, size[-1]], name, colour, **look))
     title = (
         f"{Path(result.log.log).name}, {hit.time_s:.3f} s, {hit.speed_m_s:.1f} m/s: "
         f"{100 * result.row()['covered']:.0f} % covered"
@@ -401,8 +378,8 @@ def hit_panels(
             since,
             f"{observable} [{unit}]",
             [
-                dots(time, factor * hit.measured[at], "measured", measured, size=2),
-                line(time, factor * hit.predicted[at], "model", predicted, **thin),
+                dots(time, factor * hit.measured[at], "measured", COLOURS[6], size=2),
+                line(time, factor * hit.predicted[at], "model", COLOURS[0], **thin),
             ],
             title,
         ),
@@ -410,19 +387,11 @@ def hit_panels(
             since,
             f"change of {observable} [{unit}]",
             [
-                line(time, factor * hit.added[at], "added by the obstacle", added, **thin),
-                line(time, factor * hit.missed[at], "not predicted by the model", missed, **thin),
+                line(time, factor * hit.added[at], "added by the obstacle", COLOURS[7], **thin),
+                line(time, factor * hit.missed[at], "missed by the model", COLOURS[1], **thin),
             ],
         ),
-        Panel(
-            "frequency [Hz]",
-            f"rms in the band [{unit}]",
-            [
-                line(result.edges_Hz, [*size, size[-1]], name, c, dash=dash, drawstyle="steps-post")
-                for name, size, c, dash in sizes
-            ],
-            scales=("linear", "log"),
-        ),
+        Panel("frequency [Hz]", f"rms in the band [{unit}]", sizes, scales=("linear", "log")),
     ]
 
 
@@ -531,37 +500,22 @@ def _polar(result: Comparison) -> Page:
 
 def _edge_zoom(result: Comparison) -> Page:
     """Each edge of the patch close up: waveforms with two noise floors, and residuals."""
-    factor, unit = drawn(result.observable, result.unit)
-    waves = result.waveforms
-    half = np.degrees(result.half_angle_rad) or _NO_EDGE_DEG
-    colours = by_value(waves.conditions.speed_m_s)
-    above, below = list[Panel | None](), list[Panel | None]()
-    for side, name in ((-1.0, "entry"), (1.0, "exit")):
-        edge = upright([side * half], colour=EDGE, width=1.5, dash="dash")
-        shown, left = list[Mark](), list[Mark]()
-        for i, colour in enumerate(colours):
-            near = np.abs(np.degrees(waves.phi_rad[i]) - side * half) <= _CLOSE * half
-            at, floor = np.degrees(waves.phi_rad[i])[near], 2.0 * factor * waves.floor[i][near]
-            predicted, measured = (
-                factor * one[i][near] for one in (waves.predicted, waves.measured)
+    half = float(np.degrees(result.half_angle_rad)) or _NO_EDGE_DEG
+    rows = [
+        [
+            replace(
+                panel,
+                title=f"{name} edge",
+                y=panel.y if side < 0 else "",
+                limits=((half * (side - _CLOSE), half * (side + _CLOSE)), None),
+                legend={"loc": "best", "fontsize": 9} if side < 0 else None,
             )
-            shown += [
-                line(at, predicted, waves.labels[i], colour),
-                band(at, predicted - floor, predicted + floor, "", colour, opacity=0.3),
-                dots(at, measured, "", colour, size=6),
-            ]
-            left += [
-                band(at, -floor, floor, "", colour, opacity=0.15),
-                dots(at, measured - predicted, "", colour, size=5, width=1.0, dash="solid"),
-            ]
-        first = side < 0  # the one that has the titles of the axes
-        place = {"loc": "best", "fontsize": 9} if first else None
-        y = f"{result.observable} [{unit}]" if first else ""
-        above.append(Panel("", y, shown + edge, f"{name} edge", legend=place))
-        y = f"measured - predicted [{unit}]" if first else ""
-        below.append(Panel("angle [deg]", y, left + edge))
+            for side, name in ((-1.0, "entry"), (1.0, "exit"))
+        ]
+        for panel in (waveforms(result), differences(result))
+    ]
     said = "dots: measured; lines: predicted; bands: two noise floors of a mean"
-    return Page([above, below], SLIDE, said, heights=(1.3, 1.0), share="xy")
+    return Page(rows, SLIDE, said, heights=(1.3, 1.0), share="xy")
 
 
 def waveforms(

@@ -8,8 +8,7 @@ Longer than others: a picture per table, which share their parts.
 
 from __future__ import annotations
 
-import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,50 +16,175 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tirelog.data.recording import Channel, Recording
-from tirelog.dsp.filters import lowpassed, window_spectra
+from tirelog.dsp.filters import Cutoff, lowpassed, window_spectra
 from tirelog.errors import UsageError
 from tirelog.plots.record import (
-    Mark,
-    Page,
-    Panel,
-    band,
-    dots,
-    level,
-    line,
-    span,
-    upright,
-    words,
-)
-from tirelog.plots.style import (
     COLOURS,
     EDGE,
     MARK,
     MICRO,
     RAW,
+    SYMBOLS,
+    Mark,
+    Page,
+    Panel,
     decimated,
+    dots,
+    level,
+    line,
     picture,
     robust_range,
+    span,
+    upright,
+    words,
 )
 from tirelog.plots.turns import TurnsSketch, turns_picture
 from tirelog.products import Part
-from tirelog.strain.dissipation import (
-    AVERAGED,
-    DissipationOfChannel,
-    Regression,
-    clean_rows,
-    regression,
-)
+from tirelog.strain.dissipation import AVERAGED, DissipationOfChannel, regressions
 from tirelog.strain.footprint.footprint import FootprintOfChannel
-from tirelog.strain.footprint.learn import PatchWindows, gather_windows
+from tirelog.strain.footprint.learn import gather_windows
 from tirelog.strain.footprint.measure import along_tread
 from tirelog.strain.inflation import InflationOfChannel
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.quality import OK, good
-from tirelog.wheel.calibration import Calibration, clean_passages
+from tirelog.vocabulary.quality import OK, good_rows
+from tirelog.wheel.calibration import Calibration
 from tirelog.wheel.phase_shift import EdgeTimes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+# ---- Columns of a table as panels: of pages of pictures, and of the report.
+
+
+#: a channel's good rows: its name in the legend, columns, the number of its colour, its symbol
+ChannelRows = tuple[str, Mapping[str, Any], int, str]
+#: columns that something is drawn over, with their titles
+AXES = {"time_s": "time [s]", "speed_m_s": "speed [m/s]"}
+#: columns that tell one length, with their words
+LENGTHS = {
+    "length_m": "best estimate",
+    "length_d2_m": "second derivative",
+    "length_d1_m": "first derivative",
+}
+#: columns of what dissipates: the column of its moving averages, its name, its unit
+DISSIPATED = {
+    "specific_power_m3_s2": ("specific_power_mean_m3_s2", "specific power", "m³/s²"),
+    "dissipation_factor_1_m": ("dissipation_factor_mean_1_m", "dissipation factor", "1/m"),
+}
+#: quantities of phase shifts, and their columns by the end of the name
+SHIFTED = ("phase_shift", "patch_width")
+_CLEANED = {"": "measured", "_detrended": "detrended", "_corrected": "corrected"}
+#: marks of what stands beside the best estimate, of each revolution, and of averages over some
+_ASIDE, _PALE = {"size": 6, "opacity": 0.4}, {"size": 4, "opacity": 0.4}
+_FULL = {"size": 7, "opacity": 1.0, "symbol": "square"}
+
+
+#: rows of a channel that are drawn: evenly over the log if there are more
+_MOST_ROWS = 20_000
+
+
+def rows_of_parts(parts: Sequence[tuple[Recording, Mapping[str, Any]]]) -> list[ChannelRows]:
+    """The good rows of each part, by channel and, of several, log; at most MOST.
+
+    Of more than so many rows every n-th.
+    """
+    found = list[ChannelRows]()
+    for number, (recording, columns) in enumerate(parts[:MOST]):
+        kept = np.flatnonzero(good_rows(columns["quality"]))
+        kept = kept[:: -(-max(kept.size, 1) // _MOST_ROWS)]
+        name = str(next(iter(np.atleast_1d(columns["channel"])), ""))
+        if len(parts) > 1:
+            name = f"{Path(recording.log).name}: {name}"
+        rows = {c: np.asarray(values)[kept] for c, values in columns.items() if np.ndim(values)}
+        found.append((name, rows, number, SYMBOLS[0]))
+    return found
+
+
+def undrawn(parts: Iterable[tuple[Recording, Mapping[str, Any]]]) -> str:
+    """How many rows are flagged, which a picture leaves out; empty if none is."""
+    flagged = sum(int((~good_rows(columns["quality"])).sum()) for _, columns in parts)
+    return f"{flagged} flagged rows are not drawn" if flagged else ""
+
+
+def ways(
+    found: Sequence[ChannelRows],
+    x: str,
+    columns: Mapping[str, str],
+    factor: float = 1.0,
+    *,
+    error: str = "",
+    look: Mapping[str, Any] | None = None,
+    aside: Mapping[str, Any] | None = None,
+) -> list[Mark]:
+    """Several `columns` (name -> words) that tell one quantity, against another.
+
+    Of one group by colour; of several the colour is the group's and the symbol tells them apart.
+    Points look on the page as `look` says, those of all columns but the first as `aside`. A single
+    column has the group's name and symbol. `error`: the column of its errors.
+    """
+    drawn, one, several = list[Mark](), len(found) == 1, len(columns) > 1
+    for group, rows, own, symbol in found:
+        for i, (column, word) in enumerate(columns.items()):
+            name = (word if one else f"{group}, {word}") if several else group
+            marker = {"symbol": SYMBOLS[i % len(SYMBOLS)] if several else symbol}
+            marker |= (aside if i else look) or {}
+            style: dict[str, Any] = {"symbol": marker["symbol"], "size": 2.5, "marker": marker}
+            if error:
+                style |= {"error": 2.0 * np.nan_to_num(rows[error]), "elinewidth": 0.6}
+            values = np.asarray(rows[column], float) * factor
+            drawn.append(dots(rows[x], values, name, i if one and several else own, **style))
+    return drawn
+
+
+def lengths(found: Sequence[ChannelRows], x: str) -> Panel:
+    """Contact lengths by three methods over a column of AXES."""
+    return Panel(AXES[x], "contact length [mm]", ways(found, x, LENGTHS, 1e3, aside=_ASIDE))
+
+
+def dissipation_panels(
+    found: Sequence[ChannelRows],
+    column: str,
+    lines: Iterable[tuple[str, int, Mapping[str, Any]]],
+) -> tuple[Panel, Panel]:
+    """A column of DISSIPATED and its averages over time, and these over speed (P1 Figs. 9 to 11).
+
+    lines  (name, number of the colour, row of `dissipation --fit`)
+    """
+    mean, name, unit = DISSIPATED[column]
+    label = f"{name} [{unit}]"
+    both = {column: "each revolution", mean: "moving average"}
+    marks = ways(found, "time_s", both, look=_PALE, aside=_FULL)
+    over = ways(found, "speed_m_s", {mean: ""})
+    over += [fitted_line(*one) for one in lines if one[2]["quantity"] == column]
+    return Panel(AXES["time_s"], label, marks), Panel(AXES["speed_m_s"], label, over)
+
+
+def fitted_line(who: str, colour: int, row: Mapping[str, Any]) -> Mark:
+    """A regression as `dissipation --fit` gives it, dashed if a judgement speaks against it."""
+    ends = np.array([row["slowest_m_s"], row["fastest_m_s"]], float)
+    y = float(row["intercept"]) + float(row["slope"]) * ends
+    doubtful = isinstance(row.get("judgement"), str) and bool(row["judgement"])
+    error = f" ± {row['slope_se']:.1g}" if np.isfinite(row["slope_se"]) else ""
+    name = f"{who}, {row['slope']:.3g}{error} per m/s, {'doubtful ' * doubtful}fitted line"
+    dash = "dash" if doubtful else "solid"
+    return line(ends, y, name, colour, dash=dash, line={"width": 2.5})
+
+
+def shifts(found: Sequence[ChannelRows], quantity: str, x: str) -> Panel:
+    """A quantity of SHIFTED over a column of AXES, measured and cleaned (P4 Figs. 8 to 13)."""
+    named = {f"{quantity}{part}_deg": word for part, word in _CLEANED.items()}
+    columns = {
+        c: word for c, word in named.items() if any(holds(rows, c) for _, rows, _, _ in found)
+    }
+    error = f"{quantity}_se_deg" if found and f"{quantity}_se_deg" in found[0][1] else ""
+    marks = ways(found, x, columns, error=error)
+    return Panel(AXES[x], f"{quantity.replace('_', ' ')} [deg]", marks)
+
+
+def holds(table: Mapping[str, Any], column: str) -> bool:
+    """True if the table has a value in this column of numbers."""
+    return column in table and bool(np.isfinite(np.asarray(table[column], float)).any())
+
 
 # ---- The footprint as one page (P2 Figs. 17 to 22).
 #
@@ -70,15 +194,16 @@ if TYPE_CHECKING:
 # method (Figs. 18, 19, 21).
 
 
-#: how an onset of slip is marked: an open ring, 6 points wide
-_ONSET: dict[str, Any] = {"symbol": "o", "mfc": "none", "mec": MARK, "size": 6}
-#: a legend above the lengths, small enough for three of them side by side
-_ABOVE = {"fontsize": 6.5, "ncols": 3, "loc": "upper center"}
 #: channels with a colour of their own, or logs with a row, and the window of a passage in half
 #: lengths
 MOST, WINDOW = 8, 2.2
 #: what is read beside a window for the low-pass, in its periods
 _BESIDE = 3.0
+#: numbers of the footprint table that a picture of a passage has
+_OF_A_PASSAGE = (
+    *("time_s", "speed_m_s", "length_m", "length_d2_m", "length_d1_m", "entry_time_s"),
+    *("exit_time_s", "slip_onset_m"),
+)
 
 
 @dataclass(frozen=True)
@@ -86,8 +211,8 @@ class Sketch:
     """The numbers of one channel for a page, read while its log is open.
 
     found    what the command found of it; `signal` its samples, decimated
-    closer   of a footprint (row, title, window) of the passages that are shown, of a dissipation
-             times, strain and speed of a few revolutions
+    closer   of a footprint the panels of the passages that are shown, of a dissipation times,
+             strain and speed of a few revolutions
     """
 
     recording: Recording
@@ -108,11 +233,12 @@ def footprint_sketch(recording: Recording, part: Part, kind: str) -> Sketch | Tu
         )
     if kind != "page":
         return TurnsSketch.of(recording, found)
-    p, windows = found.passages, []
-    for row, title in _passages(found):
-        window = passage_window(found.channel, p.sign, p.index[row], *_seen_with(found, row))
-        windows += [] if window is None else [(row, title, window)]
-    return Sketch(recording, found, decimated(found.channel), windows)
+    shown = []
+    for row, title in _passages(part.columns):
+        said = f"{title}: {row['time_s']:.2f} s, {row['speed_m_s']:.1f} m/s"
+        panels = passage_panels(recording, found.channel, row, (RAW, COLOURS[0]))
+        shown += [[replace(panels[0], title=said), *panels[1:]]] if panels else []
+    return Sketch(recording, found, decimated(found.channel), shown)
 
 
 def footprint_picture(sketches: Sequence[Any], kind: str) -> Figure:
@@ -122,19 +248,34 @@ def footprint_picture(sketches: Sequence[Any], kind: str) -> Figure:
 
 def _footprint_page(sketches: Sequence[Sketch]) -> Page:
     """Time series and lengths at the left, passages at the right."""
-    kept = [(sketch.recording, sketch.found) for sketch in sketches]
     first = next((sketch for sketch in sketches if len(sketch.found.passages)), sketches[0])
-    p = first.found.passages
+    kept = [(sketch.recording, sketch.found.columns) for sketch in sketches]
+    p, found = first.found.passages, rows_of_parts(kept)
     speeds = Panel(
         "time [s]", "speed [m/s]", [line(p.time_s, p.speed_m_s, symbol=".", size=2, width=0.8)]
     )
-    by_time, by_speed = _lengths(kept)
-    over_time = [[signal_panel(first, len(kept))], [speeds], [by_time]]
-    columns = [_passage(first.found, *shown) for shown in first.closer]
+    tires = (sketch.recording.setup.tire for sketch in sketches)
+    statics = {tire.static_footprint_length_m for tire in tires} - {None}
+    known = [
+        level(1e3 * length, f"static {1e3 * length:.0f} mm", dash="dot", width=1.2)
+        for length in statics
+        if length is not None
+    ]
+    by_time, by_speed = (
+        replace(
+            panel,
+            marks=[*panel.marks, *known],
+            limits=(None, robust_range(*(np.atleast_1d(mark.y) for mark in panel.marks))),
+        )
+        for panel in (lengths(found, x) for x in AXES)
+    )
+    over_time = [[signal_panel(first, len(sketches))], [speeds], [by_time]]
+    columns = first.closer
     right = [list(row) for row in zip(*columns, strict=True)] or [[None]]
     left = [Page(over_time, heights=(1.0, 0.7, 1.0), share="x"), Page([[by_speed]])]
     return Page(
         size=(13.5 if len(columns) < 2 else 17.0, 10.5),
+        title=undrawn(kept),
         parts=[Page(parts=left, stacked=True, heights=(2.7, 1.1)), Page(right, share="x")],
         widths=(1.0, 0.8 * max(len(columns), 1)),
     )
@@ -152,188 +293,106 @@ def signal_panel(sketch: Sketch, channels: int) -> Panel:
     )
 
 
-def channel_name(recording: Recording, channel: Channel, channels: int) -> str:
-    """A channel's name; of several with its log's."""
-    return channel.name if channels == 1 else f"{Path(recording.log).name}: {channel.name}"
+def _passages(columns: Mapping[str, Any]) -> list[tuple[dict[str, float], str]]:
+    """Rows of a footprint table of one channel that are shown, each with its title.
 
-
-def _lengths(kept: Sequence[tuple[Recording, FootprintOfChannel]]) -> list[Panel]:
-    """Contact lengths by the three methods over time and speed.
-
-    Each channel in its colour, and the static footprint.
+    A clean one of free rolling, and the clean one with the surest slip onset.
     """
-    marks: dict[str, list[Mark]] = {"time_s": [], "speed_m_s": []}
-    values = []
-    for number, (recording, found) in enumerate(kept[:MOST]):
-        f, p, colour = found.footprint, found.passages, COLOURS[number % len(COLOURS)]
-        for x, drawn in marks.items():
-            for length, symbol, look in (
-                (f.length_d2_m, "^", {"opacity": 0.25, "size": 2.5}),
-                (f.length_d1_m, "v", {"opacity": 0.25, "size": 2.5}),
-                (f.length_m, ".", {"opacity": 0.9, "size": 4}),
-            ):
-                drawn.append(dots(getattr(p, x), 1e3 * length, "", colour, symbol=symbol, **look))
-        values += [1e3 * f.length_m, 1e3 * f.length_d2_m, 1e3 * f.length_d1_m]
-        seen = np.isfinite(f.slip["onset_m"])
-        marks["time_s"].append(dots(p.time_s[seen], 1e3 * f.length_m[seen], **_ONSET))
-        name = channel_name(recording, found.channel, len(kept))
-        marks["speed_m_s"].append(dots([], [], name, colour, symbol="s"))
-    low, high = robust_range(*values)
-    statics = {recording.setup.tire.static_footprint_length_m for recording, _ in kept} - {None}
-    for static in (1e3 * length for length in statics if length is not None):
-        for drawn in marks.values():
-            drawn.append(level(static, f"static {static:.0f} mm", dash="dot", width=1.2))
-        low, high = min(low, 0.97 * static), max(high, 1.03 * static)
-    named = {".": "best estimate", "^": "2nd derivative (P2)", "v": "1st derivative"}
-    for symbol, text in named.items():
-        marks["time_s"].append(dots([], [], text, "black", symbol=symbol))
-    if any(np.isfinite(found.footprint.slip["onset_m"]).any() for _, found in kept):
-        marks["time_s"].append(dots([], [], "slip onset seen", **_ONSET))
-    limits = (None, (low, high + 0.35 * (high - low)))
-    return [
-        Panel(label, "contact length [mm]", drawn, limits=limits, legend=_ABOVE)
-        for label, drawn in zip(("time [s]", "speed [m/s]"), marks.values(), strict=True)
-    ]
-
-
-def _passages(found: FootprintOfChannel) -> list[tuple[int, str]]:
-    """Rows of typical and of unusual passages.
-
-    A clean one of free rolling, well sampled; and the one with the surest slip onset.
-    """
-    f, p = found.footprint, found.passages
-    if not len(p):
+    numbers = {name: np.asarray(columns[name], float) for name in _OF_A_PASSAGE}
+    length, onset = numbers["length_m"], numbers["slip_onset_m"]
+    clean = np.flatnonzero((columns["quality"] == OK) & np.isfinite(length))
+    if not clean.size:
         return []
-    clean = good(f.quality) & np.isfinite(f.length_m)
-    some = np.flatnonzero(clean) if clean.any() else np.arange(len(p))
-    row = int(some[free_rolling(p.acceleration_m_s2[some], p.speed_m_s[some])])
-    chosen = [(row, "passage")]
-    onset = np.flatnonzero(np.isfinite(f.slip["onset_m"]) & clean)
-    if onset.size:
-        best = int(onset[np.argmin(f.slip["onset_m"][onset] / f.length_m[onset])])
-        if best != row:
-            chosen.append((best, "passage with slip"))
-    return chosen
-
-
-def _seen_with(found: FootprintOfChannel, row: int) -> tuple[float, float, float]:
-    """Speed [m/s], contact length [m] and low-pass [Hz] of a passage; usual ones if unknown."""
-    f = found.footprint
-    length = float(f.length_m[row]) if np.isfinite(f.length_m[row]) else 0.1
-    cutoff = float(f.cutoff_Hz[row]) if np.isfinite(f.cutoff_Hz[row]) else 400.0
-    return (
-        float(found.passages.speed_m_s[row]),
-        length,
-        min(cutoff, 0.49 * found.channel.axis.rate_Hz),
-    )
-
-
-def _passage(found: FootprintOfChannel, row: int, title: str, windows: PatchWindows) -> list[Panel]:
-    """Strain and its derivatives along the tread (P2 Figs. 18, 19, 21), with the edges."""
-    p, f = found.passages, found.footprint
-    speed, length, cutoff = _seen_with(found, row)
-    acceleration, middle = float(np.nan_to_num(p.acceleration_m_s2[row])), f.fits["shift_m"][row]
-    best, plain = (np.array([-0.5, 0.5]) * length[row] for length in (f.length_m, f.length_d1_m))
-    derived = np.array([f.d2_entry_m[row], f.d2_exit_m[row]])
-    lines = [
-        *upright(1e3 * (middle + best), "edges, best estimate", EDGE, width=1.3),
-        *upright(1e3 * derived, "by the 2nd derivative", "black", width=0.9, dash="dash"),
-        *upright(1e3 * (middle + plain), "by the 1st derivative", "black", width=0.9, dash="dot"),
+    chosen = {int(clean[free_rolling(numbers["time_s"][clean], numbers["speed_m_s"][clean])]): ""}
+    slipping = clean[np.isfinite(onset[clean])]
+    if slipping.size:
+        surest = slipping[np.argmin(onset[slipping] / length[slipping])]
+        chosen.setdefault(int(surest), " with slip")
+    return [
+        ({name: float(values[row]) for name, values in numbers.items()}, f"passage{more}")
+        for row, more in chosen.items()
     ]
-    if np.isfinite(onset := f.slip["onset_m"][row]):
-        name = f"slip onset {1e3 * onset:.1f} mm"
-        lines += upright([1e3 * (middle + onset)], name, MARK, width=1.5)
-    at = (speed, acceleration, length, cutoff)
-    inner = found.channel.surface == "inner"
-    first, *others = passage_panels(windows, at, inner, lines, (RAW, COLOURS[0]))
-    said = (
-        f"{title}: {p.time_s[row]:.2f} s, {speed:.1f} m/s, {round(acceleration, 1) + 0.0:+.1f} m/s²"
-        f", low-pass {cutoff:.0f} Hz"
-    )
-    return [replace(first, title=said), *others]
 
 
-def free_rolling(acceleration_m_s2: Any, speed_m_s: Any) -> int:
-    """Which of some passages has little acceleration (0 if unknown) and moderate speed."""
-    pushed = np.abs(np.nan_to_num(np.asarray(acceleration_m_s2, float)))
-    free = np.argsort(pushed, kind="stable")[: max(pushed.size // 3, 1)]
-    speeds = np.asarray(speed_m_s, float)[free]
-    return int(free[np.argsort(speeds, kind="stable")[free.size // 4]])
-
-
-def passage_window(
-    channel: Channel, sign: float, index: float, speed_m_s: float, length_m: float, cutoff_Hz: float
-) -> PatchWindows | None:
-    """The samples of a passage at `index`, with what the low-pass needs beside; None without any.
-
-    sign  -1 on the outer surface, whose strain has its minimum in the patch
-    """
-    rate = channel.axis.rate_Hz
-    reach = 0.7 * WINDOW * length_m / speed_m_s * rate + _BESIDE * rate / cutoff_Hz
-    motions = np.array([speed_m_s]), np.zeros(1)
-    windows = gather_windows(
-        channel, sign, np.array([index]), motions, np.array([reach]), np.zeros(1, np.int64)
-    )
-    return next(iter(windows), None)
+def free_rolling(time_s: Any, speed_m_s: Any) -> int:
+    """Which of some passages has little acceleration and moderate speed."""
+    speed = np.asarray(speed_m_s, float)
+    pushed = np.abs(np.gradient(speed, np.asarray(time_s, float))) if speed.size > 1 else speed
+    free = np.argsort(np.nan_to_num(pushed), kind="stable")[: max(speed.size // 3, 1)]
+    return int(free[np.argsort(speed[free], kind="stable")[free.size // 4]])
 
 
 def passage_panels(
-    windows: PatchWindows,
-    at: tuple[float, float, float, float],
-    inner: bool,
-    lines: Sequence[Mark],
-    colours: tuple[Any, Any],
+    recording: Recording, channel: Channel, row: Any, colours: tuple[Any, Any], edges: Any = EDGE
 ) -> list[Panel]:
-    """Strain, its first and second derivative along the tread, raw and low-passed.
+    """Strain, its first and second derivative along the tread, raw and low-passed (P2 Fig. 18).
 
-    at      speed [m/s], acceleration [m/s^2], contact length [m], low-pass [Hz]
-    inner   the sensor is on the inner surface: strain is turned, so that it is the tread's
-    lines   the edges
+    row      of the footprint table, with a length; without a sample at it there are no panels
+    colours  of the samples and of the low-passed ones; `edges`: of the lines at the edges
     """
-    speed, acceleration, (length, cutoff) = np.array([at[0]]), np.array([at[1]]), at[2:]
-    reach = 1e3 * WINDOW * 0.5 * length
+    speed, length, time_s = (float(row[name]) for name in ("speed_m_s", "length_m", "time_s"))
+    rate, inner = channel.axis.rate_Hz, channel.surface == "inner"
+    motion = np.array([speed]), np.zeros(1)
+    wheel = Cutoff.parse("40x").frequency(motion[0], recording.setup.tire.radius_m, float("nan"))
+    cutoff = np.minimum(wheel, 0.49 * rate)  # as P2
+    reach = 0.7 * WINDOW * length / speed * rate + _BESIDE * rate / cutoff
+    index = np.atleast_1d(channel.axis.index(time_s))
+    sign = 1.0 if inner else -1.0
+    found = gather_windows(channel, sign, index, motion, reach, np.zeros(1, np.int64))
+    windows = next(iter(found), None)
+    if windows is None or not np.isfinite(windows.values).any():
+        return []
     known = windows.values[0][np.isfinite(windows.values[0])]
     edge = max(windows.values.shape[1] // 32, 1)
     ends = [float(part.mean()) if part.size else 0.0 for part in (known[:edge], known[-edge:])]
-    looks = (
-        (1e9, 1, "samples", colours[0], {"width": 0.8, "symbol": ".", "size": 3}),
-        (cutoff, 4, f"low-pass {cutoff:.0f} Hz", colours[1], {"width": 1.4}),
-    )
     marks: list[list[Mark]] = [[], [], []]
     shown: list[FloatArray] = []
-    for cut, upsample, name, colour, look in looks:
-        of = (
-            windows.rate_Hz,
-            windows.motion["centre"],
-            speed,
-            acceleration,
-            np.array([cut]),
-            upsample,
-        )
-        along_m, first, second = along_tread(windows.values, *of)
+    for cut, upsample, name, colour, look in (
+        (np.array([1e9]), 1, "samples", colours[0], {"width": 0.8, "symbol": ".", "size": 3}),
+        (cutoff, 4, f"low-pass {cutoff[0]:.0f} Hz", colours[1], {"width": 1.4}),
+    ):
+        centre = windows.motion["centre"]
+        along = along_tread(windows.values, windows.rate_Hz, centre, *motion, cut, upsample)
         spectra, m = window_spectra(windows.values), windows.values.shape[1]
-        strain = lowpassed(spectra, windows.rate_Hz, np.array([cut]), m, upsample)[0]
-        xi = 1e3 * along_m[0]
-        shown = [
-            (-1.0 if inner else 1.0) * scale * curve
-            for curve, scale in (
-                (strain + np.linspace(ends[0], ends[1], strain.size), MICRO),
-                (first[0], 1e3),
-                (second[0], 1.0),
-            )
-        ]
+        strain = lowpassed(spectra, windows.rate_Hz, cut, m, upsample)[0]
+        xi, first, second = 1e3 * along[0][0], along[1][0], along[2][0]
+        strain = strain + np.linspace(ends[0], ends[1], strain.size)
+        shown = [-sign * MICRO * strain, -sign * 1e3 * first, -sign * second]
         for drawn, curve in zip(marks, shown, strict=True):
             drawn.append(line(xi, curve, f"_{name}", colour, **look))
+    lines, far = _edge_lines(row, edges), 1e3 * WINDOW * 0.5 * length
     labels = ("strain [microstrain]", "dε/dξ [microstrain/mm]", "d²ε/dξ² [microstrain/mm²]")
     return [
         Panel(
-            "ξ from the patch centre [mm]   (entry − … exit +)" if text is labels[-1] else "",
+            "ξ from the patch centre [mm], entry to exit" if text is labels[-1] else "",
             text,
             [*drawn, *lines],
-            limits=((-reach, reach), robust_range(curve[np.abs(xi) < reach], share=0.0)),
+            limits=((-far, far), robust_range(curve[np.abs(xi) < far], share=0.0)),
             legend={"fontsize": 7, "loc": "lower right"} if text is labels[0] else None,
         )
         for text, drawn, curve in zip(labels, marks, shown, strict=True)
+    ]
+
+
+def _edge_lines(row: Any, colour: Any) -> list[Mark]:
+    """The edges in a row of the footprint table, lengths by the derivatives, and the slip onset."""
+    times_s = np.array([row["entry_time_s"], row["exit_time_s"]], float) - float(row["time_s"])
+    edges_mm = 1e3 * float(row["speed_m_s"]) * times_s
+    middle, half = edges_mm.mean(), np.array([-0.5, 0.5])
+    places = (
+        (edges_mm, "edges, best estimate", {"width": 1.3}),
+        (
+            middle + 1e3 * half * row["length_d2_m"],
+            "length by the 2nd derivative",
+            {"dash": "dash"},
+        ),
+        (middle + 1e3 * half * row["length_d1_m"], "length by the 1st derivative", {"dash": "dot"}),
+        (np.array([middle + 1e3 * row["slip_onset_m"]]), "slip onset", {"colour": MARK}),
+    )
+    return [
+        mark
+        for at, name, look in places
+        for mark in upright(at[np.isfinite(at)], name, **{"colour": colour, **look})
     ]
 
 
@@ -367,13 +426,18 @@ def dissipation_sketch(recording: Recording, part: Part, kind: str) -> Sketch:
 
 def dissipation_picture(sketches: Sequence[Sketch]) -> Figure:
     """The page."""
-    kept = [(sketch.recording, sketch.found) for sketch in sketches]
     first = next((sketch for sketch in sketches if len(sketch.found.passages)), sketches[0])
     d, p = first.found.dissipation, first.found.passages
-    power, factor = "specific power [m³/s²]", "dissipation factor [1/m]"
-    error = 2.0 * first.found.columns["dissipation_factor_se_1_m"]
-    errors = dots(p.time_s, d.factor_1_m, "two standard errors", error=error, symbol="",
-                  elinewidth=0.6, opacity=0.5)  # fmt: skip
+    kept = [(sketch.recording, sketch.found.columns) for sketch in sketches]
+    found = rows_of_parts(kept)
+    lines = [
+        (name, number, fit)
+        for (name, _, number, _), sketch in zip(found, sketches, strict=False)
+        for fit in _fits(sketch.found)
+    ]
+    (power, powers), (factor, factors) = (
+        dissipation_panels(found, column, lines) for column in DISSIPATED
+    )
     speeds = [
         dots(p.time_s, p.speed_m_s, "", RAW, size=3),
         line(
@@ -382,18 +446,24 @@ def dissipation_picture(sketches: Sequence[Sketch]) -> Figure:
         dots(p.time_s, np.where(d.steady, p.speed_m_s, np.nan), "constant speed", EDGE, size=3),
     ]
     left = [
-        signal_panel(first, len(kept)),
-        _over_time(p.time_s, d.specific_power_m3_s2, d.specific_power_mean_m3_s2, power),
-        _over_time(p.time_s, d.factor_1_m, d.factor_mean_1_m, factor, errors),
+        signal_panel(first, len(sketches)),
+        power,
+        factor,
         Panel("time [s]", "speed [m/s]", speeds),
     ]
-    right = [
-        _magnified(first),
-        _over_speed(kept, "specific_power_m3_s2", "specific_power_mean_m3_s2", power),
-        _over_speed(kept, "dissipation_factor_1_m", "dissipation_factor_mean_1_m", factor),
-    ]
+    right = [_magnified(first), powers, factors]
     parts = [Page([[panel] for panel in left], share="x"), Page([[panel] for panel in right])]
-    return picture(Page(size=(15.0, 10.0), parts=parts, widths=(1.35, 1.0)))
+    return picture(Page(size=(15.0, 10.0), title=undrawn(kept), parts=parts, widths=(1.35, 1.0)))
+
+
+def _fits(found: DissipationOfChannel) -> list[Mapping[str, Any]]:
+    """The regressions of a channel, as rows of `dissipation --fit`."""
+    columns = regressions("", found)[0] or {"slope": ()}
+    count = len(columns["slope"])
+    return [
+        {name: values[i] for name, values in columns.items() if np.ndim(values)}
+        for i in range(count)
+    ]
 
 
 def _smoothed(values: FloatArray) -> FloatArray:
@@ -403,22 +473,6 @@ def _smoothed(values: FloatArray) -> FloatArray:
     return np.convolve(values, np.full(AVERAGED, 1.0 / AVERAGED), "valid")
 
 
-def _over_time(
-    time_s: FloatArray, values: FloatArray, averages: FloatArray, text: str, *more: Mark
-) -> Panel:
-    """Every revolution, and the moving averages in stretches of constant speed (P1 Figs. 9, 10)."""
-    return Panel(
-        "time [s]",
-        text,
-        [
-            dots(time_s, values, "each revolution", size=2.5, opacity=0.6),
-            line(time_s, averages, "moving average, constant speed", EDGE, width=1.6),
-            *more,
-        ],
-        limits=(None, robust_range(values, share=0.005)),
-    )
-
-
 def _magnified(sketch: Sketch) -> Panel:
     """The strain of a few revolutions (P1 Fig. 8)."""
     time, strain, speed = sketch.closer
@@ -426,95 +480,31 @@ def _magnified(sketch: Sketch) -> Panel:
     return Panel("time [s]", "strain [microstrain]", [line(time, MICRO * strain, width=0.9)], title)
 
 
-def said(line: Regression) -> str:
-    """The legend of a line.
-
-    Its slope with the error, and what speaks against it, in lines that a legend holds.
-    """
-    error = f" ± {line['slope_se']:.1g}" if np.isfinite(line["slope_se"]) else ""
-    return "\n".join([f"{line['slope']:.3g}{error} per m/s", *textwrap.wrap(line["judgement"], 44)])
-
-
-def _over_speed(
-    kept: Sequence[tuple[Recording, DissipationOfChannel]], name: str, average: str, text: str
-) -> Panel:
-    """Moving averages sorted by speed, means of the stretches, and their line (P1 Fig. 11).
-
-    The line through them is dashed if it is doubtful.
-    """
-    marks, values = [], []
-    for number, (recording, found) in enumerate(kept[:MOST]):
-        colour, speed = COLOURS[number % len(COLOURS)], found.passages.speed_m_s
-        who = channel_name(recording, found.channel, len(kept))
-        marks.append(dots(speed, found.columns[average], who, colour, size=3))
-        values.append(found.columns[average])
-        fit = regression(name, speed, found.columns[name], clean_rows(found))
-        if fit is None:
-            continue
-        ends = np.linspace(fit["slowest_m_s"], fit["fastest_m_s"], 50)
-        straight, ink = fit["intercept"] + fit["slope"] * ends, colour if len(kept) > 1 else "black"
-        look = {"dash": "dash" if fit["doubtful"] else "solid", "width": 1.4}
-        marks += [
-            dots(fit["speed_m_s"], fit["means"], "", colour, error=fit["mean_se"], symbol="o",
-                 mec="black", size=5, capsize=2),
-            line(ends, straight, said(fit), ink, **look),
-        ]  # fmt: skip
-        if fit["doubtful"] and np.isfinite(fit["curvature"]):
-            bent = np.polynomial.polynomial.polyval(ends, fit["parabola"])
-            marks.append(line(ends, bent, "parabola", colour, dash="dot", width=1.2))
-    return Panel("speed [m/s]", text, marks, limits=(None, robust_range(*values, share=0.0)))
-
-
 # ---- The speed over a log as one page, a row per log: speed with its error, and acceleration.
 #
 # Rows of each channel --> PNG, SVG or PDF
 
 
-#: rows of a channel that are drawn: evenly over the log if there are more
-_MOST_ROWS = 20_000
-
-
 def speed_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure:
-    """The page: logs by rows, channels by colour, flagged rows in grey."""
-    logs: dict[str, list[Mapping[str, Any]]] = {}
+    """The page: logs by rows, channels by colour."""
+    logs: dict[str, list[tuple[Recording, Mapping[str, Any]]]] = {}
     for recording, part in kept:
-        logs.setdefault(recording.log, []).append(part.columns)
-    shown = list(logs)[:MOST]
-    rows = [_speeds(log, logs[log]) for log in shown]
-    if more := len(logs) - len(shown):
-        said = f"{rows[-1][0].title}; {more} more logs are not drawn"
-        rows[-1][0] = replace(rows[-1][0], title=said)
-    return picture(Page(rows, (12.0, 3.2 * len(rows) + 0.4)))
-
-
-def _speeds(log: str, channels: Sequence[Mapping[str, Any]]) -> list[Panel]:
-    """Speed and acceleration of a log."""
-    speeds, accelerations, reached = list[Mark](), list[Mark](), list[FloatArray]()
-    for number, columns in enumerate(channels):
-        colour = COLOURS[number % len(COLOURS)]
-        names = ("time_s", "speed_m_s", "speed_se_m_s", "acceleration_m_s2", "quality")
-        time, speed, error, pushed, quality = _thinned(columns, names)
-        good = quality == OK
-        name = str(np.atleast_1d(columns["channel"])[0]) if time.size else ""
-        low, high = speed - 2.0 * error, speed + 2.0 * error
-        speeds += [
-            band(time[good], low[good], high[good], "", colour, opacity=0.25),
-            dots(time[good], speed[good], name, colour, size=2.5),
-            dots(time[~good], speed[~good], "", RAW, symbol="x", size=3.5),
-        ]
-        accelerations.append(dots(time[good], pushed[good], "", colour, size=2.5))
-        reached.append(speed[good])
-    return [
-        Panel(
-            "time [s]",
-            "speed [m/s]",
-            speeds,
-            f"{Path(log).name}: band: two standard errors; grey: flagged",
-            (None, robust_range(*reached, share=0.0)),
-            legend={"fontsize": 8} if len(channels) > 1 else None,
-        ),
-        Panel("time [s]", "acceleration [m/s²]", accelerations),
-    ]
+        logs.setdefault(recording.log, []).append((recording, part.columns))
+    rows = []
+    for log, parts in list(logs.items())[:MOST]:
+        found = rows_of_parts(parts)
+        speeds = ways(found, "time_s", {"speed_m_s": ""}, error="speed_se_m_s")
+        pushed = ways(found, "time_s", {"acceleration_m_s2": ""})
+        said = "; ".join(filter(None, (Path(log).name, "bars: two errors", undrawn(parts))))
+        rows.append(
+            [
+                Panel("time [s]", "speed [m/s]", speeds, said),
+                Panel("time [s]", "acceleration [m/s²]", pushed, legend=None),
+            ]
+        )
+    more = len(logs) - len(rows)
+    title = f"{more} more logs are not drawn" if more > 0 else ""
+    return picture(Page(rows, (12.0, 3.2 * len(rows) + 0.4), title))
 
 
 def _thinned(columns: Mapping[str, Any], names: Sequence[str]) -> list[Any]:
@@ -621,18 +611,33 @@ def wheel_angle_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure:
 
 #: accelerometers that have a column of their own
 MOST_ACCELEROMETERS = 4
-RAW_SHIFTS, DETRENDED, CORRECTED = "0.65", COLOURS[0], COLOURS[1]
+_DRIVEN = {True: ", driven", False: ", undriven", None: ""}
 
 
 def phase_shift_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure:
     """The page."""
-    shown = [passages for _, part in kept for passages in part.found.passages][:MOST_ACCELEROMETERS]
-    calibration = kept[0][1].found.calibration
-    top = Page([[_fronts(shown), *(_map(shown, calibration, name) for name in ("shift", "width"))]])
-    columns = [_times(p, clean_passages(p, calibration) if calibration else None) for p in shown]
+    kept, calibration = kept[:MOST_ACCELEROMETERS], kept[0][1].found.calibration
+    shown = [part.found.passages[0] for _, part in kept]
+    parts = [(recording, part.columns) for recording, part in kept]
+    rows = rows_of_parts(parts)
+    maps = [_with_map(rows, quantity, calibration) for quantity in SHIFTED]
+    columns = [
+        [
+            Panel(
+                "",
+                "speed [m/s]",
+                [line(p.time_s, p.speed_m_s, colour="k", width=1)],
+                f"{Path(p.log).name}: {p.channel}{_DRIVEN[p.driven]}",
+            ),
+            *(shifts([one], quantity, "time_s") for quantity in SHIFTED),
+        ]
+        for one, p in zip(rows, shown, strict=True)
+    ]
     below = Page([list(row) for row in zip(*columns, strict=True)], share="x")
-    parts, width = [top, below if shown else Page([[None]])], max(4.2 * len(shown), 12.0)
-    return picture(Page(size=(width, 13.0), parts=parts, stacked=True, heights=(1.0, 2.2)))
+    both = [Page([[_fronts(shown), *maps]]), below]
+    size = (max(4.2 * len(shown), 12.0), 13.0)
+    title = undrawn(parts)
+    return picture(Page(size=size, title=title, parts=both, stacked=True, heights=(1.0, 2.2)))
 
 
 def _fronts(logs: Sequence[EdgeTimes]) -> Panel:
@@ -655,54 +660,14 @@ def _fronts(logs: Sequence[EdgeTimes]) -> Panel:
     )
 
 
-def _map(logs: Sequence[EdgeTimes], calibration: Calibration | None, what: str) -> Panel:
+def _with_map(rows: Sequence[ChannelRows], quantity: str, calibration: Calibration | None) -> Panel:
     """P4 Fig. 9: all passages over speed, and the calibration's map with its range."""
-    marks = []
-    for number, p in enumerate(logs):
-        values, se = (getattr(p, name)[p.good] for name in (f"{what}_deg", f"{what}_se_deg"))
-        marks.append(_points(p.speed_m_s[p.good], values, se, f"C{number}", opacity=0.5))
-    if calibration is not None:
-        one = calibration.shift if what == "shift" else calibration.width
-        speed = np.linspace(one.low_m_s, one.high_m_s, 200)
-        least = calibration.patch_width_deg if what == "width" else 0.0
-        change = one(speed, calibration.reference_speed_m_s) + least
-        marks.append(line(speed, change, "map", "k", width=1.5))
-    name = "phase shift" if what == "shift" else "patch width"
-    return Panel(
-        "speed [m/s]", f"{name} [deg]", marks, f"{name.capitalize()} and speed (P4 Fig. 9)"
-    )
-
-
-def _points(
-    x: FloatArray, y: FloatArray, se: FloatArray, colour: str, name: str = "", **more: Any
-) -> Mark:
-    """A point per passage with two standard errors, if it has one."""
-    error = 2.0 * np.where(np.isfinite(se), se, 0.0)
-    return dots(x, y, name, colour, error=error, size=3, elinewidth=0.6, **more)
-
-
-def _times(p: EdgeTimes, cleaned: Mapping[str, FloatArray] | None) -> list[Panel]:
-    """P4 Figs. 8, 10 to 13: speed, shift and width over time."""
-    time, good = p.time_s[p.good], p.good
-    shifts = [level(0.0, "", "0.8", width=0.8, zorder=0)]
-    widths: list[Mark] = []
-    for marks, what in ((shifts, "shift"), (widths, "width")):
-        values, se = getattr(p, f"{what}_deg")[good], getattr(p, f"{what}_se_deg")[good]
-        marks.append(_points(time, values, se, RAW_SHIFTS, "measured (Fig. 8)"))
-        if cleaned is not None:
-            clean = cleaned[f"{what}_deg"][good]
-            marks.append(_points(time, clean, se, DETRENDED, "detrended (Fig. 10)"))
-    if cleaned is not None and np.isfinite(cleaned["corrected_deg"]).any():
-        shift, se = cleaned["corrected_deg"][good], p.shift_se_deg[good]
-        shifts.append(_points(time, shift, se, CORRECTED, "corrected (Figs. 11-13)"))
-    driven = {True: ", driven", False: ", undriven", None: ""}[p.driven]
-    return [
-        Panel(
-            "",
-            "speed [m/s]",
-            [line(p.time_s, p.speed_m_s, colour="k", width=1)],
-            f"{Path(p.log).name}: {p.channel}{driven}",
-        ),
-        Panel("", "phase shift [deg]", shifts),
-        Panel("time [s]", "patch width [deg]", widths),
-    ]
+    panel = replace(shifts(rows, quantity, "speed_m_s"), title="Over speed (P4 Fig. 9)")
+    if calibration is None:
+        return panel
+    width = quantity == "patch_width"
+    one = calibration.width if width else calibration.shift
+    speed = np.linspace(one.low_m_s, one.high_m_s, 200)
+    least = calibration.patch_width_deg if width else 0.0
+    change = one(speed, calibration.reference_speed_m_s) + least
+    return replace(panel, marks=[*panel.marks, line(speed, change, "map", "k", width=1.5)])

@@ -1,4 +1,4 @@
-"""Pictures of the revolutions of a grating: waterfall, polar footprint, edges, lengths, orders.
+"""Pictures of the revolutions of a grating: waterfall, polar footprint, edges.
 
 Recording and FootprintOfChannel of each channel --while the log is open--> TurnsSketch
     --all of them, and the kind--> a slide as PNG, SVG or PDF, a panel per log
@@ -7,7 +7,7 @@ Recording and FootprintOfChannel of each channel --while the log is open--> Turn
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,33 +16,23 @@ import numpy as np
 
 from tirelog.data.recording import Recording, Stack
 from tirelog.inference.stacks.cut import joined, stacks_from_logs
-from tirelog.physics.model.model import Model
-from tirelog.physics.moving.ring import Mode, natural_modes, of_model
 from tirelog.plots.record import (
-    Mark,
-    Page,
-    Panel,
-    band,
-    dots,
-    heat,
-    level,
-    line,
-    rows_of,
-    span,
-    upright,
-    words,
-)
-from tirelog.plots.style import (
-    COLOURS,
     EDGE,
     MICRO,
     RAW,
     SLIDE,
+    Page,
+    Panel,
+    band,
     by_value,
+    heat,
+    line,
     on_a_slide,
     picture,
     robust_range,
-    write,
+    rows_of,
+    span,
+    upright,
 )
 from tirelog.strain.footprint.footprint import FootprintOfChannel
 from tirelog.vocabulary.arrays import FloatArray
@@ -50,211 +40,6 @@ from tirelog.vocabulary.quality import good
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-# ---- The order map: how much of each order of the wheel a grating feels, over speed or over time.
-#
-#     revolutions (n, m) --transform over the angle--> amplitude of each order (n, k)
-#         --like speeds (or times) together--> a map whose height is the frequency, order x wheel's
-#
-# At constant speed all that repeats is on orders; where an order crosses a natural frequency of
-# the tire it grows. With a ring model its modes are drawn as the belt feels them.
-
-
-_AMPLITUDE = "amplitude of an order [microstrain]"
-#: highest frequency that is drawn [Hz]: what an instrumented tire's belt still moves at
-HIGHEST_HZ = 300.0
-#: steps of speed, or of time, of a map
-_STEPS = 40
-#: a drive whose speeds span less of their median than this is drawn over time
-_ONE_SPEED = 0.1
-#: names of lines are so far apart, of the height
-_APART = 0.035
-#: the least amplitudes, so many of a hundred, are all as dark: they are noise
-_DARKEST = 5.0
-#: logs that have a panel
-_MOST = 2
-#: the end of the axis of speed without a log [m/s]
-FASTEST_M_S = 40.0
-#: speeds at which modes are computed
-MODE_SPEEDS = 12
-#: a mode that is damped more than that does not ring: no line of a map shows it
-_MOST_DAMPED = 0.3
-
-
-@dataclass(frozen=True)
-class OrderMap:
-    """Amplitudes by order along a drive.
-
-    along      "speed" [m/s] or "time" [s], edges its steps (s + 1,)
-    wheel_Hz   the wheel's frequency at each edge (s + 1,)
-    amplitude  rms over the step's revolutions of each order's amplitude [strain], (s, k), order 1
-               first; NaN where no revolution is
-    """
-
-    along: str
-    edges: FloatArray
-    wheel_Hz: FloatArray
-    amplitude: FloatArray
-
-
-def amplitudes(values: FloatArray) -> FloatArray:
-    """Amplitude of the orders 1 ... k of each revolution, (n, k); values (n, m), NaN if unknown.
-
-    Empty bins are filled from their neighbours. Every order has two samples per cycle even in the
-    sparsest revolution.
-    """
-    n, m = values.shape
-    known = np.isfinite(values)
-    whole = np.array(values)
-    at = np.arange(m)
-    for row in np.flatnonzero(~known.all(axis=1)):
-        have = known[row]
-        whole[row] = np.interp(at, at[have], values[row, have], period=m) if have.any() else np.nan
-    most = max(int(0.4 * known.sum(axis=1).min()), 1) if n else 1
-    found: FloatArray = 2.0 * np.abs(np.fft.rfft(whole, axis=1))[:, 1 : most + 1] / m
-    return found
-
-
-def map_of(turns: Stack) -> OrderMap:
-    """The order map of revolutions, over speed, or over time if they are of one speed."""
-    speed_m_s, time_s = turns.conditions.speed_m_s, turns.conditions.time_s
-    several = np.ptp(speed_m_s) > _ONE_SPEED * np.median(speed_m_s)
-    axis = speed_m_s if several else time_s
-    # a moment of its own for each revolution; of similar speeds some together
-    steps = int(min(_STEPS, max(axis.size // 2, 1) if several else axis.size))
-    edges = np.linspace(axis.min(), axis.max() + 1e-9, steps + 1)
-    row = np.clip(np.searchsorted(edges, axis, side="right") - 1, 0, steps - 1)
-    squares = amplitudes(turns.values) ** 2
-    mean = np.full((steps, squares.shape[1]), np.nan)
-    for step in np.unique(row):
-        mean[step] = squares[row == step].mean(axis=0)
-    order = np.argsort(time_s)
-    speeds = edges if several else np.interp(edges, time_s[order], speed_m_s[order])
-    wheel_Hz = speeds / (2.0 * np.pi * turns.radius_m)
-    return OrderMap("speed" if several else "time", edges, wheel_Hz, np.sqrt(mean))
-
-
-def order_maps(
-    maps: Sequence[tuple[str, OrderMap]], orders: Sequence[int] = (1, 5, 10, 20, 40)
-) -> list[Panel]:
-    """Panels of maps by name, at one scale of colours; `orders` are named at the edge."""
-    every = np.concatenate([found.amplitude.ravel() for _, found in maps])
-    known = MICRO * every[np.isfinite(every) & (every > 0.0)]
-    low, high = (
-        (float(np.percentile(known, _DARKEST)), float(known.max())) if known.size else (0.1, 1.0)
-    )
-    panels = []
-    for name, found in maps:
-        bounds = np.arange(found.amplitude.shape[1] + 1) + 0.5
-        along = np.broadcast_to(found.edges[:, None], (found.edges.size, bounds.size))
-        felt, values = found.wheel_Hz[:, None] * bounds, MICRO * found.amplitude
-        top = min(HIGHEST_HZ, float(found.wheel_Hz.max() * bounds[-1]))
-        heights = {order: order * found.wheel_Hz[-1] for order in orders if order < bounds[-1]}
-        panels.append(
-            Panel(
-                "speed [m/s]" if found.along == "speed" else "time [s]",
-                "frequency on the belt [Hz]",
-                [
-                    heat(along, felt, values, _AMPLITUDE, "log", low, max(high, 1.01 * low)),
-                    *(
-                        words(f" order {order}", found.edges[-1], y, fontsize=9, va="center")
-                        for order, y in heights.items()
-                        if y < 0.97 * top
-                    ),
-                ],
-                name,
-                ((found.edges[0], found.edges[-1]), (0.0, top)),
-            )
-        )
-    return panels
-
-
-def on_the_belt(mode: Mode, wheel_Hz: float) -> float:
-    """The frequency [Hz] at which a point of the turning belt feels a mode.
-
-    A wave of n lobes that goes with the rotation passes a point of the belt n times less per turn.
-    One against it passes n times more. A wave that does not travel keeps its frequency.
-    """
-    turned = {"with": -1.0, "against": 1.0}.get(mode.direction, 0.0) * mode.lobes * wheel_Hz
-    return abs(mode.frequency_Hz + turned)
-
-
-def mode_lines(
-    model: Model, found: OrderMap | None, *, highest_Hz: float, **more: Any
-) -> list[Mark]:
-    """Modes of a ring model in the air, as lines over speed on the belt.
-
-    On the road waves of several numbers of lobes mix, and a mode has no one frequency on the belt.
-    `found` is the map below the lines; without it they go from rest to FASTEST_M_S. `more`: the
-    hub's mass and inertia, as for `of_model`.
-    """
-    from matplotlib.patheffects import Stroke
-
-    radius_m = model.values["radius_m"]
-    if found is None:
-        places = speeds = np.linspace(0.0, FASTEST_M_S, MODE_SPEEDS)
-    else:
-        places = np.linspace(found.edges[0], found.edges[-1], MODE_SPEEDS)
-        speeds = 2.0 * np.pi * radius_m * np.interp(places, found.edges, found.wheel_Hz)
-    tire = of_model(model.values, **more)
-    lines: dict[tuple[str, str], FloatArray] = {}
-    for number, speed in enumerate(speeds):
-        wheel_Hz = float(speed) / (2.0 * np.pi * radius_m)
-        # if the tire is at rest, what goes with the rotation and against it is one: just turning
-        for mode in natural_modes(tire, speed_m_s=max(float(speed), 1e-3), to_Hz=2.0 * highest_Hz):
-            if mode.damping_ratio < _MOST_DAMPED:
-                felt = lines.setdefault((mode.shape, mode.direction), np.full(len(speeds), np.nan))
-                felt[number] = on_the_belt(mode, wheel_Hz)
-    below, dashes = -np.inf, {"with": "solid", "against": "dash"}
-    around = [Stroke(linewidth=3.4, foreground="white"), Stroke(linewidth=1.6, foreground="black")]
-    marks = []
-    for (shape, direction), felt in sorted(lines.items(), key=lambda item: item[1][-1]):
-        look = {"dash": dashes.get(direction, "dot"), "width": 1.6, "path_effects": around}
-        marks.append(line(places, felt, "", "black", **look))
-        height = float(felt[-1])
-        if height <= highest_Hz and height - below >= _APART * highest_Hz:
-            below = height  # else names would lie on each other
-            look = {"fontsize": 9, "va": "center", "beside": (4, 0), "annotation_clip": False}
-            marks.append(words(f" {shape}", places[-1], height, **look))
-    for direction, dash in dashes.items():
-        name = f"wave {direction} the rotation"
-        marks.append(line([], [], name, "black", dash=dash, width=1.6))
-    return marks
-
-
-def modes_over_orders(
-    model: Model,
-    maps: Sequence[tuple[str, OrderMap]],
-    path: Path,
-    *,
-    highest_Hz: float = HIGHEST_HZ,
-    **more: Any,
-) -> None:
-    """Write the modes over the order maps of logs, by name, to `path`; over speed without one."""
-    named = [(Path(log).name, found) for log, found in maps[:_MOST]]
-    below: list[OrderMap | None] = [found for _, found in named] or [None]
-    empty = Panel("speed [m/s]", "frequency on the belt [Hz]", limits=((0.0, FASTEST_M_S), None))
-    panels = [
-        replace(
-            panel,
-            marks=[*panel.marks, *mode_lines(model, found, highest_Hz=highest_Hz, **more)],
-            limits=(panel.limits[0], (0.0, highest_Hz)),
-            legend={"loc": "upper left", "title": "modes in the air", "title_fontsize": 10},
-        )
-        for panel, found in zip(order_maps(named, orders=()) or [empty], below, strict=True)
-    ]
-    size = (SLIDE[0] if len(panels) > 1 else 0.8 * SLIDE[0], SLIDE[1])
-    with on_a_slide():
-        write(picture(Page([panels], size, bar=_AMPLITUDE, bar_style={"format": "%g"})), path)
-
-
-def map_of_log(recording: Recording, channel: str | None = None) -> OrderMap:
-    """The order map of a log's strain, of its first or its named grating.
-
-    UsageError: no such channel, or too few revolutions.
-    """
-    return map_of(joined(stacks_from_logs([recording], "strain", channel)))
-
 
 # ---- Waveforms drawn around the wheel, as they are where they act: the road is below.
 
@@ -526,47 +311,8 @@ def _edge(sketch: TurnsSketch, side: float, name: str) -> Panel:
     )
 
 
-def lengths(sketches: Sequence[TurnsSketch]) -> Page:
-    """Contact length with two standard errors over speed and over time, a colour per channel."""
-    marks: dict[str, list[Mark]] = {"speed_m_s": [], "time_s": []}
-    heights = []
-    for colour, sketch in zip(COLOURS[:-1], sketches, strict=False):
-        f, p = sketch.found.footprint, sketch.found.passages
-        rows = np.flatnonzero(good(f.quality) & np.isfinite(f.length_m))
-        rows = rows[:: max(-(-rows.size // 300), 1)]
-        length, error = 1e3 * f.length_m[rows], _SIGMAS * 1e3 * f.length_se_m[rows]
-        heights.append(length)
-        look = {"error": error, "size": 5, "elinewidth": 0.8, "opacity": 0.75}
-        for x, drawn in marks.items():
-            drawn.append(dots(getattr(p, x)[rows], length, sketch.name, colour, **look))
-            if (static := sketch.recording.setup.tire.static_footprint_length_m) is not None:
-                drawn.append(level(1e3 * static, "", colour, width=1.2, dash="dot"))
-                heights.append(np.array([1e3 * static]))
-    left = len(sketches) - (len(COLOURS) - 1)
-    statics = any(s.recording.setup.tire.static_footprint_length_m for s in sketches)
-    said = (
-        "bars: two standard errors"
-        + (f"; {left} more channels are not drawn" if left > 0 else "")
-        + ("; dotted: static footprint" if statics else "")
-    )
-    limits = (None, robust_range(*heights, share=0.0))
-    by_speed = Panel(
-        "speed [m/s]", "contact length [mm]", marks["speed_m_s"], "", limits, legend={"loc": "best"}
-    )
-    by_time = Panel("time [s]", "", marks["time_s"], "", limits, legend=None)
-    return Page([[by_speed, by_time]], SLIDE, said, share="y")
-
-
-def orders(sketches: Sequence[TurnsSketch]) -> Page:
-    """The order map of each channel, at one scale of colours."""
-    maps = [(sketch.name, map_of(sketch.turns)) for sketch in sketches[:MOST]]
-    return _page(order_maps(maps), sketches, _AMPLITUDE)
-
-
 KINDS: Mapping[str, Callable[[Sequence[TurnsSketch]], Page]] = {
     "waterfall": waterfall,
     "polar": polar,
     "edges": edges,
-    "lengths": lengths,
-    "orders": orders,
 }

@@ -29,15 +29,15 @@ from tirelog.diagnosis.compare import Measured, compare, comparison_of, measured
 from tirelog.diagnosis.diagnose import Diagnosis, diagnose
 from tirelog.diagnosis.history import read_ladder
 from tirelog.diagnosis.obstacles import compare_transients
-from tirelog.diagnosis.propose.propose import propose
 from tirelog.diagnosis.results import Comparison, effect_curves
 from tirelog.errors import ModelError, TirelogError, UsageError, nearest, or_refusal
-from tirelog.inference.measured import measured_for
+from tirelog.inference.measured import TransientLog, measured_for
 from tirelog.inference.shared_samples import once_each
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.file import load_model
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.user_effects import catalogue_with, own_effects
+from tirelog.plots.tables import holds
 from tirelog.products import OF_A_DRIVE, tables_of
 from tirelog.report.page import (
     Card,
@@ -50,6 +50,7 @@ from tirelog.report.page import (
 )
 from tirelog.report.sections import models
 from tirelog.report.sections import recorded as sections
+from tirelog.report.sections.recorded import MadeTable
 from tirelog.storage.whole import json_of
 from tirelog.strain.dissipation import regressions
 from tirelog.tables.frame import frame_of, table_parts
@@ -57,7 +58,6 @@ from tirelog.version import __version__
 from tirelog.vocabulary.columns import OPTIONAL, TABLES
 
 Progress = Callable[[str], None]
-_COMMANDS = ("speed", "footprint", "dissipation", "phase-shift")
 
 
 def build(
@@ -138,53 +138,35 @@ def _tables(
 
     What was measured, and the first sentence of each section by its title.
     """
-    speed: pd.DataFrame | None = None
     first = len(report.sections)
-    wanted = [name for name in _COMMANDS if name not in files]
+    wanted = [name for name in sections.OF_TABLES if name not in files]
     progress(f"making the tables {', '.join(wanted)}")
     try:
         ready = made_tables(wanted, recordings)
     except TirelogError:  # which of them it is, each alone will say
         ready = {}
-    for name in _COMMANDS:
+    for name, section in sections.OF_TABLES.items():
         command = asked.command(name)
-        try:  # a table goes as soon as it is drawn
+        try:
             table, lines, remarks = _one_table(name, files, ready, recordings)
         except TirelogError as problem:
             report.missing.append((f"{name}: {problem}", command))
             continue
-        if table is None:
-            report.missing.append((f"{name}: no channel for it", asked.command("info")))
+        if table is None or not len(table):
+            found = "no channel for it" if table is None else "no passage was found"
+            look = asked.command("info") if table is None else command
+            report.missing.append((f"{name}: {found}", look))
             continue
-        if not len(table):
-            report.missing.append((f"{name}: no passage was found", command))
-            continue
-        drawn = (table, command, remarks, colours)
-        if name == "speed":
-            report.sections.append(sections.drive_section(recordings, *drawn))
-            of_first = table["log"] == (recordings[0].log if recordings else "")
-            speed = table.loc[of_first, ["log", "channel", "revolution", "acceleration_m_s2"]]
-        elif name == "footprint":
-            passage = [
-                f
-                for recording in recordings[:1]
-                for f in sections.passage_figures(
-                    recording, table, speed, colours[Path(recording.log).name]
-                )
-            ]
-            report.sections.append(sections.footprint_section(*drawn, passage))
-        elif name == "dissipation":
-            report.sections.append(sections.dissipation_section(*drawn, lines))
-            if lines is None:
-                absent = "dissipation: the regressions on speed (give the file with --table)"
-                report.missing.append((absent, asked.command(name, "--fit", "-o", "fit.csv")))
-        else:
-            report.sections.append(sections.phase_shift_section(*drawn))
-            lacks = [what for c, what in _CALIBRATED.items() if not sections.holds(table, c)]
-            if lacks:
-                learnt = ("--calibration", "CALIBRATION.toml", "-o", "phase.csv")
-                said = f"phase shift: {' and '.join(lacks)} (give the table with --table)"
-                report.missing.append((said, asked.command(name, *learnt)))
+        drawn = (table, lines, remarks, command, colours)
+        report.sections.append(section(drawn, recordings))
+        if name == "dissipation" and lines is None:
+            absent = "dissipation: the regressions on speed (give the file with --table)"
+            report.missing.append((absent, asked.command(name, "--fit", "-o", "fit.csv")))
+        uncalibrated = [what for c, what in _CALIBRATED.items() if not holds(table, c)]
+        if name == "phase-shift" and uncalibrated:
+            learnt = ("--calibration", "CALIBRATION.toml", "-o", "phase.csv")
+            said = f"phase shift: {' and '.join(uncalibrated)} (give the table with --table)"
+            report.missing.append((said, asked.command(name, *learnt)))
         del table, drawn  # an hour of 16 gratings is half a million rows
     measured = [(section.title, section.text[0]) for section in report.sections[first:]]
     return [("Measured", sections.measured_on(recordings)), *measured] if recordings else measured
@@ -262,8 +244,7 @@ def _provenance(recordings: Sequence[Recording], asked: ReportRequest) -> list[s
 #                                           (a campaign: pieces of its logs, and what it was asked)
 # + a ladder, or what the diagnosis selected --> the best model's comparison
 # all of it --`answer`--> the page's first section
-# logs that met an obstacle --> how well the model answers it; something unknown, and --propose -->
-#                               what `propose` writes down
+# logs that met an obstacle --> how well the model answers it
 
 
 #: sections, and (what cannot be shown and why, the command that would show it)
@@ -302,39 +283,27 @@ def model_story(
     )
     if isinstance(asked_of, ModelError):
         missing.append((f"the diagnosis: {asked_of}", command("diagnose")))
-    better = f"{(asked.model or Path('M.toml')).with_suffix('')}+proposed.toml"
-    wanted = asked.command("propose", "-o", better, model=True)
-
-    def add(what: str, made_by: str, make: Callable[[], Section]) -> None:
-        """A section below the answer; if it cannot be made the rest of the story stays."""
-        try:
-            told.insert(1, make())
-        except TirelogError as problem:
-            missing.append((f"{what}: {problem}", made_by))
-
-    def answered() -> Section:
-        """The answer to the obstacles of the model that came, as `compare` gives it."""
-        if compared.model.carcass != "coupled_ring":
-            return models.not_answered(logs.obstacles, compared.model.carcass, command("compare"))
-        progress("driving the model over the obstacles")
-        answers = compare_transients(logs.obstacles, compared.model, unit=compared.unit)
-        return models.obstacles(answers, command("compare"), colours)
 
     if logs.obstacles:
-        add("obstacles", command("compare"), answered)
-    unknown = "what is unknown, written down as a formula"
+        try:
+            told.insert(1, _obstacles(logs.obstacles, compared, command("compare"), progress))
+        except TirelogError as problem:
+            missing.append((f"obstacles: {problem}", command("compare")))
     if found is not None and found.next_command.startswith("tirelog propose"):
-        wanted = asked.with_options(found.next_command)
-        if asked.propose:
-            write = partial(propose, logs.stacks, model, effects=own, progress=progress)
-            add(unknown, wanted, lambda: models.proposed(write(), wanted))
-        else:
-            again = replace(asked, propose=True).report_command()
-            missing.append((f"{unknown} (--propose)", again))
-    elif asked.propose and found is not None:
-        word = found.verdict.replace("_", " ")
-        missing.append((f"{unknown}: the verdict is {word}", wanted))
+        unknown = "what is unknown, written down as a formula"
+        missing.append((unknown, asked.with_options(found.next_command)))
     return told, missing
+
+
+def _obstacles(
+    logs: Sequence[TransientLog], compared: Comparison, command: str, progress: Progress
+) -> Section:
+    """The answer to the obstacles of the model that came, as `compare` gives it."""
+    if compared.model.carcass != "coupled_ring":
+        return models.not_answered(logs, compared.model.carcass, command)
+    progress("driving the model over the obstacles")
+    answers = compare_transients(logs, compared.model, unit=compared.unit)
+    return models.obstacles(answers, command)
 
 
 def story_of(
@@ -424,8 +393,6 @@ _UNUSED = {
 
 #: files by the command that made them, each with the log's name if the file does not hold it
 GivenTables = dict[str, list[tuple[Path, str | None]]]
-#: a table, the regressions on speed of a dissipation table, and what was said of it
-MadeTable = tuple[pd.DataFrame | None, pd.DataFrame | None, list[str]]
 
 
 def given_table(files: GivenTables, kind: str) -> pd.DataFrame | None:
@@ -595,7 +562,6 @@ _SECTION = {
     ],
     "tables": [{"caption": str, "names": [str], "rows": [[object]], "colours?": [int]}],
     "card?": _CARD,
-    "formulas?": [[str]],
     "sources?": [[str]],
 }
 
@@ -626,8 +592,7 @@ def _section(data: dict[str, Any]) -> Section:
     figures = [Figure(**one) for one in data.pop("figures")]
     tables = [AnswerTable(**one) for one in data.pop("tables")]
     card = data.pop("card", None)
-    for pairs in ("formulas", "sources"):
-        data[pairs] = tuple((str(name), str(text)) for name, text in data.get(pairs, ()))
+    data["sources"] = tuple((str(name), str(text)) for name, text in data.get("sources", ()))
     if not all(_ID.fullmatch(name) for name in (data["id"], *(figure.id for figure in figures))):
         raise ValueError
     answer = None if card is None else Card(**card)

@@ -35,8 +35,9 @@ import numpy as np
 from tirelog.data.setup import setup_beside
 from tirelog.diagnosis.answer import AnswerTable
 from tirelog.errors import UsageError
-from tirelog.plots.record import Mark, Panel
+from tirelog.plots.record import SYMBOLS, Mark, Panel
 from tirelog.storage.remote import shown
+from tirelog.tables.writer import shown_cell
 from tirelog.version import __version__
 
 #: told apart by all forms of colour blindness (Okabe and Ito's first three), each with three times
@@ -57,7 +58,6 @@ DIVERGING = (
     (1.0, "#b2182b"),
 )
 SCATTER_POINTS = 6000
-SYMBOLS = ("circle", "square", "diamond")
 DASHES = ("solid", "dash", "dot", "dashdot")
 
 
@@ -231,7 +231,7 @@ class Section:
     """A section: what it says, the command that makes it, its figures and tables.
 
     The first paragraph always shows; the rest is folded away if `folded`.
-    `formulas`: (name, expression). `sources`: (effect, where its physics is from).
+    `sources`: (effect, where its physics is from).
     """
 
     id: str
@@ -242,7 +242,6 @@ class Section:
     tables: Sequence[AnswerTable] = ()
     folded: bool = True
     card: Card | None = None
-    formulas: Sequence[tuple[str, str]] = ()
     sources: Sequence[tuple[str, str]] = ()
 
 
@@ -261,7 +260,6 @@ class ReportRequest:
     tables: tuple[Path, ...] = ()
     channel: str | None = None
     effects: Path | None = None
-    propose: bool = False
 
     def command(self, name: str, *more: str, model: bool = False) -> str:
         """A command line on the same logs."""
@@ -287,7 +285,6 @@ class ReportRequest:
         words = ["tirelog", "report", *map(shown, self.logs)]
         words += self._given("setup", "model", "ladder", "campaign", "channel", "effects")
         words += [word for path in self.tables for word in ("--table", str(path))]
-        words += ["--propose"] if self.propose else []
         return shlex.join([*words, "-o", "report.html"])
 
     def _given(self, *names: str) -> list[str]:
@@ -424,10 +421,6 @@ def _fold(summary: str, content: str) -> str:
 
 def _section(section: Section) -> str:
     first, *more = [f"<p>{escape(p)}</p>" for p in section.text] or [""]
-    first += "".join(
-        f'<p class="formula"><strong>{escape(name)}</strong> = <code>{escape(text)}</code></p>'
-        for name, text in section.formulas
-    )
     rest = "".join([*more, _figures(section.figures), *map(_table, section.tables)])
     made = f'<p class="made">Made with <code>{escape(section.command)}</code></p>'
     rest += made if section.command else ""
@@ -490,20 +483,13 @@ def _rungs(card: Card) -> str:
     )
 
 
-def shown_number(value: Any) -> str:
-    """A number or a word as the cell of a table; nothing if there is none."""
-    if value is None or (isinstance(value, float) and not np.isfinite(value)):
-        return ""
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
 def _table(table: AnswerTable) -> str:
     """The table; the first cell of a row names it, with the colour that it has in the figures."""
     caption, *names = (escape(t.replace("m/s^2", "m/s²")) for t in (table.caption, *table.names))
     head = "".join(f'<th scope="col">{name}</th>' for name in names)
     rows = ""
     for number, row in enumerate(table.rows):
-        first, *others = map(escape, map(shown_number, row or [""]))
+        first, *others = map(escape, map(shown_cell, row or [""]))
         if number < len(table.colours):
             colour = f"var(--c{table.colours[number] % len(COLOURS)})"
             first = f'<span class="swatch" style="background:{colour}"></span>{first}'

@@ -57,8 +57,8 @@ _STREAMS = {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
 #: where the system has no such flag, O_EXCL alone refuses a link
 _NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
 
-#: folders that this command has swept, and if another process was at work there then
-_swept: dict[tuple[Path, re.Pattern[str]], bool] = {}
+#: folders that this command has swept
+_swept: set[tuple[Path, re.Pattern[str]]] = set()
 _inputs: dict[tuple[int | str, int | str], str] | None = None
 _batch: list[tuple[Path, Path]] | None = None
 #: folders that `make_folder` made for this batch, those inside others first
@@ -153,16 +153,19 @@ def whole_name(path: str) -> str | None:
     return part and f"{folder}/{part['name']}".lstrip("/")
 
 
-def _sweep(folder: Path, form: re.Pattern[str]) -> bool:
+def _sweep(folder: Path, form: re.Pattern[str]) -> None:
     """Remove what in `folder` has a name of our `form` and no process any more.
 
-    True if something there belongs to another process that is alive.
+    At a command's first output in a folder: many outputs list it once.
     """
+    if (place := (folder.absolute(), form)) in _swept:
+        return
+    _swept.add(place)
     try:
         with os.scandir(folder) as entries:
             ours = [(entry, found) for entry in entries if (found := form.fullmatch(entry.name))]
     except OSError:
-        return False
+        return
     gone = []
     for entry, found in ours:
         if found["machine"] == _machine():
@@ -179,20 +182,13 @@ def _sweep(folder: Path, form: re.Pattern[str]) -> bool:
                 shutil.rmtree(entry.path, ignore_errors=True)
             else:
                 os.unlink(entry.path)
-    return len(gone) < sum(int(found["pid"]) != os.getpid() for _, found in ours)
-
-
-def _sweep_once(folder: Path, form: re.Pattern[str]) -> None:
-    """`_sweep` at a command's first output in a folder: many outputs list it once."""
-    if (place := (folder.absolute(), form)) not in _swept:
-        _swept[place] = _sweep(*place)
 
 
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
     """A temporary folder, removed at the end, or by the next start if this process is killed."""
     base = Path(tempfile.gettempdir())
-    _sweep_once(base, _FOLDER)
+    _sweep(base, _FOLDER)
     folder = base / f"tirelog-{_owner()}"
     with failed_writes(folder):
         folder.mkdir(mode=0o700)
@@ -209,8 +205,7 @@ def temporary_folder() -> Iterator[Path]:
 def inputs_kept() -> Iterator[None]:
     """While open (for one command), `whole_file` refuses the inputs of `taken_as_input`.
 
-    Folders are swept anew. At the end they are once more if another process was at work there,
-    which may have been killed meanwhile.
+    Folders are swept anew.
     """
     global _inputs
     before, _inputs = _inputs, {}
@@ -219,9 +214,6 @@ def inputs_kept() -> Iterator[None]:
         yield
     finally:
         _inputs = before
-        for place, shared in _swept.items():
-            if shared:
-                _sweep(*place)
 
 
 def _identity(place: Path | str | int) -> tuple[int | str, int | str] | None:
@@ -301,7 +293,7 @@ def whole_file(path: Path | str) -> Iterator[Path]:
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     target = Path(os.path.realpath(path)) if path.is_symlink() else path
-    _sweep_once(target.parent, _PART)
+    _sweep(target.parent, _PART)
     part = part_name(target)
     held = False
     try:

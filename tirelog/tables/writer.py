@@ -198,8 +198,12 @@ def table(names: Sequence[str], rows: Iterable[Iterable[Any]]) -> str:
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
-def _text(cell: Any) -> str:
+def shown_cell(cell: Any) -> str:
     """A cell to read: four digits of a number, nothing if there is none."""
-    if cell is None:
+    if cell is None or (isinstance(cell, float) and not np.isfinite(cell)):
         return ""
-    return escape(printable(f"{cell:.4g}" if isinstance(cell, float) else str(cell)))
+    return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
+
+
+def _text(cell: Any) -> str:
+    return escape(printable(shown_cell(cell)))

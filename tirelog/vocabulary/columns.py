@@ -9,7 +9,7 @@ below any error bar.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
@@ -40,19 +40,6 @@ class TableColumn:
         return self.own.get(table, self.meaning) + sign
 
 
-def register(columns: Sequence[TableColumn]) -> dict[str, TableColumn]:
-    """The columns by name.
-
-    ValueError: two columns have one name.
-    """
-    found: dict[str, TableColumn] = {}
-    for column in columns:
-        if column.name in found:
-            raise ValueError(f"column {column.name} is registered twice")
-        found[column.name] = column
-    return found
-
-
 def _text(name: str, meaning: str) -> TableColumn:
     return TableColumn(name, "", "text", meaning)
 
@@ -64,7 +51,8 @@ def _integer(name: str, meaning: str) -> TableColumn:
 #: tables of what a model says, not a log
 _MODEL_TABLES = ("predict-all", "predict-numbers", "forces", "passage", "modes")
 
-_ALL = [
+#: every column; a test holds that none is there twice
+ALL = [
     _text(
         "log",
         "the log's path as given ('-' for standard input; an address without user, password or "
@@ -730,7 +718,7 @@ _ALL = [
     ),
 ]
 
-COLUMNS: dict[str, TableColumn] = register(_ALL)
+COLUMNS: dict[str, TableColumn] = {column.name: column for column in ALL}
 
 #: the columns of every table; those of a log are named in `tables`
 TABLES: dict[str, tuple[str, ...]] = {

@@ -9,16 +9,13 @@ file (`make reference`).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import Enum, IntFlag
 from functools import cache
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: quality words of rows, a bit for each, shape (n,)
 QualityFlags = NDArray[np.uint32]
@@ -135,12 +132,13 @@ def good(flags: QualityFlags, use: Use = Use.ANY) -> NDArray[np.bool_]:
     return ~having(flags, _spoilers(use))
 
 
-def good_rows(column: pd.Series) -> NDArray[np.bool_]:
+def good_rows(column: Iterable[object]) -> NDArray[np.bool_]:
     """Which rows of a table's quality column are good, shape (n,).
 
     An unknown word spoils its row.
     """
-    return np.asarray(column.isin(_good_texts()), dtype=bool)
+    known = _good_texts()
+    return np.array([isinstance(text, str) and text in known for text in column], bool)
 
 
 def quality_text(flags: int) -> str:

@@ -27,8 +27,6 @@ FOOTPRINT: Mapping[str, str] = {
     "waterfall": "strain over angle and revolution, in colour",
     "polar": "mean strain around the wheel by speed, with the patch",
     "edges": "entry and exit edge close up by speed, with bands and the edges found",
-    "lengths": "contact length with error bars over speed and time, a colour per log",
-    "orders": "strain over speed (or time) and frequency, order by order",
 }
 COMPARE: Mapping[str, str] = {
     "page": "waveforms with the floor's band, and maps of what the model misses",

@@ -29,8 +29,7 @@ from tirelog.diagnosis.answer import (
 from tirelog.diagnosis.candidates.search import removed_errors
 from tirelog.diagnosis.candidates.separation import drive_sentences
 from tirelog.diagnosis.diagnose import Diagnosis
-from tirelog.diagnosis.obstacles import HitResult, TransientComparison
-from tirelog.diagnosis.propose.propose import Proposal
+from tirelog.diagnosis.obstacles import TransientComparison
 from tirelog.diagnosis.results import Comparison, EffectCurve, Map, steps_table
 from tirelog.diagnosis.rules import RULES
 from tirelog.inference.measured import TransientLog
@@ -38,20 +37,16 @@ from tirelog.physics.effects import Effect
 from tirelog.plots.answers import (
     climbed_panel,
     differences,
-    hit_panels,
     over_angle,
     ranked_panel,
-    rest,
-    shape,
     waveforms,
 )
-from tirelog.plots.record import Panel, band, dots, heat, line
+from tirelog.plots.record import SYMBOLS, Panel, band, dots, heat, line
 from tirelog.report.page import (
     DASHES,
     GREY,
     INK,
     PALE,
-    SYMBOLS,
     Card,
     Figure,
     LogColours,
@@ -63,8 +58,8 @@ from tirelog.report.page import (
 from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
 from tirelog.vocabulary.observables import shown
 
-#: remarks and logs' conditions that the card has room for, curves of effects and hits that are
-#: drawn; the sections and tables have all of them
+#: remarks and logs' conditions that the card has room for, and curves of effects that are drawn;
+#: the sections and tables have all of them
 _SHOWN = 3
 #: verdicts that take more than their own word
 _WORDS = {
@@ -469,9 +464,26 @@ def comparison(result: Comparison, command: str, colours: LogColours) -> Section
         *result.floor_sentences(),
         *(f"{remark}." for remark in result.remarks),
     ]
+    waves = result.waveforms
+    looks = styles(waves.logs, colours)
     figures = [
-        _waveforms(result, factor, unit, colours),
-        _differences(result, factor, unit, colours),
+        figure(
+            "waveforms",
+            "Waveforms",
+            "Measured means of similar revolutions (points), the model (lines) and two noise "
+            f"floors about it (bands) at {'; '.join(waves.labels)}; dashed lines: the patch's "
+            "edges.",
+            waveforms(result, (factor, unit), looks),
+            height=520,
+        ),
+        figure(
+            "differences",
+            "What the model leaves of these waveforms",
+            f"Measured less predicted {result.observable} of the same waveforms, {unit}, with two "
+            "noise floors as bands about zero.",
+            differences(result, (factor, unit), looks),
+            height=460,
+        ),
         residual_map("residual-speed", "Residual over angle and speed", result.by_speed, result),
         residual_map("residual-time", "Residual over angle and time", result.by_time, result),
     ]
@@ -523,31 +535,6 @@ def styles(logs: Sequence[str], colours: LogColours) -> list[tuple[int, str, str
         (colours[Path(log).name], DASHES[k % len(DASHES)], SYMBOLS[k % len(SYMBOLS)])
         for log, k in zip(logs, own, strict=True)
     ]
-
-
-def _waveforms(result: Comparison, factor: float, unit: str, colours: LogColours) -> Figure:
-    """Measured and predicted waveforms, with two noise floors about the prediction."""
-    return figure(
-        "waveforms",
-        "Waveforms",
-        "Measured means of similar revolutions (points), the model (lines) and two noise floors "
-        f"about it (bands) at {'; '.join(result.waveforms.labels)}; dashed lines: the patch's "
-        "edges.",
-        waveforms(result, (factor, unit), styles(result.waveforms.logs, colours)),
-        height=520,
-    )
-
-
-def _differences(result: Comparison, factor: float, unit: str, colours: LogColours) -> Figure:
-    """The same waveforms, measured less predicted, so that the floor's band can be seen."""
-    return figure(
-        "differences",
-        "What the model leaves of these waveforms",
-        f"Measured less predicted {result.observable} of the same waveforms, {unit}, with two "
-        "noise floors as bands about zero.",
-        differences(result, (factor, unit), styles(result.waveforms.logs, colours)),
-        height=460,
-    )
 
 
 def _colour_reach(values: Any) -> float:
@@ -667,8 +654,8 @@ def not_answered(logs: Sequence[TransientLog], carcass: str, command: str) -> Se
     return Section("obstacles", "Obstacles", command, [text], (), [table])
 
 
-def obstacles(result: TransientComparison, command: str, colours: LogColours) -> Section:
-    """Each hit as measured and predicted, what of the added the model misses, and by frequency."""
+def obstacles(result: TransientComparison, command: str) -> Section:
+    """What obstacles added, and what of it the model misses, hit by hit."""
     factor, unit = shown_value(result.observable, result.unit)
     total = result.to_json()
     words = [
@@ -680,108 +667,5 @@ def obstacles(result: TransientComparison, command: str, colours: LogColours) ->
         "and alignment of each hit), which the errors are charged for.",
         *(f"{remark}." for remark in result.remarks),
     ]
-    if len(result.hits) > _SHOWN:
-        words.append(f"The first {_SHOWN} hits are drawn; the table has all of them.")
-    figures = [
-        figure
-        for number, hit in enumerate(result.hits[:_SHOWN])
-        for figure in _hit(hit, number, result.observable, (factor, unit), colours)
-    ]
     table = result.hits_table(lambda log: Path(log).name)
-    return Section("obstacles", "Obstacles", command, words, figures, [table])
-
-
-def _hit(
-    found: HitResult, number: int, observable: str, as_shown: tuple[float, str], colours: LogColours
-) -> list[Figure]:
-    hit, log = found.hit, Path(found.log.log).name
-    panels = hit_panels(found, observable, as_shown, (colours[log], colours[log], INK, INK, GREY))
-    covered = f"{100.0 * found.row()['covered']:.0f} % of the added is covered"
-    which = f"Hit {number + 1}"
-    told = (
-        (
-            f"hit-{number}",
-            f"{which}: {log}, {hit.time_s:.3f} s, {hit.speed_m_s:.1f} m/s",
-            f"Measured (points) and predicted (line) {observable} after the hit; {covered}.",
-        ),
-        (
-            f"hit-added-{number}",
-            f"{which}: what the obstacle added, and what the model misses",
-            f"Change by the obstacle, and the part that the model does not cover; {covered}.",
-        ),
-        (
-            f"hit-bands-{number}",
-            f"{which} by frequency",
-            "Root mean squares per band: what the obstacle added, what of it is missed, the "
-            "residual with and off the obstacle, the floor.",
-        ),
-    )
-    return [
-        figure(id, title, alt, panel, half=panel is not panels[-1])
-        for (id, title, alt), panel in zip(told, panels, strict=True)
-    ]
-
-
-# ---- What `propose` wrote down: formulas or a measured shape, and how well they do.
-
-
-def proposed(result: Proposal, command: str) -> Section:
-    """The section; of no proposal the reason."""
-    title = "What is unknown, written down"
-    if result.status == "nothing":
-        return Section("propose", title, command, [result.sentence])
-    as_shown = shown_value(result.observable, result.unit)
-    terms = result.terms if result.status == "formula" else ()
-    left = figure(
-        "propose-rest",
-        "What is left, before and after",
-        "The leading shape of what is left over the angle, before and with the proposal.",
-        rest(result, as_shown, (GREY, INK)),
-        half=True,
-    )
-    return Section(
-        "propose",
-        title,
-        command,
-        [result.sentence, *result.sentences()],
-        [*_shape(result, as_shown), left],
-        [*_errors(result, *as_shown), *([result.terms_table()] if terms else [])],
-        folded=False,
-        formulas=[(term.name, term.formula.expression) for term in terms],
-    )
-
-
-def _errors(result: Proposal, factor: float, unit: str) -> list[AnswerTable]:
-    """Errors before and after, on manoeuvres that the search saw and on those it did not."""
-    before, after, floor = result.rmse_heldout_before, result.rmse_heldout_after, result.noise_floor
-    known = []
-    if before is not None and floor is not None:
-        known.append(("seen, held out in turn", result.manoeuvres, (before, after, floor)))
-    if (locked := result.locked) is not None:
-        errors = (locked["rmse_before"], locked["rmse_after"], locked["noise_floor"])
-        known.append(("locked away from the search", locked["manoeuvres"], errors))
-    rows = [
-        [which, str(count), *("" if error is None else f"{error * factor:.3g}" for error in errors)]
-        for which, count, errors in known
-    ]
-    header = ["manoeuvres", "how many", *(f"{w} [{unit}]" for w in ("before", "after", "floor"))]
-    return [AnswerTable("Errors without and with the proposal", header, rows)] if rows else []
-
-
-def _shape(result: Proposal, as_shown: tuple[float, str]) -> list[Figure]:
-    """The best measured shape with two standard errors."""
-    panel = shape(result, as_shown, (GREY, INK))
-    if panel is None:
-        return []
-    best = result.shapes[0]
-    named = f"{best.words}{'' if best.law == '1' else f', times {best.law}'}"
-    return [
-        figure(
-            "propose-shape",
-            f"Measured shape {named}",
-            f"A free shape {named}, with two standard errors as a band: what any formula in this "
-            "frame can remove at most.",
-            panel,
-            half=True,
-        )
-    ]
+    return Section("obstacles", "Obstacles", command, words, (), [table])

@@ -7,7 +7,7 @@ is estimated here. Rows with a quality word are counted, not drawn.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,27 +15,33 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tirelog.data.recording import Channel, Recording
+from tirelog.data.recording import Recording
 from tirelog.diagnosis.answer import AnswerTable
-from tirelog.dsp.filters import Cutoff
 from tirelog.errors import UsageError
-from tirelog.plots.record import Mark, Panel, dots, line, upright
-from tirelog.plots.style import decimated
-from tirelog.plots.tables import free_rolling, passage_panels, passage_window
+from tirelog.plots.record import SYMBOLS, Mark, Panel, decimated, line
+from tirelog.plots.tables import (
+    DISSIPATED,
+    LENGTHS,
+    SHIFTED,
+    ChannelRows,
+    dissipation_panels,
+    free_rolling,
+    holds,
+    lengths,
+    passage_panels,
+    shifts,
+    ways,
+)
 from tirelog.report.page import (
     GREY,
     INK,
     SCATTER_POINTS,
-    SYMBOLS,
     Figure,
     LogColours,
     Section,
     figure,
-    thinning,
 )
 from tirelog.runs.ingest import channel_rows
-from tirelog.strain.footprint.kernels import distance_along
-from tirelog.strain.footprint.measure import find_edges
 from tirelog.tables.frame import table_parts
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 from tirelog.vocabulary.quality import good_rows
@@ -128,10 +134,6 @@ def _about(recording: Recording) -> dict[str, str]:
     return {key: text(value) for key, value in about.items() if value not in (None, "")}
 
 
-#: a channel of a log in a figure: its name in the legend, rows, colour and symbol
-ChannelRows = tuple[str, pd.DataFrame, int, str]
-
-
 def groups(table: pd.DataFrame, colours: LogColours) -> list[ChannelRows]:
     """The table's channels (of each log); at most DRAWN_CHANNELS.
 
@@ -154,42 +156,6 @@ def groups(table: pd.DataFrame, colours: LogColours) -> list[ChannelRows]:
     return found
 
 
-def ways(
-    found: Sequence[ChannelRows],
-    x: str,
-    columns: Mapping[str, str],
-    factor: float = 1.0,
-    *,
-    look: Mapping[str, Any] | None = None,
-    aside: Mapping[str, Any] | None = None,
-    all_named: bool = False,
-) -> list[Mark]:
-    """Several `columns` (name -> words) that tell one quantity, against another.
-
-    Of one group by colour; of several the colour is the group's and the symbol tells them apart.
-    Points look as `look` says, those of all columns but the first as `aside`. Of several groups the
-    words are shown if there are several columns, or with `all_named`.
-    """
-    drawn = []
-    one, worded = len(found) == 1, all_named or len(columns) > 1
-    for group, every, own, _ in found:
-        rows = every.iloc[:: thinning(len(found) * len(every))]  # one figure's worth for all
-        for i, (column, words) in enumerate(columns.items()):
-            marker = {"symbol": SYMBOLS[i % len(SYMBOLS)], **((aside if i else look) or {})}
-            name = words if one else f"{group}, {words}" if worded else group
-            colour = i if one else own
-            drawn.append(dots(rows[x], rows[column] * factor, name, colour, marker=marker))
-    return drawn
-
-
-def points(found: Sequence[ChannelRows], x: str, y: str) -> list[Mark]:
-    """A column against another, by group."""
-    return [
-        dots(rows[x], rows[y], name, colour, marker={"symbol": symbol})
-        for name, rows, colour, symbol in found
-    ]
-
-
 def drawn_of(table: pd.DataFrame) -> list[str]:
     """A sentence if the figures cannot carry every channel or row."""
     channels = int(table[["log", "channel"]].drop_duplicates().shape[0])
@@ -202,11 +168,6 @@ def drawn_of(table: pd.DataFrame) -> list[str]:
             f"{SCATTER_POINTS} a trace; the table has all of them."
         )
     return words
-
-
-def holds(table: pd.DataFrame, column: str) -> bool:
-    """True if the table has a value in this column."""
-    return column in table and bool(table[column].notna().any())
 
 
 def quality(table: pd.DataFrame, name: str) -> AnswerTable:
@@ -226,25 +187,32 @@ def reach(values: pd.Series, unit: str) -> str:
     return f"{values.min():.4g} to {values.max():.4g} {unit}"
 
 
-def drive_section(
-    recordings: Sequence[Recording],
-    speed: pd.DataFrame,
-    command: str,
-    remarks: Sequence[str],
-    colours: LogColours,
-) -> Section:
+#: a table, the regressions on speed of a dissipation table, and remarks on it
+MadeTable = tuple[pd.DataFrame | None, pd.DataFrame | None, list[str]]
+#: a table that has rows, its regressions and remarks, the command that makes it, colours of logs
+DrawnTable = tuple[pd.DataFrame, pd.DataFrame | None, list[str], str, LogColours]
+
+
+def drive_section(drawn: DrawnTable, recordings: Sequence[Recording]) -> Section:
     """Speed, acceleration, and the recorded signal over time."""
+    speed, _, remarks, command, colours = drawn
     named = groups(speed, colours)
     driven, pushed = reach(speed["speed_m_s"], "m/s"), reach(speed["acceleration_m_s2"], "m/s²")
     figures = [
-        figure(id, title, f"{name} against time, {size}.", Panel("time [s]", label, marks))
-        for id, title, name, label, size, marks in (
-            ("speed", "Speed of the wheel centre", "Speed", "speed [m/s]", driven,
-             points(named, "time_s", "speed_m_s")),
-            ("acceleration", "Acceleration", "Acceleration", "acceleration [m/s²]", pushed,
-             points(named, "time_s", "acceleration_m_s2")),
+        figure(
+            id,
+            title,
+            f"{name} against time, {size}.",
+            Panel("time [s]", f"{name.lower()} [{unit}]", ways(named, "time_s", {column: name})),
         )
-    ]  # fmt: skip
+        for id, title, name, unit, size, column in (
+            ("speed", "Speed of the wheel centre", "Speed", "m/s", driven, "speed_m_s"),
+            (
+                *("acceleration", "Acceleration", "Acceleration", "m/s²", pushed),
+                "acceleration_m_s2",
+            ),
+        )
+    ]
     names = short_names([r.log for r in recordings])
     for number, recording in enumerate(recordings[:DRAWN_LOGS]):
         figures += _signals(
@@ -289,124 +257,47 @@ def _signals(recording: Recording, number: int, log: str, colour: int) -> list[F
     return figures
 
 
-# ---- One passage of the patch.
-#
-# Strain and its derivatives along the tread, with the edges (P2 Figs. 18, 19, 21).
-#
-#     rows of the footprint table (and accelerations of the speed table)
-#         --a clean, nearly free-rolling row--> its window of samples
-#         --`strain.footprint.measure.along_tread`, raw and low-passed-->
-#         three figures over xi, entry to exit
-#
-# The edges of the best estimate are the table's times; those by the second derivative are the
-# extrema
-# that `strain.footprint.measure.find_edges` sees in what is drawn.
+# ---- One passage of the patch: strain and its derivatives along the tread, with the edges.
 
 
-#: as finely as the low-passed curves are drawn
-_UPSAMPLED = 4
-
-
-def passage_figures(
-    recording: Recording, footprint: pd.DataFrame, speed: pd.DataFrame | None, colour: int = 0
-) -> list[Figure]:
+def passage_figures(recording: Recording, footprint: pd.DataFrame, colour: int = 0) -> list[Figure]:
     """The figures of one passage of the recording's first grating with rows, in its colour.
 
     Empty if there is no row without a mark.
     """
     for channel in recording.of_kind(*STRAIN_KINDS):
-        rows = footprint[
-            (footprint["log"] == recording.log) & (footprint["channel"] == channel.name)
+        own = (footprint["log"] == recording.log) & (footprint["channel"] == channel.name)
+        rows = footprint[own & good_rows(footprint["quality"]) & footprint["length_m"].notna()]
+        if not len(rows):
+            continue
+        row = rows.iloc[free_rolling(rows["time_s"], rows["speed_m_s"])]
+        which = f"{Path(recording.log).name}, {channel.name}, revolution {row['revolution']}"
+        state = f"{row['time_s']:.2f} s, {row['speed_m_s']:.1f} m/s"
+        titles = ("Strain", "First derivative of the strain", "Second derivative of the strain")
+        names = ("strain", "first", "second")
+        panels = passage_panels(recording, channel, row, (GREY, colour), INK)
+        return [
+            figure(
+                f"passage-{name}",
+                f"One passage: {title.lower()} ({which}; {state})",
+                f"{title} along the tread, entry at the left: {which}, {state}. Contact length "
+                f"{1e3 * row['length_m']:.1f} mm.",
+                replace(panel, x="ξ from the patch centre [mm], entry to exit"),
+            )
+            for name, title, panel in zip(names, titles, panels, strict=False)
         ]
-        rows = rows[good_rows(rows["quality"]) & rows["length_m"].notna()]
-        if len(rows):
-            return _passage(recording, channel, *_chosen(rows, speed), colour)
     return []
-
-
-def _chosen(rows: pd.DataFrame, speed: pd.DataFrame | None) -> tuple[pd.Series, float]:
-    """A row of little acceleration and moderate speed, and its acceleration [m/s^2]."""
-    acceleration = pd.Series(0.0, index=rows.index)
-    if speed is not None:
-        known = speed[
-            (speed["log"] == rows["log"].iloc[0]) & (speed["channel"] == rows["channel"].iloc[0])
-        ]
-        known = known.drop_duplicates("revolution").set_index("revolution")["acceleration_m_s2"]
-        acceleration = pd.Series(
-            known.reindex(rows["revolution"]).to_numpy(float), index=rows.index
-        ).fillna(0.0)
-    at = free_rolling(acceleration, rows["speed_m_s"])
-    return rows.iloc[at], float(acceleration.iloc[at])
-
-
-def _passage(
-    recording: Recording, channel: Channel, row: pd.Series, acceleration: float, own: int
-) -> list[Figure]:
-    """The figures of a chosen row; none if its window has no sample."""
-    speed, length = float(row["speed_m_s"]), float(row["length_m"])
-    rate = channel.axis.rate_Hz
-    v, a = np.array([speed]), np.array([acceleration])
-    asked = Cutoff.parse("40x").frequency(v, recording.setup.tire.radius_m, float("nan"))  # as P2
-    cutoff = np.minimum(asked, 0.49 * rate)
-    index = float(channel.axis.index(float(row["time_s"])))
-    inner = channel.surface == "inner"
-    near = (speed, length, float(cutoff[0]))
-    window = passage_window(channel, 1.0 if inner else -1.0, index, *near)
-    if window is None or not np.isfinite(window.values).any():
-        return []
-    found = find_edges(
-        window.values, window.rate_Hz, window.motion["centre"], v, a, cutoff,
-        np.array([0.5 * length]), 0.0, _UPSAMPLED,
-    )  # fmt: skip
-    times = np.array([row["entry_time_s"], row["exit_time_s"]], float) - float(row["time_s"])
-    edges_mm = 1e3 * distance_along(times, v, a)
-    extrema = 1e3 * np.array([found["entry_m"][0], found["exit_m"][0]])
-    onset = edges_mm.mean() + 1e3 * np.array([row.get("slip_onset_m", np.nan)], float)
-    lines = [
-        mark
-        for places, name, dash in (
-            (edges_mm, "edges, best estimate", "solid"),
-            (extrema, "extrema of d²ε/dξ²", "dash"),
-            (onset, "slip onset", "dot"),
-        )
-        for mark in upright(places[np.isfinite(places)], name, INK, dash=dash)
-    ]
-    which = f"{Path(recording.log).name}, {channel.name}, revolution {row['revolution']}"
-    state = f"{row['time_s']:.2f} s, {speed:.1f} m/s, {acceleration:+.1f} m/s²"
-    at = (speed, acceleration, length, float(cutoff[0]))
-    panels = passage_panels(window, at, inner, lines, (GREY, own))
-    titles = ("Strain", "First derivative of the strain", "Second derivative of the strain")
-    return [
-        figure(
-            f"passage-{name}",
-            f"One passage: {title.lower()} ({which}; {state})",
-            f"{title} along the tread, entry at the left: {which}, {state}. Contact length "
-            f"{1e3 * length:.1f} mm, edges at {edges_mm[0]:.1f} and {edges_mm[1]:.1f} mm from the "
-            "patch centre.",
-            replace(panel, x="ξ from the patch centre [mm], entry to exit"),
-        )
-        for name, title, panel in zip(("strain", "first", "second"), titles, panels, strict=True)
-    ]
 
 
 # ---- Sections made of one table each.
 
 
-_METHODS = {
-    "length_m": "best estimate",
-    "length_d2_m": "second derivative",
-    "length_d1_m": "first derivative",
-}
-_DRAWN = ("log", "channel", "time_s", "speed_m_s", "slip_onset_m", *_METHODS)
+_DRAWN = ("log", "channel", "time_s", "speed_m_s", "slip_onset_m", *LENGTHS)
 _DISSIPATION = (
-    *("log", "channel", "time_s", "speed_m_s", "steady"),
-    *("specific_power_m3_s2", "specific_power_mean_m3_s2"),
-    *("dissipation_factor_1_m", "dissipation_factor_mean_1_m"),
+    *("log", "channel", "time_s", "speed_m_s", "steady", *DISSIPATED),
+    *(mean for mean, _, _ in DISSIPATED.values()),
     *("strip_power_W", "strip_rolling_resistance_N"),
 )
-#: marks of what stands beside the best estimate, of each revolution, and of averages over some
-_ASIDE, _PALE = {"size": 6, "opacity": 0.4}, {"size": 4, "opacity": 0.4}
-_FULL = {"size": 7, "opacity": 1.0, "symbol": "square"}
 #: columns of the regressions, as the page calls them
 _HEADS = {
     "quantity": "quantity", "channel": "channel", "slope": "slope", "slope_se": "its error",
@@ -414,18 +305,16 @@ _HEADS = {
     "intercept_se": "its error", "rows": "revolutions", "points": "means",
     "judgement": "judgement",
 }  # fmt: skip
-#: a shift's or width's columns, by the end of their names
-_CLEANED = {"": "measured", "_detrended": "detrended", "_corrected": "corrected"}
 
 
-def footprint_section(
-    table: pd.DataFrame,
-    command: str,
-    remarks: Sequence[str],
-    colours: LogColours,
-    passage: Sequence[Figure] = (),
-) -> Section:
+def footprint_section(drawn: DrawnTable, recordings: Sequence[Recording]) -> Section:
     """Contact lengths by the three methods against speed and time; one passage; slip onsets."""
+    table, _, remarks, command, colours = drawn
+    passage = [
+        one
+        for recording in recordings[:1]
+        for one in passage_figures(recording, table, colours[Path(recording.log).name])
+    ]
     good = table.loc[good_rows(table["quality"]), [name for name in _DRAWN if name in table]]
     best = reach(good["length_m"] * 1e3, "mm")
     named = groups(good, colours)
@@ -433,13 +322,10 @@ def footprint_section(
         figure(
             f"length-{name}",
             f"Contact length against {name}",
-            f"Contact length by three methods against {label}; best estimate {best}.",
-            Panel(label, "contact length [mm]", ways(named, x, _METHODS, 1e3, aside=_ASIDE)),
+            f"Contact length by three methods against {name}; best estimate {best}.",
+            lengths(named, x),
         )
-        for name, x, label in (
-            ("speed", "speed_m_s", "speed [m/s]"),
-            ("time", "time_s", "time [s]"),
-        )
+        for name, x in (("speed", "speed_m_s"), ("time", "time_s"))
     ]
     onset = good[good["slip_onset_m"].notna()] if "slip_onset_m" in good else good.iloc[:0]
     words = [
@@ -463,38 +349,26 @@ def footprint_section(
     return Section("footprint", "Footprint", command, words, figures, [quality(table, "footprint")])
 
 
-def dissipation_section(
-    table: pd.DataFrame,
-    command: str,
-    remarks: Sequence[str],
-    colours: LogColours,
-    lines: pd.DataFrame | None = None,
-) -> Section:
+def dissipation_section(drawn: DrawnTable, recordings: Sequence[Recording]) -> Section:
     """The section of a dissipation table, as in P1 Figs. 9 to 11.
 
     Specific power and factor in time, with their moving averages; averages against speed, with the
     regressions.
     """
+    table, lines, remarks, command, colours = drawn
     good = table.loc[good_rows(table["quality"]), [name for name in _DISSIPATION if name in table]]
     steady = good[good["steady"].astype(bool)]
-    named, averaged = groups(good, colours), groups(steady, colours)
-    figures = []
-    for quantity, column, mean, unit in (
-        ("specific power", "specific_power_m3_s2", "specific_power_mean_m3_s2", "m³/s²"),
-        ("dissipation factor", "dissipation_factor_1_m", "dissipation_factor_mean_1_m", "1/m"),
-    ):
-        title, label = quantity.capitalize(), f"{quantity} [{unit}]"
-        marks = ways(named, "time_s", {column: "each revolution"}, look=_PALE)
-        marks += ways(averaged, "time_s", {mean: "moving average"}, look=_FULL, all_named=True)
-        over = points(averaged, "speed_m_s", mean)
-        over += [] if lines is None else _regressions(lines, column, colours)
+    named = groups(good, colours)
+    figures, fits = [], _regressions(lines, colours)
+    for column, (mean, quantity, unit) in DISSIPATED.items():
+        title, (over_time, over) = quantity.capitalize(), dissipation_panels(named, column, fits)
         figures += [
             figure(
                 f"{column}-time",
                 f"{title} against time",
                 f"{title} against time: {reach(good[column], unit)}, {len(good)} passages, and "
                 "moving averages at constant speed (P1 Figs. 9, 10).",
-                Panel("time [s]", label, marks),
+                over_time,
             ),
             figure(
                 f"{column}-speed",
@@ -502,7 +376,7 @@ def dissipation_section(
                 f"Moving averages of the {quantity} against speed: {reach(steady[mean], unit)}, "
                 f"{len(steady)} passages (P1 Fig. 11). Why a line is doubtful (dashed), the table "
                 "says.",
-                Panel("speed [m/s]", label, over),
+                over,
             ),
         ]
     for column, what, label, unit in (
@@ -536,34 +410,28 @@ def dissipation_section(
     return Section("dissipation", "Dissipation", command, words, figures, tables)
 
 
-def _regressions(lines: pd.DataFrame, column: str, colours: LogColours) -> list[Mark]:
-    """The fitted straight lines of a quantity, channel by channel.
-
-    As `dissipation --fit` gives them.
-    """
-    drawn = []
+def _regressions(
+    lines: pd.DataFrame | None, colours: LogColours
+) -> list[tuple[str, int, Mapping[str, Any]]]:
+    """The rows of `dissipation --fit`, each with its name and the number of its colour."""
+    if lines is None:
+        return []
     names = short_names([str(log) for log in lines["log"].unique()])
-    for i, (_, row) in enumerate(lines[lines["quantity"] == column].iterrows()):
-        who = f"{names[str(row['log'])]}: {row['channel']}" if len(names) > 1 else row["channel"]
-        colour = colours[Path(str(row["log"])).name] if max(len(names), len(colours)) > 1 else i
-        ends = np.array([row["slowest_m_s"], row["fastest_m_s"]], float)
-        y = float(row["intercept"]) + float(row["slope"]) * ends
-        judged = row.get("judgement")
-        doubtful = isinstance(judged, str) and bool(judged)  # the table says why
-        style = {"width": 2.5, "dash": "dash" if doubtful else "solid"}
-        name = f"{who}, {'doubtful ' if doubtful else ''}fitted line"
-        drawn.append(line(ends, y, name, colour, line=style))
-    return drawn
+    several, fits = max(len(names), len(colours)) > 1, []
+    for _, same in lines.groupby("quantity", sort=False, observed=True):
+        for i, (_, row) in enumerate(same.iterrows()):
+            who = f"{names[str(row['log'])]}: " * (len(names) > 1) + str(row["channel"])
+            fits.append((who, colours[Path(str(row["log"])).name] if several else i, row))
+    return fits
 
 
-def phase_shift_section(
-    table: pd.DataFrame, command: str, remarks: Sequence[str], colours: LogColours
-) -> Section:
+def phase_shift_section(drawn: DrawnTable, recordings: Sequence[Recording]) -> Section:
     """The section of a phase-shift table, as in P4 Figs. 8 to 13.
 
     Phase shift and patch width in time and against speed, raw and cleaned; forces if there is a
     map.
     """
+    table, _, remarks, command, colours = drawn
     good = table[good_rows(table["quality"])]
     named = groups(good, colours)
     shift, width = (
@@ -574,23 +442,21 @@ def phase_shift_section(
             "phase-speed",
             "Speed at the passages",
             f"Speed against time: {reach(good['speed_m_s'], 'm/s')}.",
-            Panel("time [s]", "speed [m/s]", points(named, "time_s", "speed_m_s")),
+            Panel("time [s]", "speed [m/s]", ways(named, "time_s", {"speed_m_s": ""})),
         )
     ]
-    for quantity, size in (("phase_shift", shift), ("patch_width", width)):
-        name = quantity.replace("_", " ")
-        words = {f"{quantity}{part}_deg": word for part, word in _CLEANED.items()}
-        columns = {c: word for c, word in words.items() if holds(good, c)}
-        figures += [
-            figure(
-                f"{quantity}-{x}",
-                f"{name.capitalize()} against {along}",
-                f"{name.capitalize()} against {along}, {', '.join(columns.values())}: measured "
-                f"{size} (P4 Figs. 8 to 13).",
-                Panel(f"{along} [{unit}]", f"{name} [deg]", ways(named, x, columns)),
-            )
-            for x, along, unit in (("time_s", "time", "s"), ("speed_m_s", "speed", "m/s"))
-        ]
+    figures += [
+        figure(
+            f"{quantity}-{x}",
+            f"{name.capitalize()} against {along}",
+            f"{name.capitalize()} against {along}: measured {size} (P4 Figs. 8 to 13).",
+            shifts(named, quantity, x),
+        )
+        for quantity, name, size in zip(
+            SHIFTED, ("phase shift", "patch width"), (shift, width), strict=True
+        )
+        for x, along in (("time_s", "time"), ("speed_m_s", "speed"))
+    ]
     figures += [
         figure(
             f"{name}_force_N",
@@ -614,6 +480,15 @@ def phase_shift_section(
         figures,
         [quality(table, "phase shift")],
     )
+
+
+#: the section of each table
+OF_TABLES: Mapping[str, Callable[[DrawnTable, Sequence[Recording]], Section]] = {
+    "speed": drive_section,
+    "footprint": footprint_section,
+    "dissipation": dissipation_section,
+    "phase-shift": phase_shift_section,
+}
 
 
 def campaign(summary: Path, command: str) -> Section:
