@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.setup import Setup, parse_setup
-from tirelog.readers.base import LogReader
+from tirelog.readers.base import LogReader, without_lost_peaks
 
 
 def setup_of(
@@ -52,7 +52,7 @@ class Pipe(io.RawIOBase):
 
 
 def whole(reader: LogReader) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], list[tuple]]:
-    """(values per channel, stamps per group, flags) of all blocks."""
+    """(values per channel without lost peaks, stamps per group, flags) of all blocks."""
     values: dict[str, list[np.ndarray]] = {}
     stamps: dict[str, list[np.ndarray]] = {}
     flags: list[tuple] = []
@@ -66,4 +66,5 @@ def whole(reader: LogReader) -> tuple[dict[str, np.ndarray], dict[str, np.ndarra
         for name, part in block.values.items():
             values.setdefault(name, []).append(part)
     joined = [{k: np.concatenate(v) for k, v in parts.items()} for parts in (values, stamps)]
-    return joined[0], joined[1], flags
+    channels = reader.setup.channels
+    return {k: without_lost_peaks(v, channels[k]) for k, v in joined[0].items()}, joined[1], flags

@@ -175,7 +175,7 @@ def test_one_second_stamps_with_line_numbers_count_by_line():
     text = "Date\tTime\tLinenumber\tError status\tW-N-01\n" + "\n".join(rows) + "\n"
     reader, block = read(text, {"w": "W-N-01"}, kind="strain", unit="microstrain")
     group = reader.groups[0]
-    assert (group.counted, group.stamp_resolution_s, group.decimals) == (True, 1.0, {"w": 1})
+    assert (group.counted, group.stamp_resolution_s) == (True, 1.0)
     np.testing.assert_array_equal(block.number, np.arange(1, 61))
     np.testing.assert_array_equal(block.values["w"], 100 + np.arange(60) / 10)
     assert reader.report.counts["rows_with_error_codes"] == 2
@@ -284,11 +284,6 @@ def test_zero_is_a_reading_where_no_peak_is_read():
     _, block = read(text, {"e": encoder, "s": {"source": "S", "kind": "strain"}})
     np.testing.assert_array_equal(block.values["e"], [0, 1, -1])
     np.testing.assert_array_equal(block.values["s"], [-1, 0, 5])
-
-
-def test_decimals_are_those_of_the_source():
-    reader, _ = read("t,A,B,C\n0,1550.12,1e-3,7\n0.1,1550.1,2e-3,8\n", {**TWO, "c": "C"})
-    assert reader.groups[0].decimals == {"a": 2, "b": None, "c": 0}
 
 
 def test_names_are_forgiven_but_not_guessed():

@@ -23,7 +23,7 @@ from tirelog.data.plausibility import check_recording
 from tirelog.data.recording import Channel, Recording
 from tirelog.data.setup import ChannelSetup, Setup, names_beside, parse_setup
 from tirelog.errors import DataLoss, ReadError, SetupError, TirelogError, UsageError
-from tirelog.readers.base import LogReader, Series, SeriesList, counted_floats
+from tirelog.readers.base import LogReader, Series, SeriesList
 from tirelog.runs.ingest import (
     LogStream,
     clock_of,
@@ -308,7 +308,6 @@ def _setup(names: dict[str, Series]) -> Setup:
 def _read(log: str, reader: LogReader, names: dict[str, Series], time: str) -> Contents:
     parts: dict[str, list[FloatArray]] = {name: [] for name in names}
     kept = dict.fromkeys(names, 0)
-    places = {n: group.decimals.get(n) for group in reader.groups for n in group.channels}
     clocks = {group.name: clock_of(group, reader.setup) for group in reader.groups}
     blocks, whole = reader.blocks(), True
     for number, block in enumerate(islice(blocks, _BLOCKS + 1)):
@@ -319,7 +318,7 @@ def _read(log: str, reader: LogReader, names: dict[str, Series], time: str) -> C
         for name, values in block.values.items():
             size = values.size
             if kept[name] < _MOST_SAMPLES:
-                parts[name].append(counted_floats(values[:_MOST_SAMPLES], places[name]))
+                parts[name].append(values[:_MOST_SAMPLES])
                 kept[name] += size
         clocks[block.group].add(block.stamps_s, block.number, size)
     blocks.close()  # type: ignore[attr-defined]  # every reader's blocks are a generator

@@ -32,23 +32,18 @@ from tirelog.readers.base import (
     Group,
     RawBlock,
     ReadReport,
-    Samples,
     Series,
     SeriesList,
-    counted_floats,
     days_since,
-    lost_samples,
     of_damaged,
     rate_in_words,
     runs,
-    samples_lost,
     with_stated_units,
 )
 from tirelog.readers.text.columns import (
     Columns,
     assign_columns,
     clock_columns,
-    decimals,
     long_form,
     most_decimals,
     name_of_column,
@@ -159,22 +154,12 @@ class TextReader:
                 f"{GROUP}_{time + 1}",
                 tuple(own),
                 stamp_resolution_s=resolution_s(layout, replace(columns, time=time)),
-                decimals={c: self._plan.places[columns.values[c]] for c in own},
             )
             for time, own in members.items()
         )
 
     def _group(self, channels: tuple[str, ...]) -> Group:
         columns, layout = self.columns, self.layout
-        places = {c: self._plan.places[column] for c, column in columns.values.items()}
-        places |= dict.fromkeys(columns.edges, 0)
-        places |= {
-            c: max(
-                (decimals(layout, k) or 0 for k in range(self._plan.peaks_at, layout.width)),
-                default=0,
-            )
-            for c in columns.peaks
-        }
         counted = False
         if columns.number is not None:
             parts = [k for k in (columns.time, columns.clock) if k is not None]
@@ -186,7 +171,7 @@ class TextReader:
             counted = not parts or len(set(stamps)) < 0.7 * len(stamps)
         rate = rate_in_words(layout.preamble)
         return Group(
-            GROUP, channels, rate, resolution_s(layout, columns), counted, places,
+            GROUP, channels, rate, resolution_s(layout, columns), counted,
             edges=bool(columns.edges),
         )  # fmt: skip
 
@@ -255,9 +240,7 @@ class TextReader:
         return block[:start]
 
     def _block(self, parsed: Parsed) -> RawBlock:
-        values: dict[str, Samples] = {
-            channel: parsed.values[column] for channel, column in self.columns.values.items()
-        }
+        values = {channel: parsed.values[column] for channel, column in self.columns.values.items()}
         flags: list[tuple[str, int, int, Quality]] = []
         before = self.report.counts.get("rows", 0)
         for channel in self.columns.edges:
@@ -266,7 +249,7 @@ class TextReader:
             found, flags = self._tracker.follow(parsed)
             values |= found
         self._seen |= {
-            channel for channel in self.columns.peaks if lost_samples(values[channel]) < parsed.size
+            channel for channel in self.columns.peaks if not np.isnan(values[channel]).all()
         }
         if parsed.errors is not None:
             flags += self._errors(parsed)
@@ -277,15 +260,12 @@ class TextReader:
 
     def _by_clock(self, block: RawBlock, parsed: Parsed) -> Iterator[RawBlock]:
         """The block's channels clock by clock, without rows that hold nothing of them."""
-        stamps_of = [
-            counted_floats(parsed.values[time], self._plan.places[time]) * self.columns.clocks[time]
-            for time in self._times
-        ]
+        stamps_of = [parsed.values[time] * self.columns.clocks[time] for time in self._times]
         if self._origin in (None, np.inf):
             firsts = [stamps[~np.isnan(stamps)][:1] for stamps in stamps_of]
             self._origin = float(np.concatenate(firsts).min(initial=np.inf))
         for group, stamps in zip(self.groups, stamps_of, strict=True):
-            lost = [samples_lost(block.values[channel]) for channel in group.channels]
+            lost = [np.isnan(block.values[channel]) for channel in group.channels]
             kept = ~(np.isnan(stamps) & np.logical_and.reduce(lost))
             before = np.append(0, np.cumsum(kept)).tolist()
             yield RawBlock(
@@ -485,20 +465,12 @@ def _plan(layout: Layout, columns: Columns, setup: Setup) -> RowPlan:
         columns.number,
         columns.errors,
     ]
-    gratings = {
-        column
-        for channel, column in columns.values.items()
-        if channel not in own and setup.channels[channel].kind.startswith("fbg_")
-    }
-    places = {column: decimals(layout, column) for column in columns.values.values()}
     return RowPlan(
         layout,
         columns,
         us,
         exact,
         max(k for k in behind if k is not None) + 1,
-        tuple(sorted(gratings)),
-        places,
         tick_places=tick_places,
     )
 
