@@ -97,7 +97,7 @@ def test_a_file_cut_off_keeps_what_is_there_and_says_so(tmp_path: Path) -> None:
         ("matlab", "variable 1 cannot be read"),
         ("matlab packed", "variable 1 cannot be read"),
         ("parquet", "is a Parquet file that cannot be read"),
-        ("zip", "zip archive is cut off"),
+        ("zip", "is a zip archive that cannot be read (BadZipFile"),
     ],
 )
 def test_a_file_that_is_cut_off_before_its_end(name: str, says: str, tmp_path: Path) -> None:
@@ -233,17 +233,16 @@ def encrypted() -> bytes:
 
 ZIPS = {
     "encrypted": (encrypted(), "is encrypted"),
-    "of bzip2": (zipped(method=zipfile.ZIP_BZIP2), "method 12"),
-    "of a list that begins behind the end": (with_end(zipped(), 16, 1 << 24), "cut off or damaged"),
-    "of a list of 5 MB": (with_end(zipped(), 12, 5 << 20), "lists more files"),
-    "of nothing": (zipped("a/", text=""), "nothing before that could be unpacked|is empty"),
+    "of a list that begins behind the end": (with_end(zipped(), 16, 1 << 24), "cannot be read"),
+    "of a list of 5 MB": (with_end(zipped(), 12, 5 << 20), "cannot be read"),
+    "of nothing": (zipped("a/", text=""), "holds no file"),
 }
 
 
 @pytest.mark.parametrize("name", ZIPS)
 def test_an_archive_that_holds_no_log(name: str, tmp_path: Path) -> None:
     data, says = ZIPS[name]
-    assert any(part in refusal(data, tmp_path) for part in says.split("|"))
+    assert says in refusal(data, tmp_path)
 
 
 def test_an_archive_s_checksum_is_looked_at(tmp_path: Path) -> None:

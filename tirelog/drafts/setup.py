@@ -553,7 +553,7 @@ def _channel(name: str, one: FoundSeries, twins: dict[str, FoundSeries], surface
 
 def _log(inside: Contents) -> str:
     lines = ["\n[log]"]
-    if inside.time and inside.format.startswith(("text", "parquet")):
+    if inside.time and inside.format.startswith(("text", "zip", "parquet")):
         lines.append(_line("time", json.dumps(inside.time), "found by the reader, too"))
     if inside.clock:
         lines.append(f"# no rate is found: {_shown(inside.clock)}")

@@ -10,6 +10,8 @@ import datetime as dt
 import io
 import re
 import warnings
+import zipfile
+import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
 from pathlib import Path
@@ -163,6 +165,34 @@ def _text(cell: object) -> str:
     if isinstance(cell, dt.date):
         return cell.isoformat()
     return " ".join(str(cell).split()).replace('"', "'")
+
+
+# ---- The text in a zip archive, as it is.
+
+
+#: bytes unpacked at once: what stands before damage is kept
+_PIECE_BYTES = 1 << 12
+
+
+def convert_zip(source: Path, target: Path, answer: ReadReport) -> None:
+    """Writes the first file to `target`; folders and what a Mac adds do not count."""
+    with zipfile.ZipFile(source) as archive:
+        names = [name for name in archive.namelist() if not name.startswith("__MACOSX/")]
+        files = [name for name in names if not name.endswith("/")]
+        if not files:
+            raise NoNumbers("it holds no file")
+        if len(files) > 1:
+            answer.losses.append(f"it holds a second file, {files[1]!r}, and one is read")
+        with archive.open(files[0]) as member, target.open("wb") as made:
+            try:
+                while part := member.read1(_PIECE_BYTES):
+                    made.write(part)
+            except (zipfile.BadZipFile, zlib.error, EOFError) as problem:
+                answer.losses.append(
+                    f"the archive is damaged ({one_line(problem)}); copy the log again"
+                )
+            if not made.tell():
+                raise NoNumbers("nothing of it can be unpacked")
 
 
 # ---- Parquet tables and Arrow files (Feather 2) as text, in which names and times are found.
