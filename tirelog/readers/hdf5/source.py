@@ -311,8 +311,9 @@ def column(
                 do="add :COLUMN to source",
             )
         dtype = dtype[field]
-        if dtype.shape and math.prod(dtype.shape) > 1:
-            element = tuple(0 if i is None else i for i in index)
+        if dtype.shape:
+            many = math.prod(dtype.shape) > 1
+            element = tuple(i or 0 for i in index) if many else (0,) * len(dtype.shape)
             if len(element) != len(dtype.shape) or any(
                 i >= n for i, n in zip(element, dtype.shape, strict=True)
             ):
@@ -321,9 +322,6 @@ def column(
                     allowed="allowed is one element [i]",
                     do="mend the index in source",
                 )
-            index = ()
-        elif dtype.shape:
-            element = (0,) * len(dtype.shape)
             index = ()
     elif field is not None:
         raise ReadError(
