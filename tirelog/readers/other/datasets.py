@@ -182,7 +182,7 @@ def convert_zip(source: Path, target: Path, answer: ReadReport) -> None:
             answer.losses.append(f"it holds a second file, {files[1]!r}, and one is read")
         with archive.open(files[0]) as member, target.open("wb") as made:
             try:
-                while part := member.read1(_PIECE_BYTES):
+                while part := member.read(_PIECE_BYTES):
                     made.write(part)
             except (zipfile.BadZipFile, zlib.error, EOFError) as problem:
                 answer.losses.append(

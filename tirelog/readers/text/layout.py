@@ -589,14 +589,15 @@ def _counts(layout: Layout) -> tuple[int, int]:
     rows = layout.rows[:-1] or layout.rows
     for at in range(min(4, layout.width)):
         for number in range(1, min(33, layout.width - at)):
-            if all(_adds_up(row, at, number) for row in rows) and any(
+            if all(counts_add_up(row, at, number) for row in rows) and any(
                 len(row) > at + number for row in rows
             ):
                 return at, number
     return 0, 0
 
 
-def _adds_up(row: tuple[str, ...], at: int, number: int) -> bool:
+def counts_add_up(row: Sequence[str], at: int, number: int) -> bool:
+    """True if `number` cells from `at` on are counts whose sum is the number of cells behind."""
     fronts = row[at : at + number]
     return (
         len(fronts) == number

@@ -471,9 +471,6 @@ def plain_rows(plan: RowPlan, block: Block, at: int) -> tuple[Parsed, int, bool]
     return out, stop, stop < len(block) and not full
 
 
-__all__ = ["Parsed", "RowPlan", "parse_block"]
-
-
 #: bytes that are read carefully at once, from a row on that is unlike the others: more if the
 #: next such row follows soon, and at most so many, as cells need much memory
 _PIECE_BYTES, _MOST_PIECE_BYTES = 1 << 12, 1 << 18

@@ -58,12 +58,19 @@ from tirelog.readers.text.columns import (
     time_unit,
 )
 from tirelog.readers.text.kernels import LARGEST, TICK_PLACES
-from tirelog.readers.text.layout import LOST_WORDS, Layout, filled, is_number, sniff, split_cells
+from tirelog.readers.text.layout import (
+    LOST_WORDS,
+    Layout,
+    counts_add_up,
+    is_number,
+    sniff,
+    split_cells,
+)
 from tirelog.readers.text.parse import Parsed, RowPlan, parse_block
 from tirelog.readers.text.peaks import GratingTracker
 from tirelog.readers.text.source import LONGEST_LINE_BYTES, ByteSource
 from tirelog.readers.text.times import MISSING, ROUNDS_NS, month_first, unwrapped
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.quality import Quality
 
 #: the name of the one group of a text log: all columns share the row's clock
@@ -252,7 +259,7 @@ class TextReader:
             channel for channel in self.columns.peaks if not np.isnan(values[channel]).all()
         }
         if parsed.errors is not None:
-            flags += self._errors(parsed)
+            flags += self._errors(parsed.errors)
         self._count("rows", parsed.size)
         channels = (channel for group in self.groups for channel in group.channels)
         ordered = {channel: values[channel] for channel in channels}
@@ -300,12 +307,11 @@ class TextReader:
         since = np.where(known, ticks - int(self._origin), 0)
         return np.where(known, since * (factor / second), np.nan)
 
-    def _errors(self, parsed: Parsed) -> list[tuple[str, int, int, Quality]]:
+    def _errors(self, codes: IntArray) -> list[tuple[str, int, int, Quality]]:
         """Sample ranges whose rows carry error codes, for every channel.
 
         The codes do not say whose they are.
         """
-        codes = np.zeros(0, np.int64) if parsed.errors is None else parsed.errors
         self._count("rows_with_error_codes", int((codes > 0).sum()))
         self._count("error_codes", int(codes.sum()))
         return [
@@ -417,10 +423,7 @@ def cut_off(layout: Layout, line: str) -> bool:
     if not usual:
         return len(cells) < layout.width
     if layout.counts:
-        fronts = cells[layout.counts_at : layout.counts_at + layout.counts]
-        if len(fronts) < layout.counts or not all(cell.isdigit() for cell in fronts):
-            return True
-        if sum(map(int, fronts)) != filled(cells) - layout.counts_at - layout.counts:
+        if not counts_add_up(cells, layout.counts_at, layout.counts):
             return True
     elif not layout.ragged and len(cells) < layout.width - (
         layout.kinds[layout.width - 1] == "blank"
@@ -473,9 +476,6 @@ def _plan(layout: Layout, columns: Columns, setup: Setup) -> RowPlan:
         max(k for k in behind if k is not None) + 1,
         tick_places=tick_places,
     )
-
-
-__all__ = ["GROUP", "MISSING", "TextReader", "open_text"]
 
 
 # ---- The columns of a text log, and the gratings in a list of peaks.
