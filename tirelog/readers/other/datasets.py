@@ -1,5 +1,7 @@
 """What libraries read, as files that are read here: a function for each format of FORMATS.
 
+This file is longer than others, as all formats write columns in one way.
+
 ROS bags as MCAP: ROS 1 by its own definitions, the .db3 of ROS 2 message by message. rosbags makes
 Python code of the definitions in a ROS 1 bag and runs it; so every name in them is looked at first.
 """
