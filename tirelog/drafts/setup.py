@@ -270,7 +270,7 @@ def contents(log: str) -> Contents:
             with opened_log(str(path), head, stream, log) as opened:
                 inside = listed(opened.made, opened.path or path, log)
                 _refuse_without_series(inside, log)
-                names = {f"c{k}": one for k, one in enumerate(inside.series)}
+                names = {one.source: one for one in inside.series}
                 reader = reader_of(stream, opened, _setup(names), log)
                 found = _read(log, reader, names, inside.time)
                 said = (*inside.unread[:_MOST_UNREAD], *found.remarks)
@@ -322,7 +322,7 @@ def _read(log: str, reader: LogReader, names: dict[str, Series], time: str) -> C
                 kept[name] += size
         clocks[block.group].add(block.stamps_s, block.number, size)
     blocks.close()  # type: ignore[attr-defined]  # every reader's blocks are a generator
-    found, remarks, why = [], [], ""
+    found, remarks, why = {}, [], ""
     for group in reader.groups:
         clock, rate, duration = clocks[group.name], None, None
         try:
@@ -339,25 +339,16 @@ def _read(log: str, reader: LogReader, names: dict[str, Series], time: str) -> C
                 matrix, index, _ = time.partition("[")
                 of_all = index and one.source.startswith(matrix + index)
                 guess = guessed("" if of_all else one.source, unit, samples)
-                found.append(FoundSeries(one, unit, rate, duration, samples, guess))
-    order = {one: k for k, one in enumerate(names.values())}
-    found.sort(key=lambda one: order[one.series])
+                found[name] = FoundSeries(one, unit, rate, duration, samples, guess)
     report = reader.report
-    losses = [_with_source(loss, names) for loss in report.losses]
-    said = [*(_with_source(remark, names) for remark in report.remarks), *remarks]
+    losses = [loss.removeprefix("channel ") for loss in report.losses]
+    said = [*(remark.removeprefix("channel ") for remark in report.remarks), *remarks]
     said += [why] if why else []
+    in_order = [found[name] for name in names if name in found]
     return Contents(
-        log, report.format, report.start, time, tuple(_twins(found)), tuple(said), tuple(losses),
+        log, report.format, report.start, time, tuple(_twins(in_order)), tuple(said), tuple(losses),
         whole, clock=why,
     )  # fmt: skip
-
-
-def _with_source(sentence: str, names: dict[str, Series]) -> str:
-    """A reader's sentence with a series' own name for the channel's."""
-    for name, one in names.items():
-        if sentence.startswith(f"channel {name}: "):
-            return f"{one.source}: {sentence.removeprefix(f'channel {name}: ')}"
-    return sentence
 
 
 def _twins(found: list[FoundSeries]) -> list[FoundSeries]:

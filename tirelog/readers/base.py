@@ -157,7 +157,7 @@ RATES = {
 #: "Samples per Second<tab>1", "sampled at 1024", "Delta_X<tab>0.001"
 _BEHIND = (
     r"\s*(?:[\[(][^\])]*[\])])?\s*(?:[A-Za-z ]{0,40}[:=]|\bis\b|\bof\b)?[\s,;]*"
-    r"\"?(\d[\d.]*(?:,\d+)?(?:e[+-]?\d+)?)"
+    r"\"?(\d+(?:[.,]\d*)?(?:e[+-]?\d+)?)(?![\d.]|,\d)"
 )
 _IN_WORDS = (
     re.compile(
@@ -183,10 +183,7 @@ def rate_in_words(lines: Iterable[str]) -> float | None:
     for line in lines:
         for pattern, is_period in zip(_IN_WORDS, (False, True), strict=True):
             if match := pattern.search(line):
-                try:
-                    number = float(match[1].replace(",", "."))
-                except ValueError:
-                    continue
+                number = float(match[1].replace(",", "."))
                 number *= _FACTORS.get((match[2] or "").lower(), 1.0)
                 if (rate := rate_Hz(number, is_period)) is not None:
                     return rate

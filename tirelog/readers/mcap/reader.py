@@ -84,7 +84,6 @@ class Topic:
         self.stamps: list[tuple[RequestedField, float]] = []  # with ns per unit of each
         self.shift_ns = 0  # from the stamps to the log's clock
         self.started = False
-        self.failed: dict[str, str] = {}
 
     def assume(self, used: int) -> None:
         """Sets groups for a topic whose first message is still to come.
@@ -96,7 +95,7 @@ class Topic:
     def start(self, message: Any, log_time_ns: int, metadata: Mapping[str, str], used: int) -> None:
         """Learn from the first message; `used` groups have names already.
 
-        Channels that it does not hold go to `failed`.
+        Channels that it does not hold are losses.
         """
         self.started = True
         kinds: dict[str, Any] = {}
@@ -104,7 +103,10 @@ class Topic:
             try:
                 value = extract(message, want.tokens)
             except FieldError as problem:
-                self.failed[name] = f"{self.name}:{want.path} {problem}{_near(problem, message)}"
+                near = _near(problem, message)
+                self.report.losses.append(
+                    f"channel {name}: {self.name}:{want.path} {problem}{near}; mend source"
+                )
                 del self.wants[name]
                 continue
             batch = isinstance(value, np.ndarray)
@@ -356,9 +358,6 @@ class McapLog:
                 (c.metadata for c in self.records.channels.values() if c.topic == topic.name), {}
             )
             topic.start(message, int(table.log_time_ns[row]), metadata, self._group_count())
-            self.report.losses += [
-                f"channel {name}: {what}; mend source" for name, what in topic.failed.items()
-            ]
             return
 
     def _messages(

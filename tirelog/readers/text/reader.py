@@ -18,7 +18,7 @@ import re
 from collections import Counter, deque
 from collections.abc import Generator, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import closing, suppress
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
@@ -47,6 +47,7 @@ from tirelog.readers.text.columns import (
     long_form,
     most_decimals,
     name_of_column,
+    numbers_of,
     one_signal,
     placed,
     refuse_long_form,
@@ -76,8 +77,8 @@ from tirelog.vocabulary.quality import Quality
 #: the name of the one group of a text log: all columns share the row's clock
 GROUP = "rows"
 #: what a column of times is called in the plan of rows, where columns have several clocks; no
-#: channel has a blank in its name
-_CLOCK = "clock of block"
+#: channel has a line end in its name
+_CLOCK = "clock\n"
 #: threads that parse, and blocks that are parsed or wait to be used at one time
 _THREADS, _AHEAD = 2, 4
 #: what begins again with times of a form
@@ -514,13 +515,10 @@ def columns(source: ByteSource, log: str) -> SeriesList:
 
 def _gratings(layout: Layout, begin: int, taken: set[int]) -> tuple[Series, ...]:
     """The gratings whose peaks stand in the sample rows, by wavelength."""
-    peaks = []
-    for row in layout.rows:
-        for k in range(begin, len(row)):
-            with suppress(ValueError):
-                peaks.append(float(row[k].replace(layout.decimal, ".")) if k not in taken else 0.0)
+    widest = max(map(len, layout.rows))
+    listed = [numbers_of(layout, k) for k in range(begin, widest) if k not in taken]
     low, high = _WAVELENGTHS_NM
-    values = np.sort([peak for peak in peaks if low < peak < high])
+    values = np.sort([peak for column in listed for peak in column if low < peak < high])
     if not values.size:
         return ()
     groups = np.split(values, np.flatnonzero(np.diff(values) > _APART_NM) + 1)
