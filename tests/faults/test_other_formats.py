@@ -15,7 +15,7 @@ import pytest
 from scipy.io import savemat, wavfile
 
 from tests.readers.logs import setup_of
-from tests.readers.other_files import A, N, outcome, read, refusal
+from tests.readers.other_files import A, N, outcome, read, refusal, spoilt
 from tirelog.runs.ingest import open_recording
 
 TEXT = "time,a\n" + "".join(f"{i / 100:.2f},{x:.4f}\n" for i, x in enumerate(A))
@@ -69,12 +69,7 @@ def test_flips_and_cuts_end_in_a_sentence_or_in_data(name: str, tmp_path: Path) 
     rng = np.random.default_rng(sum(name.encode()))
     sizes = []
     for _ in range(5):
-        spoilt = bytearray(data)
-        for at in rng.integers(0, len(spoilt), int(rng.integers(1, 4))):
-            spoilt[at] ^= 1 << int(rng.integers(8))
-        if rng.random() < 0.4:
-            del spoilt[int(rng.integers(1, len(spoilt))) :]
-        size, said = outcome(bytes(spoilt), tmp_path, source)
+        size, said = outcome(spoilt(data, rng), tmp_path, source)
         assert size <= N + 1 or "damaged" in said
         assert size > 0 or said.startswith(f"{tmp_path / 'log'}: ")
         sizes.append(size)

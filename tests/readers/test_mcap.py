@@ -286,12 +286,6 @@ def test_messages_outside_of_chunks(path, checked):
     assert said == ([] if checked else [True])
 
 
-def test_lost_peaks_are_lost(path):
-    write_json(path, timed([{"wl": w} for w in (1550.0, 0, -1, None, 1551.0)]))
-    values, _, _ = read(path, {"a": "/t:wl"}, kind="fbg_strain")
-    np.testing.assert_array_equal(values["a"], [1550.0, np.nan, np.nan, np.nan, 1551.0])
-
-
 @pytest.mark.parametrize(
     ("source", "topic", "tokens"),
     [
