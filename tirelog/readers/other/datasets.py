@@ -206,21 +206,6 @@ _ROWS = 1 << 14
 _WORDS = re.compile(r"(dictionary<values=)?(large_)?string")
 
 
-def start_arrow() -> None:
-    """Starts the threads that arrow would start later, when memory is limited."""
-    import pyarrow as pa
-    import pyarrow.ipc as ipc
-
-    pa.set_cpu_count(1)
-    pa.set_io_thread_count(1)
-    table = pa.table({"a": [0.0]})
-    sink = pa.BufferOutputStream()
-    with ipc.new_file(sink, table.schema) as made:
-        made.write_table(table)
-    with ipc.open_file(sink.getvalue()) as file:
-        file.get_batch(0)
-
-
 def convert_arrow(source: Path, target: Path, answer: ReadReport) -> None:
     """Writes the columns of numbers and of times to `target`.
 
