@@ -119,19 +119,7 @@ class TextReader:
         )
         self.report.start = start_iso(self.layout, self.columns, self._plan.us, setup)
         self.report.remarks += said + _about_names(self.layout, self.columns) + _about_time(self)
-        self.report.losses += [
-            f"line {line} holds NUL bytes and was left out; copy the log again"
-            for line in self.layout.damaged[:3]
-        ]
-        if self.layout.spoilt:
-            self.report.losses.append(
-                f"line {self.layout.spoilt} does not parse as a row and was left out"
-            )
-        if self.layout.rows_above:
-            self.report.losses.append(
-                f"{self.layout.rows_above} lines above line {self.layout.first_line}, where the "
-                "rows are taken to begin, look like rows and were left out; give [log] header_rows"
-            )
+        self.report.losses += self.layout.losses
         self.report.losses += [
             f"channel {channel}: {why}" for channel, why in self.columns.missing.items()
         ]

@@ -14,6 +14,7 @@ import lzma
 import zlib
 from codecs import iterdecode
 from collections.abc import Iterator
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -55,7 +56,7 @@ def _unpack(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
 
     EOFError if the last member is not whole.
     """
-    unpacker, started = _unpacker(kind), False
+    unpacker = _unpacker(kind)
     for piece in pieces:
         rest = piece
         while rest:
@@ -64,11 +65,10 @@ def _unpack(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
                     rest = rest.lstrip(b"\0")  # padding behind the last member
                     if not rest:
                         break
-                unpacker, started = _unpacker(kind), False
-            started = True
+                unpacker = _unpacker(kind)
             yield unpacker.decompress(rest)
             rest = unpacker.unused_data if unpacker.eof else b""
-    if started and not unpacker.eof:
+    if not unpacker.eof:
         raise EOFError
 
 
@@ -118,15 +118,9 @@ class ByteSource:
     def _read(self, start: bytes) -> Iterator[bytes]:
         """Unpacked pieces, none of which is longer than a block."""
         size = BLOCK_BYTES if self.kind == "plain" else _UNPACKED_BYTES
-
-        def raw() -> Iterator[bytes]:
-            piece = start
-            while piece:
-                yield piece
-                piece = self._file.read(size)
-
+        raw = chain([start], iter(partial(self._file.read, size), b""))
         try:
-            for piece in raw() if self.kind == "plain" else _unpack(self.kind, raw()):
+            for piece in raw if self.kind == "plain" else _unpack(self.kind, raw):
                 for at in range(0, len(piece), BLOCK_BYTES):  # it may unpack to very much
                     part = piece[at : at + BLOCK_BYTES]
                     self.unpacked_bytes += len(part)
