@@ -13,7 +13,8 @@ import pyarrow.feather
 import pytest
 
 from benchmarks.layouts import writers
-from tests.readers.other_files import outcome, read, refusal, spoilt
+from tests.readers.logs import spoilt
+from tests.readers.other_files import outcome, read, refusal
 from tirelog.errors import TirelogError
 from tirelog.readers.other import conversion as apart
 from tirelog.readers.other.datasets import check_names, proper, unsafe_formula

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from tests.readers.logs import setup_of, whole
+from tests.readers.logs import flip, setup_of, spoilt, whole
 from tirelog.cli import run
 from tirelog.errors import ReadError, TirelogError
 from tirelog.readers.hdf5.reader import Hdf5Log, datasets
@@ -194,9 +194,7 @@ def test_what_is_no_hdf5_file(path, content, says):
 
 def test_a_flipped_bit_loses_its_chunk_and_no_other(chunked):
     whole = read(chunked, "/x")[0]["c0"]
-    content = bytearray(chunked.read_bytes())
-    content[place(chunked, "x", 7).byte_offset + 50] ^= 4
-    chunked.write_bytes(content)
+    flip(chunked, place(chunked, "x", 7).byte_offset + 50)
     values, flags, report = read(chunked, "/x")
     lost = np.isnan(values["c0"])
     assert lost[7000:8000].all()
@@ -212,9 +210,7 @@ def test_damage_to_the_first_stamps_leaves_the_others(path):
         file.create_dataset(
             "time", data=5.0 + GOOD / 100, chunks=(1000,), compression="gzip", fletcher32=True
         )
-    content = bytearray(path.read_bytes())
-    content[place(path, "time", 0).byte_offset + 50] ^= 4
-    path.write_bytes(content)
+    flip(path, place(path, "time", 0).byte_offset + 50)
     reader = opened(path, "/x")
     stamps = whole(reader)[1]["clock_1"]
     assert np.isnan(stamps[:1000]).all()
@@ -264,15 +260,9 @@ def test_120_flips_and_cuts_end_in_a_sentence_or_in_data(chunked, tmp_path):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     outcomes = {"refused": 0, "read": 0}
     for trial in range(120):
-        damaged = bytearray(content)
-        if trial % 4 == 0:
-            del damaged[rng.integers(len(damaged)) :]
-        else:  # half of them in the metadata at the start
-            reach = 1_500 if trial % 2 else len(damaged)
-            for at in rng.integers(min(reach, len(damaged)), size=1 + trial % 3):
-                damaged[at] ^= 1 << rng.integers(8)
         target = tmp_path / f"damaged_{trial}.h5"
-        target.write_bytes(damaged)
+        # half of them in the metadata at the start
+        target.write_bytes(spoilt(content, rng, stop=(1500, None)[trial % 2]))
         try:
             read(target, "/x", "/small")
             outcomes["read"] += 1

@@ -14,8 +14,8 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.io import savemat, wavfile
 
-from tests.readers.logs import setup_of
-from tests.readers.other_files import A, N, outcome, read, refusal, spoilt
+from tests.readers.logs import setup_of, spoilt
+from tests.readers.other_files import A, N, outcome, read, refusal
 from tirelog.runs.ingest import open_recording
 
 TEXT = "time,a\n" + "".join(f"{i / 100:.2f},{x:.4f}\n" for i, x in enumerate(A))

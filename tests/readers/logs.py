@@ -3,6 +3,7 @@
 import io
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -68,3 +69,20 @@ def whole(reader: LogReader) -> tuple[dict[str, np.ndarray], dict[str, np.ndarra
     joined = [{k: np.concatenate(v) for k, v in parts.items()} for parts in (values, stamps)]
     channels = reader.setup.channels
     return {k: without_lost_peaks(v, channels[k]) for k, v in joined[0].items()}, joined[1], flags
+
+
+def flip(path: Path, at: int, bit: int = 3) -> None:
+    """Turns one bit of the byte `at` of a file."""
+    content = bytearray(path.read_bytes())
+    content[at] ^= 1 << bit
+    path.write_bytes(content)
+
+
+def spoilt(data: bytes, rng: np.random.Generator, first: int = 0, stop: int | None = None) -> bytes:
+    """The bytes with one to three bits turned in [first, stop); some are cut off."""
+    found = bytearray(data)
+    for at in rng.integers(first, min(stop or len(found), len(found)), int(rng.integers(1, 4))):
+        found[at] ^= 1 << int(rng.integers(8))
+    if rng.random() < 0.4:
+        del found[int(rng.integers(1, len(found))) :]
+    return bytes(found)

@@ -37,13 +37,3 @@ def refusal(data: bytes, folder: Path, source: str = "a") -> str:
         read(data, folder, source)
     assert str(caught.value).startswith(f"{folder / 'log'}: ")
     return str(caught.value)
-
-
-def spoilt(data: bytes, rng: np.random.Generator, first: int = 0) -> bytes:
-    """The bytes with one to three bits turned from the place `first` on; some are cut off."""
-    found = bytearray(data)
-    for at in rng.integers(first, len(found), int(rng.integers(1, 4))):
-        found[at] ^= 1 << int(rng.integers(8))
-    if rng.random() < 0.4:
-        del found[int(rng.integers(1, len(found))) :]
-    return bytes(found)
