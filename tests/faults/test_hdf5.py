@@ -56,20 +56,6 @@ def place(path, source, chunk):
         return file[source].id.get_chunk_info(chunk)
 
 
-def make_external_link(file):
-    file["bad"] = h5py.ExternalLink("/etc/other.h5", "/x")
-
-
-def make_soft_link_outside(file):
-    file["way"] = h5py.ExternalLink("other.h5", "/")
-    file["bad"] = h5py.SoftLink("/way/x")
-
-
-def make_circle(file):
-    file["bad"] = h5py.SoftLink("/back")
-    file["back"] = h5py.SoftLink("/bad")
-
-
 def make_virtual(file):
     layout = h5py.VirtualLayout((100,), "f8")
     layout[:] = h5py.VirtualSource("other.h5", "x", (100,))
@@ -99,16 +85,21 @@ def make_giant_chunk(file):
     file.create_dataset("bad", (1 << 27,), "i1", chunks=(1 << 27,), compression="gzip")[0] = 1
 
 
-def make_group(file):
-    file.create_group("bad/below")
-
-
 ELSEWHERE = [("/etc/hostname", 0, h5py.h5f.UNLIMITED)]
-#: what makes it, the arguments of a dataset, or what is stored; and what is said
+#: what makes it, what stands where, the arguments of a dataset, or its values; and what is said
 REFUSED = {
-    "external link": (make_external_link, "external link to '/etc/other.h5'"),
-    "soft link outside": (make_soft_link_outside, "external link to 'other.h5'"),
-    "circle": (make_circle, "circle of soft links"),
+    "external link": (
+        [("bad", h5py.ExternalLink("/etc/other.h5", "/x"))],
+        "link to '/etc/other.h5'",
+    ),
+    "soft link outside": (
+        [("way", h5py.ExternalLink("other.h5", "/")), ("bad", h5py.SoftLink("/way/x"))],
+        "external link to 'other.h5'",
+    ),
+    "circle": (
+        [("bad", h5py.SoftLink("/back")), ("back", h5py.SoftLink("/bad"))],
+        "circle of soft links",
+    ),
     "external storage": (
         {"shape": (100,), "dtype": "f8", "external": ELSEWHERE},
         "keeps its data in the other file",
@@ -132,7 +123,7 @@ REFUSED = {
     "empty": ({"shape": (0,), "dtype": "f8", "maxshape": (None,)}, "no samples"),
     "scalar": (3.0, "single value"),
     "null": (h5py.Empty("f8"), "single value"),
-    "group": (make_group, "is a group"),
+    "group": ([("bad/below", 1.0)], "is a group"),
     "table": (
         np.zeros(5, [("a", "f8"), ("b", "f8")]),
         "a table without a column None; it has a, b",
@@ -147,6 +138,8 @@ def test_what_is_refused_alone_is_unreadable_and_beside_a_good_channel_a_loss(ch
     with h5py.File(chunked, "r+") as file:
         if callable(made):
             made(file)
+        elif isinstance(made, list):
+            file.update(made)
         elif isinstance(made, dict):
             file.create_dataset("bad", **made)
         else:

@@ -34,8 +34,11 @@ def without_lost_peaks(values: FloatArray, channel: ChannelSetup) -> FloatArray:
     """Recorded values (n,) with NaN for lost peaks: 0, or what is no wavelength when scaled."""
     if channel.kind not in WAVELENGTH_KINDS:
         return values
-    factor, offset = channel.scaling
-    return np.where((values != 0.0) & (factor * values + offset > 0.0), values, np.nan)
+    good = values > 0.0
+    if channel.scaled:
+        factor, offset = channel.scaling
+        good = (values != 0.0) & (factor * values + offset > 0.0)
+    return values if good.all() else np.where(good, values, np.nan)
 
 
 def runs(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -108,7 +108,7 @@ def counted_floats(counts: NDArray[np.int32], decimals: int) -> FloatArray:
 def counts_of(values: FloatArray, decimals: int) -> NDArray[np.int32] | None:
     """Floats as counts of 10^-decimals if these are the very same numbers; else None."""
     lost, power = np.isnan(values), 10.0**decimals
-    known = np.where(lost, 0.0, values)
+    known = np.where(lost, 0.0, values) if lost.any() else values
     with np.errstate(over="ignore"):  # 1e308 is no count, which the next line finds out
         counts = np.rint(known * power)
     largest = max(counts.max(initial=0.0), -counts.min(initial=0.0))
@@ -130,10 +130,12 @@ class SamplesWriter:
 
     def append(self, samples: FloatArray) -> None:
         """Write a block."""
-        # text cannot hold what is infinite, other formats can
-        samples = np.where(np.isfinite(samples), samples, np.nan)
+        finite = np.isfinite(samples)
+        lost = samples.size - int(np.count_nonzero(finite))
+        if lost:  # text cannot hold what is infinite, other formats can
+            samples = np.where(finite, samples, np.nan)
         stored = self._encode(samples)
-        self.lost += int(np.count_nonzero(np.isnan(samples)))
+        self.lost += lost
         if self._file is None:
             self._file = FlatFile(self.path, stored.dtype)
         elif stored.dtype != self._file.dtype:
