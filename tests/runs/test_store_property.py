@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from tests.runs.stored import SETUP, source, write
-from tirelog.data.recording import TimeAxis
+from tirelog.data.recording import LOST_COUNT, TimeAxis, counted_floats
 from tirelog.data.setup import parse_setup
 from tirelog.errors import SetupError
 from tirelog.readers.base import Group, RawBlock
 from tirelog.runs.store import open_run, write_file
-from tirelog.runs.temporary import CHUNK, LOST_COUNT, RunWriter, counted_floats
+from tirelog.runs.temporary import CHUNK, RunWriter
 from tirelog.vocabulary.quality import Quality
 
 

@@ -42,7 +42,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.data.recording import Channel, Recording, Scaled, TimeAxis
+from tirelog.data.recording import LOST_COUNT, Channel, Recording, Scaled, TimeAxis
 from tirelog.data.setup import ChannelSetup, Setup, parse_setup
 from tirelog.dsp.filters import even_axis
 from tirelog.errors import ReadError, SetupError, printable
@@ -58,7 +58,7 @@ from tirelog.readers.hdf5.source import (
     walk,
 )
 from tirelog.runs.in_memory import without_codes, without_repeats
-from tirelog.runs.temporary import CHUNK, LOST_COUNT, Run, Stored, check_open, scaled_to_si
+from tirelog.runs.temporary import CHUNK, Run, Stored, check_open, scaled_to_si
 from tirelog.storage.whole import LARGEST_BYTES, json_of
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import KINDS, SLOW_KINDS, STRAIN_KINDS

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.data.recording import TimeAxis
+from tirelog.data.recording import LOST_COUNT, TimeAxis, counted_floats
 from tirelog.data.setup import ChannelSetup, Setup
 from tirelog.errors import ReadError
 from tirelog.readers.base import Group, RawBlock, without_lost_peaks
@@ -92,17 +92,8 @@ class FlatFile:
             file.write(np.ascontiguousarray(values, self.dtype).data)
 
 
-#: the count that says that a sample is lost
-LOST_COUNT = -(1 << 31)
 #: decimals of a count are looked for up to so many, in so many samples before all of them
 _MOST_DECIMALS, _LOOKED_AT = 9, 1000
-
-
-def counted_floats(counts: NDArray[np.int32], decimals: int) -> FloatArray:
-    """Counts as floats: rounded as a parser of decimal numbers does."""
-    values: FloatArray = counts / 10.0**decimals
-    values[counts == LOST_COUNT] = np.nan
-    return values
 
 
 def counts_of(values: FloatArray, decimals: int) -> NDArray[np.int32] | None:
@@ -156,11 +147,11 @@ class SamplesWriter:
         """
         kind = None if self._file is None else self._file.dtype.str[1:]
         if kind in (None, "i4"):
-            undecided = self.lost == self.size
-            for decimals in range(_MOST_DECIMALS + 1) if undecided else [self.decimals]:
-                if counts_of(samples[:_LOOKED_AT], decimals) is None:
-                    continue
-                if (counts := counts_of(samples, decimals)) is not None:
+            # of lost samples alone any decimals are right
+            all_lost = self.lost == self.size
+            for decimals in range(_MOST_DECIMALS + 1) if all_lost else [self.decimals]:
+                likely = counts_of(samples[:_LOOKED_AT], decimals) is not None
+                if likely and (counts := counts_of(samples, decimals)) is not None:
                     self.decimals = decimals
                     return counts
         if kind in (None, "f4"):
@@ -228,11 +219,9 @@ class RunWriter:
         for name, first, stop, word in block.flags:
             start = self._columns[name].size
             self._flags[name].append((start + first, start + stop, word))
-        rows = 0
         for name, values in block.values.items():
             self._columns[name].append(without_lost_peaks(values, self.setup.channels[name]))
-            rows = values.size
-        return rows
+        return max((values.size for values in block.values.values()), default=0)
 
     @property
     def lost(self) -> dict[str, int]:
