@@ -9,12 +9,7 @@ from tirelog.data.setup import load_setup, parse_setup
 from tirelog.errors import SetupError
 
 BAD = [
-    (
-        "strain_gain",
-        "strian_gain",
-        15,
-        r"unknown key 'strian_gain'.*nearest: strain_gain",
-    ),
+    ("strain_gain", "strian_gain", 15, r"unknown key 'strian_gain'.*nearest: strain_gain"),
     ('kind = "fbg_strain"', 'kind = "fbg_strian"', 11, r"nearest: fbg_strain"),
     ('unit = "nm"', 'unit = "nanobar"', 13, r"unit 'nanobar' is not one of m, mm"),
     ('unit = "nm"', 'unit = "bar"', 13, r"unit 'bar' is not one of"),

@@ -8,13 +8,7 @@ import pytest
 from tests.sources import nodes
 from tirelog.errors import SetupError
 from tirelog.physics.effects.base import CATALOGUE_G_M_S2
-from tirelog.vocabulary.units import (
-    STANDARD_GRAVITY_M_S2,
-    UNITS,
-    canonical,
-    likely_number,
-    to_si,
-)
+from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2, UNITS, canonical, likely_number, to_si
 
 pytestmark = pytest.mark.xdist_group("sources")  # one worker parses the package, once
 

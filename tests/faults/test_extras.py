@@ -13,6 +13,7 @@ import pyarrow.feather
 import pytest
 
 from benchmarks.layouts import writers
+from tests.readers.logs import spoilt
 from tests.readers.other_files import outcome, read, refusal
 from tirelog.errors import TirelogError
 from tirelog.readers.other import conversion as apart
@@ -218,12 +219,7 @@ def test_flips_and_cuts_end_in_a_sentence_or_in_data(name: str, made, tmp_path: 
     data, source = made(name)
     rng = np.random.default_rng(len(name))
     for _ in range(6):
-        spoilt = bytearray(data)
-        for at in rng.integers(16, len(spoilt), int(rng.integers(1, 4))):
-            spoilt[at] ^= 1 << int(rng.integers(8))
-        if rng.random() < 0.4:
-            del spoilt[int(rng.integers(1, len(spoilt))) :]
-        size, said = outcome(bytes(spoilt), tmp_path, source)
+        size, said = outcome(spoilt(data, rng, 16), tmp_path, source)
         assert size > 0 or str(tmp_path / "log") in said
 
 

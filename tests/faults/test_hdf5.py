@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from tests.readers.logs import setup_of, whole
+from tests.readers.logs import flip, setup_of, spoilt, whole
 from tirelog.cli import run
 from tirelog.errors import ReadError, TirelogError
 from tirelog.readers.hdf5.reader import Hdf5Log, datasets
@@ -56,20 +56,6 @@ def place(path, source, chunk):
         return file[source].id.get_chunk_info(chunk)
 
 
-def make_external_link(file):
-    file["bad"] = h5py.ExternalLink("/etc/other.h5", "/x")
-
-
-def make_soft_link_outside(file):
-    file["way"] = h5py.ExternalLink("other.h5", "/")
-    file["bad"] = h5py.SoftLink("/way/x")
-
-
-def make_circle(file):
-    file["bad"] = h5py.SoftLink("/back")
-    file["back"] = h5py.SoftLink("/bad")
-
-
 def make_virtual(file):
     layout = h5py.VirtualLayout((100,), "f8")
     layout[:] = h5py.VirtualSource("other.h5", "x", (100,))
@@ -99,16 +85,21 @@ def make_giant_chunk(file):
     file.create_dataset("bad", (1 << 27,), "i1", chunks=(1 << 27,), compression="gzip")[0] = 1
 
 
-def make_group(file):
-    file.create_group("bad/below")
-
-
 ELSEWHERE = [("/etc/hostname", 0, h5py.h5f.UNLIMITED)]
-#: what makes it, the arguments of a dataset, or what is stored; and what is said
+#: what makes it, what stands where, the arguments of a dataset, or its values; and what is said
 REFUSED = {
-    "external link": (make_external_link, "external link to '/etc/other.h5'"),
-    "soft link outside": (make_soft_link_outside, "external link to 'other.h5'"),
-    "circle": (make_circle, "circle of soft links"),
+    "external link": (
+        [("bad", h5py.ExternalLink("/etc/other.h5", "/x"))],
+        "link to '/etc/other.h5'",
+    ),
+    "soft link outside": (
+        [("way", h5py.ExternalLink("other.h5", "/")), ("bad", h5py.SoftLink("/way/x"))],
+        "external link to 'other.h5'",
+    ),
+    "circle": (
+        [("bad", h5py.SoftLink("/back")), ("back", h5py.SoftLink("/bad"))],
+        "circle of soft links",
+    ),
     "external storage": (
         {"shape": (100,), "dtype": "f8", "external": ELSEWHERE},
         "keeps its data in the other file",
@@ -132,7 +123,7 @@ REFUSED = {
     "empty": ({"shape": (0,), "dtype": "f8", "maxshape": (None,)}, "no samples"),
     "scalar": (3.0, "single value"),
     "null": (h5py.Empty("f8"), "single value"),
-    "group": (make_group, "is a group"),
+    "group": ([("bad/below", 1.0)], "is a group"),
     "table": (
         np.zeros(5, [("a", "f8"), ("b", "f8")]),
         "a table without a column None; it has a, b",
@@ -147,6 +138,8 @@ def test_what_is_refused_alone_is_unreadable_and_beside_a_good_channel_a_loss(ch
     with h5py.File(chunked, "r+") as file:
         if callable(made):
             made(file)
+        elif isinstance(made, list):
+            file.update(made)
         elif isinstance(made, dict):
             file.create_dataset("bad", **made)
         else:
@@ -194,9 +187,7 @@ def test_what_is_no_hdf5_file(path, content, says):
 
 def test_a_flipped_bit_loses_its_chunk_and_no_other(chunked):
     whole = read(chunked, "/x")[0]["c0"]
-    content = bytearray(chunked.read_bytes())
-    content[place(chunked, "x", 7).byte_offset + 50] ^= 4
-    chunked.write_bytes(content)
+    flip(chunked, place(chunked, "x", 7).byte_offset + 50)
     values, flags, report = read(chunked, "/x")
     lost = np.isnan(values["c0"])
     assert lost[7000:8000].all()
@@ -212,9 +203,7 @@ def test_damage_to_the_first_stamps_leaves_the_others(path):
         file.create_dataset(
             "time", data=5.0 + GOOD / 100, chunks=(1000,), compression="gzip", fletcher32=True
         )
-    content = bytearray(path.read_bytes())
-    content[place(path, "time", 0).byte_offset + 50] ^= 4
-    path.write_bytes(content)
+    flip(path, place(path, "time", 0).byte_offset + 50)
     reader = opened(path, "/x")
     stamps = whole(reader)[1]["clock_1"]
     assert np.isnan(stamps[:1000]).all()
@@ -264,15 +253,9 @@ def test_120_flips_and_cuts_end_in_a_sentence_or_in_data(chunked, tmp_path):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     outcomes = {"refused": 0, "read": 0}
     for trial in range(120):
-        damaged = bytearray(content)
-        if trial % 4 == 0:
-            del damaged[rng.integers(len(damaged)) :]
-        else:  # half of them in the metadata at the start
-            reach = 1_500 if trial % 2 else len(damaged)
-            for at in rng.integers(min(reach, len(damaged)), size=1 + trial % 3):
-                damaged[at] ^= 1 << rng.integers(8)
         target = tmp_path / f"damaged_{trial}.h5"
-        target.write_bytes(damaged)
+        # half of them in the metadata at the start
+        target.write_bytes(spoilt(content, rng, stop=(1500, None)[trial % 2]))
         try:
             read(target, "/x", "/small")
             outcomes["read"] += 1

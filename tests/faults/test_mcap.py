@@ -15,6 +15,7 @@ import zstandard
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
+from tests.readers.logs import flip, spoilt
 from tests.readers.mcap_files import (
     LZ4,
     NONE,
@@ -55,12 +56,6 @@ def chunks(path):
 def rows(*messages):
     """Messages of one topic, one after the other."""
     return [("/t", START_NS + 400_000 * i, message) for i, message in enumerate(messages)]
-
-
-def flip(path, at, bit=3):
-    content = bytearray(path.read_bytes())
-    content[at] ^= 1 << bit
-    path.write_bytes(content)
 
 
 def is_gapless(x):
@@ -305,13 +300,7 @@ def test_flips_and_cuts_end_in_a_sentence_or_in_data(tmp_path):
     for path, sources in all_kinds(tmp_path):
         content = path.read_bytes()
         for trial in range(40):
-            damaged = bytearray(content)
-            if trial % 4 == 0:
-                del damaged[rng.integers(len(damaged)) :]
-            else:
-                for at in rng.integers((400, len(damaged))[trial % 2], size=1 + trial % 3):
-                    damaged[at] ^= 1 << rng.integers(8)
-            path.write_bytes(damaged)
+            path.write_bytes(spoilt(content, rng, stop=(400, None)[trial % 2]))
             try:
                 reader = read(path, sources)[2]
                 outcomes["loss" if reader.report.losses else "whole"] += 1

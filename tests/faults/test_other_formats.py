@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.io import savemat, wavfile
 
-from tests.readers.logs import setup_of
+from tests.readers.logs import setup_of, spoilt
 from tests.readers.other_files import A, N, outcome, read, refusal
 from tirelog.runs.ingest import open_recording
 
@@ -69,12 +69,7 @@ def test_flips_and_cuts_end_in_a_sentence_or_in_data(name: str, tmp_path: Path) 
     rng = np.random.default_rng(sum(name.encode()))
     sizes = []
     for _ in range(5):
-        spoilt = bytearray(data)
-        for at in rng.integers(0, len(spoilt), int(rng.integers(1, 4))):
-            spoilt[at] ^= 1 << int(rng.integers(8))
-        if rng.random() < 0.4:
-            del spoilt[int(rng.integers(1, len(spoilt))) :]
-        size, said = outcome(bytes(spoilt), tmp_path, source)
+        size, said = outcome(spoilt(data, rng), tmp_path, source)
         assert size <= N + 1 or "damaged" in said
         assert size > 0 or said.startswith(f"{tmp_path / 'log'}: ")
         sizes.append(size)
@@ -97,7 +92,7 @@ def test_a_file_cut_off_keeps_what_is_there_and_says_so(tmp_path: Path) -> None:
         ("matlab", "variable 1 cannot be read"),
         ("matlab packed", "variable 1 cannot be read"),
         ("parquet", "is a Parquet file that cannot be read"),
-        ("zip", "zip archive is cut off"),
+        ("zip", "is a zip archive that cannot be read (BadZipFile"),
     ],
 )
 def test_a_file_that_is_cut_off_before_its_end(name: str, says: str, tmp_path: Path) -> None:
@@ -233,17 +228,16 @@ def encrypted() -> bytes:
 
 ZIPS = {
     "encrypted": (encrypted(), "is encrypted"),
-    "of bzip2": (zipped(method=zipfile.ZIP_BZIP2), "method 12"),
-    "of a list that begins behind the end": (with_end(zipped(), 16, 1 << 24), "cut off or damaged"),
-    "of a list of 5 MB": (with_end(zipped(), 12, 5 << 20), "lists more files"),
-    "of nothing": (zipped("a/", text=""), "nothing before that could be unpacked|is empty"),
+    "of a list that begins behind the end": (with_end(zipped(), 16, 1 << 24), "cannot be read"),
+    "of a list of 5 MB": (with_end(zipped(), 12, 5 << 20), "cannot be read"),
+    "of nothing": (zipped("a/", text=""), "holds no file"),
 }
 
 
 @pytest.mark.parametrize("name", ZIPS)
 def test_an_archive_that_holds_no_log(name: str, tmp_path: Path) -> None:
     data, says = ZIPS[name]
-    assert any(part in refusal(data, tmp_path) for part in says.split("|"))
+    assert says in refusal(data, tmp_path)
 
 
 def test_an_archive_s_checksum_is_looked_at(tmp_path: Path) -> None:

@@ -110,12 +110,6 @@ def test_a_header_with_a_byte_that_no_encoding_knows():
     assert reader.report.losses == []
 
 
-def test_a_last_row_without_its_line_end_is_a_row():
-    reader, block = read(log()[:-1], SETUP)
-    assert block.values["a"].size == 200
-    assert reader.report.losses == []
-
-
 CUT = {
     "gzip": lambda data: gzip.compress(data)[:-2000],
     "zstd": lambda data: zstandard.ZstdCompressor().compress(data)[:-2000],
@@ -141,15 +135,6 @@ def test_a_damaged_compressed_log_gives_what_came_before(kind):
     assert any("stream is" in loss for loss in reader.report.losses)
     if "bit" not in kind:
         np.testing.assert_array_equal(block.values["a"], np.round(1550 + noise[:size], 4))
-
-
-def test_one_channel_of_two_is_missing():
-    reader, block = read(log(), {"a": "A", "c": "AX"})
-    assert list(block.values) == ["a"]
-    assert reader.groups[0].channels == ("a",)
-    assert reader.report.losses == [
-        "channel c: no column 'AX' (nearest: A); the log's columns are time_s, A, B"
-    ]
 
 
 def test_a_channel_without_one_reading_and_a_constant_one():

@@ -3,12 +3,13 @@
 import io
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tirelog.data.setup import Setup, parse_setup
-from tirelog.readers.base import LogReader
+from tirelog.readers.base import LogReader, without_lost_peaks
 
 
 def setup_of(
@@ -52,7 +53,7 @@ class Pipe(io.RawIOBase):
 
 
 def whole(reader: LogReader) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], list[tuple]]:
-    """(values per channel, stamps per group, flags) of all blocks."""
+    """(values per channel without lost peaks, stamps per group, flags) of all blocks."""
     values: dict[str, list[np.ndarray]] = {}
     stamps: dict[str, list[np.ndarray]] = {}
     flags: list[tuple] = []
@@ -66,4 +67,22 @@ def whole(reader: LogReader) -> tuple[dict[str, np.ndarray], dict[str, np.ndarra
         for name, part in block.values.items():
             values.setdefault(name, []).append(part)
     joined = [{k: np.concatenate(v) for k, v in parts.items()} for parts in (values, stamps)]
-    return joined[0], joined[1], flags
+    channels = reader.setup.channels
+    return {k: without_lost_peaks(v, channels[k]) for k, v in joined[0].items()}, joined[1], flags
+
+
+def flip(path: Path, at: int, bit: int = 3) -> None:
+    """Turns one bit of the byte `at` of a file."""
+    content = bytearray(path.read_bytes())
+    content[at] ^= 1 << bit
+    path.write_bytes(content)
+
+
+def spoilt(data: bytes, rng: np.random.Generator, first: int = 0, stop: int | None = None) -> bytes:
+    """The bytes with one to three bits turned in [first, stop); some are cut off."""
+    found = bytearray(data)
+    for at in rng.integers(first, min(stop or len(found), len(found)), int(rng.integers(1, 4))):
+        found[at] ^= 1 << int(rng.integers(8))
+    if rng.random() < 0.4:
+        del found[int(rng.integers(1, len(found))) :]
+    return bytes(found)

@@ -286,12 +286,6 @@ def test_messages_outside_of_chunks(path, checked):
     assert said == ([] if checked else [True])
 
 
-def test_lost_peaks_are_lost(path):
-    write_json(path, timed([{"wl": w} for w in (1550.0, 0, -1, None, 1551.0)]))
-    values, _, _ = read(path, {"a": "/t:wl"}, kind="fbg_strain")
-    np.testing.assert_array_equal(values["a"], [1550.0, np.nan, np.nan, np.nan, 1551.0])
-
-
 @pytest.mark.parametrize(
     ("source", "topic", "tokens"),
     [
@@ -317,10 +311,3 @@ def test_json_messages_of_changing_shapes(path):
     said = " ".join(reader.report.losses)
     assert "has no field 'a'" in said
     assert "holds text where a number is expected" in said
-
-
-def test_the_decimals_of_numbers_in_text_are_told(path):
-    rows = [{"nm": 1550 + i / 10_000, "steps": i % 48, "noise": 1 / (i + 3)} for i in range(50)]
-    sources = {name: f"/t:{name}" for name in rows[0]}
-    reader = read(write_json(path, timed(rows)), sources)[2]
-    assert reader.groups[0].decimals == {"nm": 4, "steps": 0, "noise": None}

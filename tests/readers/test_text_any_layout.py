@@ -79,20 +79,10 @@ def written(layout, values):
 
 #: three rows of quoted times that end in a blank, under words: blanks seemed to separate cells
 QUOTED_TIMES = {
-    "separator": "\t",
-    "decimal": ".",
-    "stamps": "dashes",
-    "quotes": "around all",
-    "header": True,
-    "units": "row",
-    "preamble": "Logger 3.1\n",
-    "trailing": False,
-    "encoding": "utf-8",
-    "end": "\n",
-    "last_end": False,
-    "rows": 3,
-    "lost": "NaN",
-}
+    "separator": "\t", "decimal": ".", "stamps": "dashes", "quotes": "around all", "header": True,
+    "units": "row", "preamble": "Logger 3.1\n", "trailing": False, "encoding": "utf-8",
+    "end": "\n", "last_end": False, "rows": 3, "lost": "NaN",
+}  # fmt: skip
 
 
 @given(layouts(), st.integers(0, 10**6))

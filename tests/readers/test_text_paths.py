@@ -68,15 +68,3 @@ def test_compressed_and_piped(kind):
     reader, block = piped(WRAP[kind](log()), SETUP)
     same(block, read(log(), SETUP)[1])
     assert reader.report.losses == []
-
-
-def test_one_bad_cell_changes_no_other_sample():
-    _, whole = read(log(), SETUP)
-    lines = log().split(b"\n")
-    lines[1500] = lines[1500].rsplit(b",", 1)[0] + b",oops"
-    reader, block = read(b"\n".join(lines), SETUP)
-    rest = np.arange(3000) != 1499
-    np.testing.assert_array_equal(block.values["b"][rest], whole.values["b"][rest])
-    np.testing.assert_array_equal(block.values["a"], whole.values["a"])
-    assert np.isnan(block.values["b"][1499])
-    assert reader.report.losses == ["1 cells are no numbers (first in line 1501: 'oops')"]

@@ -8,7 +8,7 @@ import numpy as np
 
 from tests.readers.logs import Pipe, setup_of
 from tirelog.data.setup import Setup
-from tirelog.readers.base import RawBlock, counted_floats
+from tirelog.readers.base import RawBlock, without_lost_peaks
 from tirelog.readers.text.reader import TextReader, open_text
 
 __all__ = ["Pipe", "joined", "piped", "read", "setup_of"]
@@ -31,13 +31,15 @@ def piped(data: bytes, setup: Setup) -> tuple[TextReader, RawBlock]:
 
 
 def joined(blocks: list[RawBlock], reader: TextReader) -> RawBlock:
-    """Blocks of a reader after one another, all values as floats."""
-    places = reader.groups[0].decimals
+    """Blocks of a reader after one another, without lost peaks."""
+    channels = reader.setup.channels
     starts = np.cumsum([0] + [next(iter(b.values.values())).size for b in blocks])
     return RawBlock(
         blocks[0].group,
         {
-            name: np.concatenate([counted_floats(b.values[name], places[name]) for b in blocks])
+            name: without_lost_peaks(
+                np.concatenate([b.values[name] for b in blocks]), channels[name]
+            )
             for name in blocks[0].values
         },
         None if blocks[0].stamps_s is None else np.concatenate([b.stamps_s for b in blocks]),

@@ -47,11 +47,10 @@ def write(
     values: dict[str, np.ndarray],
     *,
     block: int = CHUNK,
-    decimals: int | None = 4,
     times_s: np.ndarray | None = None,
 ) -> None:
     """The run of `values` in `path`, with flags, a remark and a loss; `times_s`: of all samples."""
-    group = Group("g", ("s", "t", "v"), decimals={"s": decimals, "t": 4, "v": None})
+    group = Group("g", ("s", "t", "v"))
     folder = path.with_suffix(".samples")
     folder.mkdir()
     writer = RunWriter(folder, parse_setup(SETUP), (group,))

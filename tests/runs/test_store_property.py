@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from tests.runs.stored import SETUP, source, write
-from tirelog.data.recording import TimeAxis
+from tirelog.data.recording import LOST_COUNT, TimeAxis, counted_floats
 from tirelog.data.setup import parse_setup
 from tirelog.errors import SetupError
-from tirelog.readers.base import LOST_COUNT, Group, RawBlock, counted_floats
+from tirelog.readers.base import Group, RawBlock
 from tirelog.runs.store import open_run, write_file
 from tirelog.runs.temporary import CHUNK, RunWriter
 from tirelog.vocabulary.quality import Quality
@@ -81,35 +81,35 @@ def test_another_setup_changes_the_conversion_and_not_the_counts(tmp_path: Path)
         pass
 
 
-COUNTS = np.arange(300_000, dtype=np.int32)
-
-
 @pytest.mark.parametrize(
     ("late", "dtype"),
     [
-        (COUNTS[:5], "i4"),
+        (np.zeros(0), "i4"),
         (np.array([0.25, np.nan]), "i4"),
         (np.array([0.125]), "f8"),
         (np.array([1.0, 1e-9]), "f8"),
     ],
 )
 def test_counts_and_floats_of_one_channel(tmp_path: Path, late: np.ndarray, dtype: str) -> None:
-    """Counts go into the run as they are; floats that are such counts join them, others make floats
+    """Decimals are counts behind any number of lost samples; a number of more decimals makes floats
     of all, to the bit.
     """
-    counts = COUNTS.copy()
+    counts = np.arange(300_000, dtype=np.int32)
     counts[::1000] = LOST_COUNT
+    values = counted_floats(counts, 2)
     setup = parse_setup(
         '[tire]\nunloaded_radius_m = 0.3\n[channels.t]\nkind = "temperature"\nsource = "a"\n'
     )
-    writer = RunWriter(tmp_path, setup, (Group("g", ("t",), decimals={"t": 2}),))
-    for part in (counts[:1000], counts[1000:], late, counts[:10]):
+    writer = RunWriter(tmp_path, setup, (Group("g", ("t",)),))
+    parts = [np.full(70, np.nan), values[:1000], values[1000:], late, values[:10]]
+    for part in parts:
         writer.append(RawBlock("g", {"t": part}))
-    whole = np.concatenate([counted_floats(part, 2) for part in (counts, late, counts[:10])])
+    whole = np.concatenate(parts)
     assert writer.lost == {"t": np.isnan(whole).sum()}
     run = writer.finish({"g": TimeAxis.uniform(whole.size, 100.0)}, {}, {})
     write_file(run, tmp_path / "r.h5")
     with h5py.File(tmp_path / "r.h5") as file:
         stored = file["channels/t"]
         assert stored.dtype == dtype
-        np.testing.assert_array_equal(counted_floats(stored[:], 2), whole)
+        read = counted_floats(stored[:], 2) if dtype == "i4" else stored[:]
+        np.testing.assert_array_equal(read, whole)

@@ -26,8 +26,17 @@ from tirelog.vocabulary.arrays import ColumnSet, FloatArray, IntArray
 from tirelog.vocabulary.conditions import ConditionValues
 from tirelog.vocabulary.quality import Doubt
 
+#: the count that says that a sample is lost
+LOST_COUNT = -(1 << 31)
 #: Samples per block, for whoever reads a channel piece by piece (1 MB of float64).
 BLOCK_SAMPLES = 1 << 17
+
+
+def counted_floats(counts: NDArray[np.int32], decimals: int) -> FloatArray:
+    """Counts as floats: rounded as a parser of decimal numbers does."""
+    values: FloatArray = counts / 10.0**decimals
+    values[counts == LOST_COUNT] = np.nan
+    return values
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from tirelog.data.plausibility import check_recording
 from tirelog.data.recording import Channel, Recording
 from tirelog.data.setup import ChannelSetup, Setup, names_beside, parse_setup
 from tirelog.errors import DataLoss, ReadError, SetupError, TirelogError, UsageError
-from tirelog.readers.base import LogReader, Series, SeriesList, counted_floats
+from tirelog.readers.base import LogReader, Series, SeriesList
 from tirelog.runs.ingest import (
     LogStream,
     clock_of,
@@ -270,7 +270,7 @@ def contents(log: str) -> Contents:
             with opened_log(str(path), head, stream, log) as opened:
                 inside = listed(opened.made, opened.path or path, log)
                 _refuse_without_series(inside, log)
-                names = {f"c{k}": one for k, one in enumerate(inside.series)}
+                names = {one.source: one for one in inside.series}
                 reader = reader_of(stream, opened, _setup(names), log)
                 found = _read(log, reader, names, inside.time)
                 said = (*inside.unread[:_MOST_UNREAD], *found.remarks)
@@ -308,7 +308,6 @@ def _setup(names: dict[str, Series]) -> Setup:
 def _read(log: str, reader: LogReader, names: dict[str, Series], time: str) -> Contents:
     parts: dict[str, list[FloatArray]] = {name: [] for name in names}
     kept = dict.fromkeys(names, 0)
-    places = {n: group.decimals.get(n) for group in reader.groups for n in group.channels}
     clocks = {group.name: clock_of(group, reader.setup) for group in reader.groups}
     blocks, whole = reader.blocks(), True
     for number, block in enumerate(islice(blocks, _BLOCKS + 1)):
@@ -319,11 +318,11 @@ def _read(log: str, reader: LogReader, names: dict[str, Series], time: str) -> C
         for name, values in block.values.items():
             size = values.size
             if kept[name] < _MOST_SAMPLES:
-                parts[name].append(counted_floats(values[:_MOST_SAMPLES], places[name]))
+                parts[name].append(values[:_MOST_SAMPLES])
                 kept[name] += size
         clocks[block.group].add(block.stamps_s, block.number, size)
     blocks.close()  # type: ignore[attr-defined]  # every reader's blocks are a generator
-    found, remarks, why = [], [], ""
+    found, remarks, why = {}, [], ""
     for group in reader.groups:
         clock, rate, duration = clocks[group.name], None, None
         try:
@@ -340,25 +339,16 @@ def _read(log: str, reader: LogReader, names: dict[str, Series], time: str) -> C
                 matrix, index, _ = time.partition("[")
                 of_all = index and one.source.startswith(matrix + index)
                 guess = guessed("" if of_all else one.source, unit, samples)
-                found.append(FoundSeries(one, unit, rate, duration, samples, guess))
-    order = {one: k for k, one in enumerate(names.values())}
-    found.sort(key=lambda one: order[one.series])
+                found[name] = FoundSeries(one, unit, rate, duration, samples, guess)
     report = reader.report
-    losses = [_with_source(loss, names) for loss in report.losses]
-    said = [*(_with_source(remark, names) for remark in report.remarks), *remarks]
+    losses = [loss.removeprefix("channel ") for loss in report.losses]
+    said = [*(remark.removeprefix("channel ") for remark in report.remarks), *remarks]
     said += [why] if why else []
+    in_order = [found[name] for name in names if name in found]
     return Contents(
-        log, report.format, report.start, time, tuple(_twins(found)), tuple(said), tuple(losses),
+        log, report.format, report.start, time, tuple(_twins(in_order)), tuple(said), tuple(losses),
         whole, clock=why,
     )  # fmt: skip
-
-
-def _with_source(sentence: str, names: dict[str, Series]) -> str:
-    """A reader's sentence with a series' own name for the channel's."""
-    for name, one in names.items():
-        if sentence.startswith(f"channel {name}: "):
-            return f"{one.source}: {sentence.removeprefix(f'channel {name}: ')}"
-    return sentence
 
 
 def _twins(found: list[FoundSeries]) -> list[FoundSeries]:
@@ -554,7 +544,7 @@ def _channel(name: str, one: FoundSeries, twins: dict[str, FoundSeries], surface
 
 def _log(inside: Contents) -> str:
     lines = ["\n[log]"]
-    if inside.time and inside.format.startswith(("text", "parquet")):
+    if inside.time and inside.format.startswith(("text", "zip", "parquet")):
         lines.append(_line("time", json.dumps(inside.time), "found by the reader, too"))
     if inside.clock:
         lines.append(f"# no rate is found: {_shown(inside.clock)}")

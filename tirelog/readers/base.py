@@ -5,9 +5,9 @@
         .blocks()  RawBlock after RawBlock, in the order of the file, for any of the groups
         .report    what was lost, repaired or doubted; complete once the blocks are read to the end
 
-Values are in the *source's* unit, NaN where the instrument marks a sample as lost (blank, NaN, 0,
--1, ...), or counts of its last decimal; `tirelog.runs.ingest` scales them to SI, builds the time
-axis from the stamps (`tirelog.runs.clock`) and writes the run.
+Values are in the *source's* unit, NaN where a sample is blank or no number. `tirelog.runs` finds
+lost peaks among them (0 and -1 in all formats), scales to SI and builds the time axis from the
+stamps.
 """
 
 from __future__ import annotations
@@ -26,55 +26,19 @@ from tirelog.data.setup import PLAUSIBLE, ChannelSetup, Setup
 from tirelog.errors import ReadError, TirelogError
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.kinds import KINDS
+from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
 from tirelog.vocabulary.quality import Quality
 
-#: float64 values, or int32 counts
-Samples = FloatArray | NDArray[np.int32]
-#: the count that says that a sample is lost
-LOST_COUNT = -(1 << 31)
-#: more decimals than this are no counts of int32
-_MOST_PLACES = 9
 
-
-def counted_floats(samples: Samples, decimals: int | None) -> FloatArray:
-    """Samples as floats: counts are divided by 10^decimals.
-
-    That rounds correctly, as a parser of decimal numbers does.
-    """
-    if samples.dtype != np.int32:
-        return np.asarray(samples, np.float64)
-    values = samples / 10.0 ** (decimals or 0)
-    values[samples == LOST_COUNT] = np.nan
-    return values
-
-
-def whole_counts(values: FloatArray, decimals: int | None) -> Samples:
-    """Floats as int32 counts of 10^-decimals if these are the very same numbers, else as they are.
-
-    None is for floats that are no decimals.
-    """
-    if decimals is None or decimals > _MOST_PLACES:
+def without_lost_peaks(values: FloatArray, channel: ChannelSetup) -> FloatArray:
+    """Recorded values (n,) with NaN for lost peaks: 0, or what is no wavelength when scaled."""
+    if channel.kind not in WAVELENGTH_KINDS:
         return values
-    lost = np.isnan(values)
-    with np.errstate(over="ignore"):
-        counts = np.rint(np.where(lost, 0.0, values) * 10.0**decimals)
-    if counts.size and (counts.max() >= -LOST_COUNT or counts.min() <= LOST_COUNT):
-        return values
-    whole = counts.astype(np.int32)
-    whole[lost] = LOST_COUNT
-    counts /= 10.0**decimals
-    return whole if ((counts == values) | lost).all() else values
-
-
-def samples_lost(samples: Samples) -> NDArray[np.bool_]:
-    """Which of them are lost."""
-    return samples == LOST_COUNT if samples.dtype == np.int32 else np.isnan(samples)
-
-
-def lost_samples(samples: Samples) -> int:
-    """How many of them are lost."""
-    return int(np.count_nonzero(samples_lost(samples)))
+    good = values > 0.0
+    if channel.scaled:
+        factor, offset = channel.scaling
+        good = (values != 0.0) & (factor * values + offset > 0.0)
+    return values if good.all() else np.where(good, values, np.nan)
 
 
 def runs(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -90,9 +54,8 @@ class Group:
     `channels` are names of the setup; `rate_Hz` is what the file itself says (None: the setup or
     the stamps must tell); `stamp_resolution_s` the step of the file's stamps (0 if it is as fine
     as the samples); `counted` is true if the sample number in the file, not the stamp, is the
-    clock; `edges` if a sample is an edge at its stamp, and no clock is behind them; `decimals` the
-    decimals of each channel's source (None: binary floats); `start_s` is when samples without
-    stamps begin in the log; `time_example` how a setup could name their times.
+    clock; `edges` if a sample is an edge at its stamp, and no clock is behind them; `start_s` is
+    when samples without stamps begin in the log; `time_example` how a setup could name their times.
     """
 
     name: str
@@ -100,7 +63,6 @@ class Group:
     rate_Hz: float | None = None
     stamp_resolution_s: float = 0.0
     counted: bool = False
-    decimals: Mapping[str, int | None] = field(default_factory=dict)
     edges: bool = False
     start_s: float = 0.0
     time_example: str = '"#1" (its column)'
@@ -110,15 +72,14 @@ class Group:
 class RawBlock:
     """Some consecutive samples of a group.
 
-    `values[channel]` shape (n,), source unit: float64, NaN where lost, or int32 counts of
-    10^-decimals (those of the group), LOST_COUNT where lost; `stamps_s` shape (n,) seconds from the
-    first stamp of the log, or None if the file has no stamps; `number` shape (n,) the file's own
-    sample numbers (gaps in them are lost samples), or None; `flags` (channel, start, stop, word):
-    doubted samples of this block.
+    `values[channel]` shape (n,), source unit, NaN where lost; `stamps_s` shape (n,) seconds from
+    the first stamp of the log, or None if the file has no stamps; `number` shape (n,) the file's
+    own sample numbers (gaps in them are lost samples), or None; `flags` (channel, start, stop,
+    word): doubted samples of this block.
     """
 
     group: str
-    values: Mapping[str, Samples]
+    values: Mapping[str, FloatArray]
     stamps_s: FloatArray | None = None
     number: FloatArray | None = None
     flags: tuple[tuple[str, int, int, Quality], ...] = ()
@@ -199,7 +160,7 @@ RATES = {
 #: "Samples per Second<tab>1", "sampled at 1024", "Delta_X<tab>0.001"
 _BEHIND = (
     r"\s*(?:[\[(][^\])]*[\])])?\s*(?:[A-Za-z ]{0,40}[:=]|\bis\b|\bof\b)?[\s,;]*"
-    r"\"?(\d[\d.]*(?:,\d+)?(?:e[+-]?\d+)?)"
+    r"\"?(\d+(?:[.,]\d*)?(?:e[+-]?\d+)?)(?![\d.]|,\d)"
 )
 _IN_WORDS = (
     re.compile(
@@ -225,10 +186,7 @@ def rate_in_words(lines: Iterable[str]) -> float | None:
     for line in lines:
         for pattern, is_period in zip(_IN_WORDS, (False, True), strict=True):
             if match := pattern.search(line):
-                try:
-                    number = float(match[1].replace(",", "."))
-                except ValueError:
-                    continue
+                number = float(match[1].replace(",", "."))
                 number *= _FACTORS.get((match[2] or "").lower(), 1.0)
                 if (rate := rate_Hz(number, is_period)) is not None:
                     return rate

@@ -182,7 +182,7 @@ def reader_of(stream: LogStream, opened: OpenedLog, setup: Setup, log: str) -> L
 
     SetupError: [log] has keys that only a text log has, and the log is none.
     """
-    if setup.log.of_text and opened.format:
+    if setup.log.of_text and opened.format not in ("", "zip"):
         keys = ", ".join(setup.log.of_text)
         raise SetupError(
             f"[log] {keys}: the log is {opened.format}",

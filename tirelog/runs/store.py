@@ -42,11 +42,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.data.recording import Channel, Recording, Scaled, TimeAxis
+from tirelog.data.recording import LOST_COUNT, Channel, Recording, Scaled, TimeAxis
 from tirelog.data.setup import ChannelSetup, Setup, parse_setup
 from tirelog.dsp.filters import even_axis
 from tirelog.errors import ReadError, SetupError, printable
-from tirelog.readers.base import LOST_COUNT
 from tirelog.readers.hdf5.source import (
     LIBRARY_ERRORS,
     MOST_ATTRIBUTE_BYTES,

@@ -17,10 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.data.recording import TimeAxis
+from tirelog.data.recording import LOST_COUNT, TimeAxis, counted_floats
 from tirelog.data.setup import ChannelSetup, Setup
 from tirelog.errors import ReadError
-from tirelog.readers.base import LOST_COUNT, Group, RawBlock, Samples, counted_floats, lost_samples
+from tirelog.readers.base import Group, RawBlock, without_lost_peaks
+from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
 from tirelog.vocabulary.quality import Doubt
 
@@ -91,24 +92,41 @@ class FlatFile:
             file.write(np.ascontiguousarray(values, self.dtype).data)
 
 
-class SamplesWriter:
-    """Writes one channel of `decimals` decimals in its source (None: binary floats).
+#: decimals of a count are looked for up to so many, in so many samples before all of them
+_MOST_DECIMALS, _LOOKED_AT = 9, 1000
 
-    `lost` counts its lost samples.
+
+def counts_of(values: FloatArray, decimals: int) -> NDArray[np.int32] | None:
+    """Floats as counts of 10^-decimals if these are the very same numbers; else None."""
+    lost, power = np.isnan(values), 10.0**decimals
+    known = np.where(lost, 0.0, values) if lost.any() else values
+    with np.errstate(over="ignore"):  # 1e308 is no count, which the next line finds out
+        counts = np.rint(known * power)
+    largest = max(counts.max(initial=0.0), -counts.min(initial=0.0))
+    if largest >= -LOST_COUNT - 1.0 or not np.array_equal(counts / power, known):
+        return None
+    counts[lost] = LOST_COUNT
+    return counts.astype(np.int32)
+
+
+class SamplesWriter:
+    """Writes one channel.
+
+    `lost` counts its lost samples; `decimals` are those of its counts.
     """
 
-    def __init__(self, path: Path, decimals: int | None) -> None:
-        self.path, self.lost, self.size = path, 0, 0
-        self.decimals = self._places = decimals
-        self._power = 1.0 if decimals is None else 10.0**decimals
+    def __init__(self, path: Path) -> None:
+        self.path, self.lost, self.size, self.decimals = path, 0, 0, 0
         self._file: FlatFile | None = None
 
-    def append(self, samples: Samples) -> None:
+    def append(self, samples: FloatArray) -> None:
         """Write a block."""
-        if samples.dtype != np.int32:  # text cannot hold what is infinite, other formats can
-            samples = np.where(np.isfinite(samples), samples, np.nan)
-        self.lost += lost_samples(samples)
+        finite = np.isfinite(samples)
+        lost = samples.size - int(np.count_nonzero(finite))
+        if lost:  # text cannot hold what is infinite, other formats can
+            samples = np.where(finite, samples, np.nan)
         stored = self._encode(samples)
+        self.lost += lost
         if self._file is None:
             self._file = FlatFile(self.path, stored.dtype)
         elif stored.dtype != self._file.dtype:
@@ -116,37 +134,32 @@ class SamplesWriter:
             wide = FlatFile(self.path.with_suffix(".wide"), np.dtype(np.float64))
             for start in range(0, max(self.size, 1), CHUNK):
                 part = self._file(start, min(start + CHUNK, self.size))
-                wide.append(counted_floats(part, self._places))
+                wide.append(counted_floats(part, self.decimals) if part.dtype.kind == "i" else part)
             wide.path.replace(self.path)
             self._file = FlatFile(self.path, wide.dtype)
         self._file.append(stored)
         self.size += stored.size
 
-    def _encode(self, samples: Samples) -> NDArray[Any]:
+    def _encode(self, samples: FloatArray) -> NDArray[Any]:
         """`samples` as counts, float32 or float64.
 
         The smallest that this channel's blocks so far and this one fit exactly.
         """
         kind = None if self._file is None else self._file.dtype.str[1:]
-        if samples.dtype == np.int32 and self.decimals is not None and kind in (None, "i4"):
-            return samples
-        values = counted_floats(samples, self._places)
-        if self.decimals is not None and kind in (None, "i4"):
-            lost = np.isnan(values)
-            known = np.where(lost, 0.0, values) if lost.any() else values
-            with np.errstate(over="ignore"):  # 1e308 is no count, which the next line finds out
-                counts = np.rint(known * self._power)
-            largest = max(counts.max(initial=0.0), -counts.min(initial=0.0))
-            if largest < -LOST_COUNT - 1.0 and np.array_equal(counts / self._power, known):
-                counts[lost] = LOST_COUNT
-                return counts.astype(np.int32)
-        self.decimals = None
+        if kind in (None, "i4"):
+            # of lost samples alone any decimals are right
+            all_lost = self.lost == self.size
+            for decimals in range(_MOST_DECIMALS + 1) if all_lost else [self.decimals]:
+                likely = counts_of(samples[:_LOOKED_AT], decimals) is not None
+                if likely and (counts := counts_of(samples, decimals)) is not None:
+                    self.decimals = decimals
+                    return counts
         if kind in (None, "f4"):
             with np.errstate(over="ignore"):
-                single = values.astype(np.float32)
-            if np.array_equal(single, values, equal_nan=True):
+                single = samples.astype(np.float32)
+            if np.array_equal(single, samples, equal_nan=True):
                 return single
-        return values
+        return samples
 
     def finish(self) -> FlatFile:
         """All samples; nothing may follow."""
@@ -195,10 +208,9 @@ class RunWriter:
 
     def __init__(self, folder: Path, setup: Setup, groups: tuple[Group, ...]) -> None:
         self.folder, self.setup, self.groups = folder, setup, groups
-        pairs = [(group, name) for group in groups for name in group.channels]
+        names = [name for group in groups for name in group.channels]
         self._columns = {
-            name: SamplesWriter(folder / f"{number}.samples", group.decimals.get(name))
-            for number, (group, name) in enumerate(pairs)
+            name: SamplesWriter(folder / f"{number}.samples") for number, name in enumerate(names)
         }
         self._flags: dict[str, list[Doubt]] = {name: [] for name in self._columns}
 
@@ -207,11 +219,9 @@ class RunWriter:
         for name, first, stop, word in block.flags:
             start = self._columns[name].size
             self._flags[name].append((start + first, start + stop, word))
-        rows = 0
         for name, values in block.values.items():
-            self._columns[name].append(values)
-            rows = values.size
-        return rows
+            self._columns[name].append(without_lost_peaks(values, self.setup.channels[name]))
+        return max((values.size for values in block.values.values()), default=0)
 
     @property
     def lost(self) -> dict[str, int]:
@@ -249,7 +259,7 @@ class RunWriter:
             channel.source_unit,
             column.size,
             file.dtype,
-            (column.decimals or 0) if file.dtype.kind == "i" else -1,
+            column.decimals if file.dtype.kind == "i" else -1,
             lambda start, stop, _: file(start, stop),
             tuple(flags),
             at_hand=True,

@@ -76,7 +76,6 @@ from tirelog.readers.hdf5.source import (
 from tirelog.readers.other.formats import HEAD_BYTES, name_of
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.kinds import WAVELENGTH_KINDS
 from tirelog.vocabulary.quality import Quality
 
 # ---- Which dataset a source means, and which dataset holds its time.
@@ -596,13 +595,11 @@ class Hdf5Log:
             gathered.setdefault(key, ([], time))[0].append(channel)
         clocks = []
         for number, ((rate, begin_s, *_), (members, time)) in enumerate(gathered.items(), 1):
-            decimals = {name: scale.decimals for name, _, scale in members}
             group = Group(
                 f"clock_{number}",
-                tuple(decimals),
+                tuple(name for name, _, _ in members),
                 rate,
                 start_s=begin_s,
-                decimals=decimals,
                 time_example='"/PATH" (its dataset)',
             )
             size = max(kept(column, self.end, BLOCK_VALUES) for _, column, _ in members)
@@ -706,15 +703,10 @@ class Hdf5Log:
         slabs = Slabs([column for _, column, _ in clock.channels], start, stop)
         for name, source, scale in clock.channels:
             stored, lost = self._read(source, start, stop, slabs)
-            numbers = scale.apply(stored)
-            channel = self.setup.channels[name]
-            if channel.kind in WAVELENGTH_KINDS:  # 0 is a lost peak; a share may be below it
-                factor, offset = channel.scaling
-                numbers[(numbers == 0.0) | ~(factor * numbers + offset > 0.0)] = np.nan
-            numbers[lost] = np.nan
+            values[name] = scale.apply(stored)
+            values[name][lost] = np.nan
             gone |= lost
             flags += [(name, first, last, Quality.GAP) for first, last in runs(lost)]
-            values[name] = numbers
         stamps, stamps_gone = self._stamps(clock, start, stop, slabs) if clock.time else (None, 0)
         return (
             RawBlock(clock.group.name, values, stamps, None, tuple(flags)),

@@ -311,8 +311,9 @@ def column(
                 do="add :COLUMN to source",
             )
         dtype = dtype[field]
-        if dtype.shape and math.prod(dtype.shape) > 1:
-            element = tuple(0 if i is None else i for i in index)
+        if dtype.shape:
+            many = math.prod(dtype.shape) > 1
+            element = tuple(i or 0 for i in index) if many else (0,) * len(dtype.shape)
             if len(element) != len(dtype.shape) or any(
                 i >= n for i, n in zip(element, dtype.shape, strict=True)
             ):
@@ -321,9 +322,6 @@ def column(
                     allowed="allowed is one element [i]",
                     do="mend the index in source",
                 )
-            index = ()
-        elif dtype.shape:
-            element = (0,) * len(dtype.shape)
             index = ()
     elif field is not None:
         raise ReadError(
@@ -636,15 +634,11 @@ MOST_ATTRIBUTE_BYTES = 1 << 16
 
 @dataclass(frozen=True)
 class Scale:
-    """factor x stored + offset; stored values in `lost` are lost samples.
+    """factor x stored + offset; stored values in `lost` are lost samples."""
 
-    `decimals` if the stored numbers are decimal counts.
-    """
-
-    factor: float = 1.0
-    offset: float = 0.0
-    lost: tuple[float, ...] = ()
-    decimals: int | None = None
+    factor: float
+    offset: float
+    lost: tuple[float, ...]
 
     def apply(self, stored: NDArray[Any]) -> NDArray[np.float64]:
         values = stored.astype(np.float64)
@@ -652,9 +646,10 @@ class Scale:
         with np.errstate(
             over="ignore", invalid="ignore"
         ):  # a damaged number may leave the range of floats, and is lost then
-            if self.decimals is not None:
-                values /= 10.0**self.decimals  # correctly rounded, as a product with 0.001 is not
-            elif self.factor != 1.0:
+            inverse = float(np.rint(1.0 / self.factor))
+            if inverse and 1.0 / inverse == self.factor:
+                values /= inverse  # correctly rounded, as a product with 0.001 is not
+            else:
                 values *= self.factor
             if self.offset:
                 values += self.offset
@@ -723,21 +718,13 @@ def scale_of(column: SourceColumn) -> Scale:
     """How the column's stored numbers become values."""
     attributes = Attributes(column.dataset)
     lost = tuple(v for v in map(attributes.number, FILL_NAMES) if v is not None)
-    integer = column.dtype.kind in "iu"
     for factor_name, offset_name, offset_first in SCALES:
         factor, offset = attributes.number(factor_name), attributes.number(offset_name)
         if factor is None or factor == 0.0:
             continue
         offset = offset or 0.0
-        exponent = round(-math.log10(abs(factor)))
-        decimal = (
-            integer and offset == 0.0 and 0 <= exponent <= 15 and factor == float(f"1e-{exponent}")
-        )
-        return Scale(
-            factor, factor * offset if offset_first else offset, lost, exponent if decimal else None
-        )
-    offset = attributes.number("add_offset") or attributes.number("offset") or 0.0
-    return Scale(1.0, offset, lost, 0 if integer and offset == 0.0 else None)
+        return Scale(factor, factor * offset if offset_first else offset, lost)
+    return Scale(1.0, attributes.number("add_offset") or attributes.number("offset") or 0.0, lost)
 
 
 def start_of(column: SourceColumn) -> float:

@@ -51,9 +51,7 @@ class ChannelDecoder:
         self.faults: Counter[str] = Counter()  # messages that gave no number, by what was wrong
         self.refused_size = False
         try:
-            decode, self.layout_of = _decoder(encoding, schema)
-        except ReadError:
-            raise
+            decoder = _decoder(encoding, schema)
         except DECODE_ERRORS as problem:
             what = f"{type(problem).__name__}: {problem}".splitlines()[0][:160]
             raise ReadError(
@@ -61,7 +59,7 @@ class ChannelDecoder:
                 allowed="allowed is a whole schema",
                 do="record it again",
             ) from None
-        if decode is None:
+        if decoder is None:
             name = schema.encoding if schema is not None else "none"
             raise ReadError(
                 f"topic {topic!r} has the message encoding {encoding!r} with the schema encoding "
@@ -69,7 +67,7 @@ class ChannelDecoder:
                 allowed="allowed are json, protobuf with protobuf, cdr with ros2msg",
                 do="record it in one of them",
             )
-        self.decode: Callable[[bytes], Any] = decode
+        self.decode, self.layout_of = decoder
         self.layouts: list[CdrLayout] = []
         self.failures = 0
 
@@ -217,25 +215,23 @@ def _field_column(values: list[float | FloatArray | None]) -> FieldColumn:
 
 def _decoder(
     encoding: str, schema: Any
-) -> tuple[Callable[[bytes], Any] | None, LayoutMaker | None]:
-    """(decoder of one message, maker of layouts) of an encoding.
-
-    (None, None) for one that is not known.
-    """
+) -> tuple[Callable[[bytes], Any], LayoutMaker | None] | None:
+    """(decoder of one message, maker of layouts) of an encoding; None for one that is not known."""
     if encoding == "json":
         return json.loads, None
     if encoding == "protobuf":
         from mcap_protobuf.decoder import DecoderFactory as ProtobufFactory
 
-        return ProtobufFactory().decoder_for(encoding, schema), None
+        decode = ProtobufFactory().decoder_for(encoding, schema)
+        return (decode, None) if decode else None
     if encoding != "cdr":
-        return None, None
+        return None
     from mcap_ros2.decoder import DecoderFactory as Ros2Factory
 
     with redirect_stderr(StringIO()):  # its parser writes there before it raises
         decode = Ros2Factory().decoder_for(encoding, schema)
     if decode is None:
-        return None, None
+        return None
     root, definitions = parse_definitions(schema.name, schema.data.decode())
 
     def decode_bounded(data: bytes) -> Any:

@@ -24,6 +24,11 @@ from tirelog.errors import ReadError
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 Token = str | int | slice
+#: a name, one index, or first : behind : step, each of which may be left out
+_TOKEN = re.compile(
+    r"\.?([A-Za-z_]\w*)|\[\s*(\d+)\s*\]"
+    r"|\[\s*(?:(\d*)\s*:\s*(\d*)\s*(?::\s*([1-9]\d*)?\s*)?)?\]"
+)
 
 
 @dataclass(frozen=True)
@@ -77,24 +82,15 @@ def parse_path(path: str) -> RequestedField:
     """The tokens of a field path.  ReadError if it does not parse."""
     tokens: list[Token] = []
     end = 0
-    for match in re.finditer(r"\.?([A-Za-z_]\w*)|\[\s*([-\d:\s]*)\]", path):
-        if match.start() != end:
-            break
-        end = match.end()
-        if match[1]:
-            tokens.append(match[1])
-        elif re.fullmatch(r"\d+\s*", match[2]):
-            tokens.append(int(match[2]))
-        elif re.fullmatch(r"\d*\s*:?\s*\d*\s*(:\s*[1-9]\d*\s*)?", match[2]) and not re.fullmatch(
-            r"\d+\s+\d+\s*", match[2]
-        ):
-            bounds = [int(part) if part.strip() else None for part in match[2].split(":")]
-            tokens.append(slice(*bounds) if len(bounds) > 1 else slice(None))
+    while match := _TOKEN.match(path, end):
+        name, number, *bounds = match.groups()
+        if name or number:
+            tokens.append(name or int(number))
         else:
-            break
-    else:
-        if end == len(path) and tokens:
-            return RequestedField(path, tuple(tokens))
+            tokens.append(slice(*(int(bound) if bound else None for bound in bounds)))
+        end = match.end()
+    if end == len(path) and tokens:
+        return RequestedField(path, tuple(tokens))
     raise ReadError(
         f"field path {path!r} does not parse",
         allowed="allowed are names, [3], [3::16] and [:]",

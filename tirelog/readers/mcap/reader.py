@@ -16,10 +16,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, suppress
-from decimal import Decimal
+from contextlib import ExitStack
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -52,7 +50,6 @@ from tirelog.readers.mcap.fields import (
 from tirelog.readers.mcap.records import RECORD_ERRORS, MessageTable, OrderedGroup, Records
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray, IntArray
-from tirelog.vocabulary.kinds import WAVELENGTH_KINDS
 
 # ---- One topic that the setup names.
 #
@@ -73,8 +70,6 @@ STAMPS = tuple(
 )
 #: header stamps that are further than this from the log time count from an origin of their own
 ONE_CLOCK_NS = 3_600_000_000_000
-#: more decimals than this are the digits of a binary number
-MOST_DECIMALS = 9
 
 
 class Topic:
@@ -89,7 +84,6 @@ class Topic:
         self.stamps: list[tuple[RequestedField, float]] = []  # with ns per unit of each
         self.shift_ns = 0  # from the stamps to the log's clock
         self.started = False
-        self.failed: dict[str, str] = {}
 
     def assume(self, used: int) -> None:
         """Sets groups for a topic whose first message is still to come.
@@ -98,20 +92,10 @@ class Topic:
         """
         self.groups = [self._group([name], used + k, None) for k, name in enumerate(self.wants)]
 
-    def start(
-        self,
-        message: Any,
-        log_time_ns: int,
-        metadata: Mapping[str, str],
-        used: int,
-        decimal: Sequence[Any] = (),
-    ) -> None:
+    def start(self, message: Any, log_time_ns: int, metadata: Mapping[str, str], used: int) -> None:
         """Learn from the first message; `used` groups have names already.
 
-        Channels that it does not hold go to `failed`.
-
-        `decimal` are some first messages of a text encoding, which show the decimals of its
-        numbers.
+        Channels that it does not hold are losses.
         """
         self.started = True
         kinds: dict[str, Any] = {}
@@ -119,7 +103,10 @@ class Topic:
             try:
                 value = extract(message, want.tokens)
             except FieldError as problem:
-                self.failed[name] = f"{self.name}:{want.path} {problem}{_near(problem, message)}"
+                near = _near(problem, message)
+                self.report.losses.append(
+                    f"channel {name}: {self.name}:{want.path} {problem}{near}; mend source"
+                )
                 del self.wants[name]
                 continue
             batch = isinstance(value, np.ndarray)
@@ -141,39 +128,24 @@ class Topic:
         for name, kind in kinds.items():
             members.setdefault((kind, self.setup.channels[name].sampling_rate_Hz), []).append(name)
         if self.groups:
-            self.groups = [
-                self._group(list(g.group.channels), 0, rate, g.group) for g in self.groups
-            ]
+            for group in self.groups:
+                group.period_s = self._period_s(group.group.channels, rate)
         else:
-            places = {name: decimals_of(decimal, self.wants[name]) for name in kinds}
             self.groups = [
-                self._group(names, used + k, rate, places=places)
-                for k, names in enumerate(members.values())
+                self._group(names, used + k, rate) for k, names in enumerate(members.values())
             ]
         for group in self.groups:
             group.batched = kinds.get(group.group.channels[0]) is not None
 
-    def _group(
-        self,
-        names: list[str],
-        number: int,
-        rate: float | None,
-        known: Group | None = None,
-        places: Mapping[str, int | None] = MappingProxyType({}),
-    ) -> OrderedGroup:
-        """`places`: decimals of the channels, for those that are known when the group is made."""
-        group = known or Group(
-            f"clock_{number + 1}",
-            tuple(names),
-            rate_Hz=rate,
-            decimals={name: places.get(name) for name in names},
-        )
-        own = (
-            self.setup.channels[names[0]].sampling_rate_Hz
-            or self.setup.log.sampling_rate_Hz
-            or rate
-        )
-        return OrderedGroup(group, 1.0 / own if own else None)
+    def _group(self, names: list[str], number: int, rate: float | None) -> OrderedGroup:
+        group = Group(f"clock_{number + 1}", tuple(names), rate_Hz=rate)
+        return OrderedGroup(group, self._period_s(group.channels, rate))
+
+    def _period_s(self, names: Sequence[str], rate: float | None) -> float | None:
+        """The period of a batch's samples [s] by the setup, or by the rate that the log states."""
+        setup = self.setup
+        own = setup.channels[names[0]].sampling_rate_Hz or setup.log.sampling_rate_Hz or rate
+        return 1.0 / own if own else None
 
     def _rate(self, message: Any, metadata: Mapping[str, str]) -> float | None:
         """The sampling rate [Hz] that a field of the message, or the channel's metadata, states."""
@@ -277,27 +249,9 @@ class Topic:
                 values[:, k] = column.values
             else:
                 values[spread(starts, own), k] = column.values
-            if self.setup.channels[group.group.channels[k]].kind in WAVELENGTH_KINDS:
-                values[~(values[:, k] > 0.0), k] = np.nan
         group.batched |= values.shape[0] != keys.size  # though single samples were expected
         within = spread(none, lengths) if group.batched else none
         return np.repeat(keys, lengths), np.repeat(stamps, lengths), within, values
-
-
-def decimals_of(messages: Sequence[Any], want: RequestedField) -> int | None:
-    """The decimals with which a number is written in `messages` of text.
-
-    None if they are no decimals of an instrument.
-    """
-    most = None
-    for message in messages:
-        try:
-            numbers = np.atleast_1d(extract(message, want.tokens))
-        except FieldError:
-            continue
-        for value in numbers[np.isfinite(numbers)].tolist():
-            most = max(most or 0, -int(Decimal(repr(value)).normalize().as_tuple().exponent))
-    return most if most is not None and most <= MOST_DECIMALS else None
 
 
 def _near(problem: FieldError, message: Any) -> str:
@@ -403,16 +357,7 @@ class McapLog:
             metadata = next(
                 (c.metadata for c in self.records.channels.values() if c.topic == topic.name), {}
             )
-            decimal = []
-            for data in table.take(slice(row, row + 100)).messages():
-                with suppress(FieldError):
-                    decimal += [decoder.message(data)] if decoder.encoding == "json" else []
-            topic.start(
-                message, int(table.log_time_ns[row]), metadata, self._group_count(), decimal
-            )
-            self.report.losses += [
-                f"channel {name}: {what}; mend source" for name, what in topic.failed.items()
-            ]
+            topic.start(message, int(table.log_time_ns[row]), metadata, self._group_count())
             return
 
     def _messages(

@@ -66,8 +66,6 @@ def main() -> None:
         converters = importlib.import_module("tirelog.readers.other.datasets")
         for module in FORMATS[format].imports or (FORMATS[format].library,):
             importlib.import_module(module)
-        if FORMATS[format].library == "pyarrow":
-            converters.start_arrow()
         limit(*(int(most) for most in limits))
         convert = getattr(converters, f"convert_{FORMATS[format].module}")
         convert(Path(source), Path(target), answer)
@@ -106,6 +104,7 @@ _ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
     "NUMEXPR_MAX_THREADS": "1",
+    "ARROW_IO_THREADS": "1",
     "ARROW_DEFAULT_MEMORY_POOL": "system",  # others take room ahead, which the limit would count
 }
 

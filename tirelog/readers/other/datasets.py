@@ -1,5 +1,7 @@
 """What libraries read, as files that are read here: a function for each format of FORMATS.
 
+This file is longer than others, as all formats write columns in one way.
+
 ROS bags as MCAP: ROS 1 by its own definitions, the .db3 of ROS 2 message by message. rosbags makes
 Python code of the definitions in a ROS 1 bag and runs it; so every name in them is looked at first.
 """
@@ -10,11 +12,14 @@ import datetime as dt
 import io
 import re
 import warnings
+import zipfile
+import zlib
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import h5py
 import numpy as np
@@ -40,24 +45,10 @@ def proper(name: object) -> str:
 
 
 class Datasets:
-    """The HDF5 file at `path`; what is no number is passed over in the answer."""
+    """The columns in an HDF5 file; what is no number is passed over in the answer."""
 
-    def __init__(self, path: Path, answer: ReadReport) -> None:
-        self.file, self.answer, self.many = h5py.File(path, "w"), answer, 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        problem: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Closes the file.  NoNumbers: there is none in it."""
-        self.file.close()
-        if kind is None and not self.many:
-            raise NoNumbers("it holds no signal over time")
+    def __init__(self, file: h5py.File, answer: ReadReport) -> None:
+        self.file, self.answer, self.many = file, answer, 0
 
     def group(self, name: object) -> h5py.Group:
         """A group of that name, or of one like it if it is taken."""
@@ -109,6 +100,16 @@ class Datasets:
         while free in group:
             free, number = f"{name}_{number}", number + 1
         return free
+
+
+@contextmanager
+def new_datasets(path: Path, answer: ReadReport) -> Iterator[Datasets]:
+    """The columns of a new HDF5 file at `path`.  NoNumbers: there are none in the end."""
+    with h5py.File(path, "w") as file:
+        to = Datasets(file, answer)
+        yield to
+    if not to.many:
+        raise NoNumbers("it holds no signal over time")
 
 
 # ---- A sheet of an Excel workbook (xlsx, xls, xlsb, ods) as text: the first that has rows of
@@ -165,6 +166,34 @@ def _text(cell: object) -> str:
     return " ".join(str(cell).split()).replace('"', "'")
 
 
+# ---- The text in a zip archive, as it is.
+
+
+#: bytes unpacked at once: what stands before damage is kept
+_PIECE_BYTES = 1 << 12
+
+
+def convert_zip(source: Path, target: Path, answer: ReadReport) -> None:
+    """Writes the first file to `target`; folders and what a Mac adds do not count."""
+    with zipfile.ZipFile(source) as archive:
+        names = [name for name in archive.namelist() if not name.startswith("__MACOSX/")]
+        files = [name for name in names if not name.endswith("/")]
+        if not files:
+            raise NoNumbers("it holds no file")
+        if len(files) > 1:
+            answer.losses.append(f"it holds a second file, {files[1]!r}, and one is read")
+        with archive.open(files[0]) as member, target.open("wb") as made:
+            try:
+                while part := member.read(_PIECE_BYTES):
+                    made.write(part)
+            except (zipfile.BadZipFile, zlib.error, EOFError) as problem:
+                answer.losses.append(
+                    f"the archive is damaged ({one_line(problem)}); copy the log again"
+                )
+            if not made.tell():
+                raise NoNumbers("nothing of it can be unpacked")
+
+
 # ---- Parquet tables and Arrow files (Feather 2) as text, in which names and times are found.
 #
 # Numbers come as digits that make the same double again. Columns of text and of nested types are
@@ -175,21 +204,6 @@ def _text(cell: object) -> str:
 _ROWS = 1 << 14
 #: arrow's names of types of words
 _WORDS = re.compile(r"(dictionary<values=)?(large_)?string")
-
-
-def start_arrow() -> None:
-    """Starts the threads that arrow would start later, when memory is limited."""
-    import pyarrow as pa
-    import pyarrow.ipc as ipc
-
-    pa.set_cpu_count(1)
-    pa.set_io_thread_count(1)
-    table = pa.table({"a": [0.0]})
-    sink = pa.BufferOutputStream()
-    with ipc.new_file(sink, table.schema) as made:
-        made.write_table(table)
-    with ipc.open_file(sink.getvalue()) as file:
-        file.get_batch(0)
 
 
 def convert_arrow(source: Path, target: Path, answer: ReadReport) -> None:
@@ -301,17 +315,41 @@ def convert_bag(source: Path, target: Path, answer: ReadReport) -> None:
 
     with source.open("rb") as file:
         first = file.read(9) == b"#ROSBAG V"
+    written, lost = 0, Counter[str]()
     with target.open("wb") as made, _opened(source, target, first) as reader:
         writer = Writer(made, chunk_size=_CHUNK_BYTES, compression=CompressionType.NONE)
         writer.start(profile="ros2")
-        topics = _Topics(writer, answer)
-        connections = [one for one in reader.connections if topics.add(one, first)]
-        if connections:
-            for connection, time_ns, data in reader.messages(connections):
-                topics.message(connection, time_ns, data)
+        channels, readable = {}, []
+        for one in reader.connections:
+            kind = str(one.msgtype)
+            try:
+                text, store = _definition(one, first)
+            # the library's own errors are of several trees, and a definition may be anything
+            except Exception as problem:
+                answer.passed_over.append(f"topic {one.topic} of {kind} ({problem})")
+                continue
+            schema = writer.register_schema(kind, "ros2msg", text.encode())
+            channels[one.id] = writer.register_channel(str(one.topic), "cdr", schema), store
+            readable.append(one)
+        # of an empty list the library gives all
+        for one, time_ns, data in reader.messages(readable) if readable else ():
+            channel, store = channels[one.id]
+            try:
+                cdr = _as_cdr(data, store, one.msgtype)
+                if len(cdr) > _MESSAGE_BYTES or not 0 <= time_ns < 1 << 63:
+                    raise ValueError
+            except MemoryError:
+                raise
+            except Exception:
+                lost[str(one.topic)] += 1
+                continue
+            writer.add_message(channel, time_ns, cdr, time_ns)
+            written += 1
         writer.finish()
-    topics.finish()
-    if not topics.written:
+    answer.losses += [
+        f"topic {topic}: {many} messages are damaged and lost" for topic, many in lost.items()
+    ]
+    if not written:
         raise NoNumbers("it holds no message that can be read")
 
 
@@ -326,70 +364,38 @@ def _opened(source: Path, target: Path, first: bool) -> Any:
     return rosbag2.Reader(link)
 
 
-class _Topics:
-    """The channels of the MCAP that is written."""
+def _definition(connection: Any, first: bool) -> tuple[str, Any]:
+    """(definition of a topic's messages as of ROS 2, the store that makes CDR of those of ROS 1).
 
-    def __init__(self, writer: Any, answer: ReadReport) -> None:
-        self.writer, self.answer = writer, answer
-        self.channels: dict[int, tuple[int, Any]] = {}  # with the store that makes ROS 1 CDR
-        self.names: dict[int, str] = {}
-        self.lost: dict[int, int] = {}
-        self.written = 0
+    ValueError, or one of the library's errors: they cannot be read.
+    """
+    from rosbags.interfaces import MessageDefinitionFormat
+    from rosbags.typesys import Stores, get_typestore
 
-    def add(self, connection: Any, first: bool) -> bool:
-        """True if the topic's messages can be read; else `passed_over` names it."""
-        from rosbags.interfaces import MessageDefinitionFormat
-        from rosbags.typesys import Stores, get_typestore
+    text, kind = str(connection.msgdef.data), str(connection.msgtype)
+    if first:
+        store = _store(text, kind)
+        return store.generate_msgdef(kind, ros_version=2)[0], store
+    if getattr(connection.ext, "serialization_format", "") != "cdr":
+        raise ValueError("its messages are no CDR")
+    if connection.msgdef.format == MessageDefinitionFormat.NONE:
+        return get_typestore(Stores.LATEST).generate_msgdef(kind, ros_version=2)[0], None
+    if connection.msgdef.format != MessageDefinitionFormat.MSG:
+        raise ValueError("its definition is no .msg")
+    return text, None
 
-        store, text, kind = None, str(connection.msgdef.data), str(connection.msgtype)
-        try:
-            if first:
-                store = _store(text, kind)
-                text, _ = store.generate_msgdef(kind, ros_version=2)
-            elif getattr(connection.ext, "serialization_format", "") != "cdr":
-                raise ValueError("its messages are no CDR")
-            elif connection.msgdef.format == MessageDefinitionFormat.NONE:
-                text, _ = get_typestore(Stores.LATEST).generate_msgdef(kind, ros_version=2)
-            elif connection.msgdef.format != MessageDefinitionFormat.MSG:
-                raise ValueError("its definition is no .msg")
-        # the library's own errors are of several trees, and a definition may be anything
-        except Exception as problem:
-            self.answer.passed_over.append(f"topic {connection.topic} of {kind} ({problem})")
-            return False
-        schema = self.writer.register_schema(kind, "ros2msg", text.encode())
-        channel = self.writer.register_channel(str(connection.topic), "cdr", schema)
-        self.channels[connection.id] = channel, store
-        self.names[connection.id] = str(connection.topic)
-        return True
 
-    def message(self, connection: Any, time_ns: int, data: bytes) -> None:
-        """Writes one message; one that cannot be is counted."""
-        channel, store = self.channels[connection.id]
-        try:
-            if store is not None:
-                data = bytes(store.ros1_to_cdr(data, connection.msgtype))
-            elif data.startswith(_ZSTD):
-                import zstandard
+def _as_cdr(data: bytes, store: Any, kind: str) -> bytes:
+    """A message as CDR, made by the store of ROS 1, or unpacked.  ValueError: it is too large."""
+    if store is not None:
+        return bytes(store.ros1_to_cdr(data, kind))
+    if not data.startswith(_ZSTD):
+        return data
+    import zstandard
 
-                if not 0 <= zstandard.frame_content_size(data) <= _MESSAGE_BYTES:
-                    raise ValueError
-                data = zstandard.ZstdDecompressor().decompress(data)
-            if len(data) > _MESSAGE_BYTES or not 0 <= time_ns < 1 << 63:
-                raise ValueError
-        except MemoryError:
-            raise
-        except Exception:
-            self.lost[connection.id] = self.lost.get(connection.id, 0) + 1
-            return
-        self.writer.add_message(channel, time_ns, data, time_ns)
-        self.written += 1
-
-    def finish(self) -> None:
-        """Says what was lost."""
-        for number, many in self.lost.items():
-            self.answer.losses.append(
-                f"topic {self.names[number]}: {many} messages are damaged and lost"
-            )
+    if not 0 <= zstandard.frame_content_size(data) <= _MESSAGE_BYTES:
+        raise ValueError
+    return zstandard.ZstdDecompressor().decompress(data)
 
 
 def _store(text: str, kind: str) -> Any:
@@ -460,7 +466,7 @@ def convert_mdf(source: Path, target: Path, answer: ReadReport) -> None:
     """Writes the channels of numbers to `target`, with the times of each group."""
     from asammdf import MDF
 
-    with MDF(source) as file, Datasets(target, answer) as to:
+    with MDF(source) as file, new_datasets(target, answer) as to:
         answer.start = file.start_time.isoformat()
         masters = file.masters_db
         for number, group in enumerate(file.groups):
@@ -547,7 +553,11 @@ def convert_tdms(source: Path, target: Path, answer: ReadReport) -> None:
     from nptdms import TdmsFile
 
     # a stream, not a path: beside that the library looks for an index, which may be another's
-    with source.open("rb") as stream, TdmsFile.open(stream) as file, Datasets(target, answer) as to:
+    with (
+        source.open("rb") as stream,
+        TdmsFile.open(stream) as file,
+        new_datasets(target, answer) as to,
+    ):
         begins = {
             channel.path: when.astype("M8[us]")
             for group in file.groups()
@@ -616,7 +626,7 @@ def convert_uff(source: Path, target: Path, answer: ReadReport) -> None:
                 "the file does not end with the end of a set: a last one may be lost; copy it again"
             )
     file = pyuff.UFF(str(source))
-    with Datasets(target, answer) as to:
+    with new_datasets(target, answer) as to:
         for number, kind in enumerate(np.atleast_1d(file.get_set_types())):
             if int(kind) != 58:
                 continue
@@ -692,7 +702,7 @@ def convert_matlab(source: Path, target: Path, answer: ReadReport) -> None:
     """Writes the real arrays of numbers to `target`, one variable after the other."""
     from scipy.io import loadmat
 
-    with source.open("rb") as file, Datasets(target, answer) as to:
+    with source.open("rb") as file, new_datasets(target, answer) as to:
         head, size, at, number = file.read(128), source.stat().st_size, 128, 0
         while at + 8 <= size:
             number += 1
@@ -779,7 +789,7 @@ def convert_wav(source: Path, target: Path, answer: ReadReport) -> None:
     frames = frames.reshape(len(frames), -1)
     full = 1.0 if frames.dtype.kind == "f" else 2.0 ** (8 * frames.dtype.itemsize - 1)
     middle = full if frames.dtype.kind == "u" else 0.0
-    with Datasets(target, answer) as to, np.errstate(invalid="ignore"):
+    with new_datasets(target, answer) as to, np.errstate(invalid="ignore"):
         for k in range(frames.shape[1]):
             # piece by piece, as floats take more room than what is stored
             pieces = (

@@ -71,6 +71,7 @@ FORMATS = {
         "python-calamine",
         "excel",
     ),
+    "zip": ConvertedFormat(rb"PK\x03\x04", "a zip archive", "zip", "", "zipfile"),
     "ROS bag": ConvertedFormat(
         rb"#ROSBAG V|SQLite format 3\x00",
         "a ROS bag",

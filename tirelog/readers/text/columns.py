@@ -317,8 +317,6 @@ _NUMBER_NAMES = re.compile(
 )
 #: last columns that rows leave out if they are blank
 _REMARKS = re.compile(r"comments?|remarks?|notes?|kommentare?|bemerkung(en)?", re.I)
-#: a double holds powers of ten up to this one exactly; no instrument writes as many decimals
-MOST_DECIMALS = 22
 #: words of names of columns of error codes: Error status, CH1_error, FaultBits
 _ERROR_WORDS = {"error", "errors", "errorcode", "errorcodes", "errorstatus", "fault", "faults"}
 #: a bracket behind a name that holds letters, so that it may be meant for a unit
@@ -665,18 +663,6 @@ def resolution_s(layout: Layout, columns: Columns) -> float:
     if columns.form == "number":
         return columns.time_factor * 10.0 ** -most_decimals(texts, layout.decimal)
     return 10.0 ** -max(map(fraction_digits, texts), default=0)
-
-
-def decimals(layout: Layout, column: int) -> int | None:
-    """Decimals of a channel's column in the sample rows, or None.
-
-    None if it is written with exponents or more than MOST_DECIMALS.
-    """
-    cells = layout.cells(column)
-    if any(re.search(r"\d[eE]", cell) for cell in cells):
-        return None
-    most = most_decimals(cells, layout.decimal)
-    return most if most <= MOST_DECIMALS else None
 
 
 def start_iso(layout: Layout, columns: Columns, us: bool, setup: Setup) -> str | None:

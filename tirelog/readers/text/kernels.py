@@ -247,14 +247,12 @@ def as_float(m: Whole, e: Whole, negative: bool) -> tuple[float, bool]:
 
 #: what is done with a column: nothing, float64, int64 counts, first byte and byte behind
 SKIP, FLOAT, TICK, SPAN = range(4)
-#: what to do with a column: `what` of the above, its slot in that output, places of ticks, whether
-#: 0 and -1 are lost; and set on the way: digits before and behind the decimal sign of the last cell
-#: that has one, 0 if there was none
+#: what to do with a column: `what` of the above, its slot in that output, places of ticks; and set
+#: on the way: digits before and behind the decimal sign of the last cell that has one, 0 if there
+#: was none
 GUIDE = np.dtype(
-    [("what", "i8"), ("slot", "i8"), ("places", "i8"), ("marks_lost", "?"), ("whole", "i8"),
-     ("behind", "i8")],
-    align=True,
-)  # fmt: skip
+    [("what", "i8"), ("slot", "i8"), ("places", "i8"), ("whole", "i8"), ("behind", "i8")]
+)
 #: first byte of a cell and the byte behind it
 CELL_SPAN = np.dtype([("first", "i8"), ("stop", "i8")])
 #: most decimals of a tick, an int64 count
@@ -367,7 +365,7 @@ def parse_rows(
         ended = False
         for c in range(width):
             guide = guides[c]
-            what, slot, marks_lost = guide["what"], guide["slot"], guide["marks_lost"]
+            what, slot = guide["what"], guide["slot"]
             mark = separator if c + 1 < width else 10
             if at < safe and not ended and what == FLOAT:
                 negative = data[at] == 45
@@ -389,8 +387,6 @@ def parse_rows(
                 if last and whole > 0 and whole + behind <= 15:
                     m = _together(front, back, whole, behind)
                     value = m / EXACT_POWERS[behind]
-                    if marks_lost and (m == 0 or (negative and value == 1.0)):
-                        value = np.nan
                     floats[slot, r] = -value if negative else value
                     at = end + (c + 1 < width)
                     continue
@@ -418,8 +414,6 @@ def parse_rows(
                 if state == _NUMBER:
                     value, good = as_float(m, e, negative)
                     state = _NUMBER if good else _UNREAD
-                    if marks_lost and (value == 0.0 or value == -1.0):
-                        value = np.nan
                 floats[slot, r] = value
             elif what == TICK:
                 places = guide["places"]

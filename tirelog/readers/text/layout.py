@@ -124,18 +124,16 @@ class Layout:
 
     `separator` ' ' means runs of blanks; `skip` bytes and `first_line` lead to the first row.
 
-    `names` are the header's cells, and `units` those of a unit row or of suffixes like `[nm]`, both
-    of `width` or empty; `width` is the usual number of cells per row, `ragged` true if rows differ
-    in it; `counts` is the number of columns of peak counts, which begin at column `counts_at`;
-    `kinds` says what the cells of each column are: number, time form, blank or text; `timed` rows
-    begin with a time of day and `: `. `rows` are sample rows, cut into cells. `damaged` are the
-    numbers of lines above the first row that hold NUL bytes; `spoilt` that of a row between the
-    header and the first row that does not parse, or 0; `rows_above` counts lines above the first
-    row that look like rows; `counter` is true if a row number without a name is in front of the
-    named cells; `misfit` is a header whose names cannot be laid on the columns, and then `names`
-    hold none of them but what is sure; `quote` is the sign around cells, and `enclosed` is true if
-    it encloses separators that are part of a cell; `grouping` are the signs between groups of three
-    digits and before decimals.
+    `names` are the header's cells, and `units` those of a unit row or of suffixes like `[nm]`,
+    both of `width` or empty; `width` is the usual number of cells per row, `ragged` true if
+    rows differ in it; `counts` is the number of columns of peak counts, which begin at column
+    `counts_at`; `kinds` says what the cells of each column are: number, time form, blank or
+    text; `timed` rows begin with a time of day and `: `. `rows` are sample rows, cut into
+    cells. `losses` name lines above the first row that were left out; `counter` is true if a
+    row number without a name is in front of the named cells; `misfit` is a header whose names
+    cannot be laid on the columns, and then `names` hold none of them but what is sure; `quote`
+    is the sign around cells, and `enclosed` is true if it encloses separators that are part of
+    a cell; `grouping` are the signs between groups of three digits and before decimals.
     """
 
     encoding: str
@@ -154,9 +152,7 @@ class Layout:
     timed: bool = False
     returns: bool = False
     preamble: tuple[str, ...] = ()
-    damaged: tuple[int, ...] = ()
-    spoilt: int = 0
-    rows_above: int = 0
+    losses: tuple[str, ...] = ()
     counter: bool = False
     misfit: tuple[str, ...] = ()
     quote: str = '"'
@@ -223,8 +219,19 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
     rows = [cells[i] for i in below]
     width = Counter(len(row) for row in rows[:-1] or rows).most_common(1)[0][0]
     above = [i for i in full if i < first]
-    rows_above = _rows_above(above, cells, rows, decimal) if given.header_rows is None else 0
+    damaged = [i + 1 for i in range(first) if "\0" in clean[i]]
+    losses = [
+        f"line {line} holds NUL bytes and was left out; copy the log again" for line in damaged[:3]
+    ]
     spoilt = _spoilt(above, cells, width, decimal)
+    if spoilt:
+        losses.append(f"line {above[-1] + 1} does not parse as a row and was left out")
+    many = _rows_above(above, cells, rows, decimal) if given.header_rows is None else 0
+    if many:
+        losses.append(
+            f"{many} lines above line {first + 1}, where the rows are taken to begin, look like "
+            "rows and were left out; give [log] header_rows"
+        )
     names, unit_row = _header(above[:-1] if spoilt else above, cells, width, separator)
     if given.columns is not None:
         if len(given.columns) > max(map(len, rows)):
@@ -260,9 +267,7 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
         timed=timed,
         returns=returns,
         preamble=tuple(clean[i] for i in full if i < first),
-        damaged=tuple(i + 1 for i in range(first) if "\0" in clean[i]),
-        spoilt=above[-1] + 1 if spoilt else 0,
-        rows_above=rows_above,
+        losses=tuple(losses),
         quote=quote,
         grouping=grouping,
         enclosed=separator == decimal
@@ -589,14 +594,15 @@ def _counts(layout: Layout) -> tuple[int, int]:
     rows = layout.rows[:-1] or layout.rows
     for at in range(min(4, layout.width)):
         for number in range(1, min(33, layout.width - at)):
-            if all(_adds_up(row, at, number) for row in rows) and any(
+            if all(counts_add_up(row, at, number) for row in rows) and any(
                 len(row) > at + number for row in rows
             ):
                 return at, number
     return 0, 0
 
 
-def _adds_up(row: tuple[str, ...], at: int, number: int) -> bool:
+def counts_add_up(row: Sequence[str], at: int, number: int) -> bool:
+    """True if `number` cells from `at` on are counts whose sum is the number of cells behind."""
     fronts = row[at : at + number]
     return (
         len(fronts) == number

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from decimal import Decimal
@@ -25,7 +25,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.readers.base import Samples, whole_counts
 from tirelog.readers.text.columns import Columns
 from tirelog.readers.text.kernels import (
     BETWEEN,
@@ -60,16 +59,14 @@ ERROR_CODE = rb"(?:^|[;, |])[ +]*0*[1-9-]"
 class Parsed:
     """A block's rows.
 
-    `values[column]` shape (n,), NaN where blank or unreadable, and in the end counts where these
-    are the same numbers (see `RawBlock`); `stamps`
-    shape (n,): int64 ns (MISSING where unreadable) for times, float64 in the column's unit for
-    numbers; `number` shape (n,); `errors` shape (n,): error codes that are not 0; `peaks` shape (n,
-    most): the list of peaks, NaN behind its end; `counts` shape (n,
-    fibres). `bad_rows` are (line, what is wrong) and `bad_cells` (line, cell as shown); `lines`
-    were read, blank ones too.
+    `values[column]` shape (n,), NaN where blank or unreadable; `stamps` shape (n,): int64 ns
+    (MISSING where unreadable) for times, float64 in the column's unit for numbers; `number` shape
+    (n,); `errors` shape (n,): error codes that are not 0; `peaks` shape (n, most): the list of
+    peaks, NaN behind its end; `counts` shape (n, fibres). `bad_rows` are (line, what is wrong) and
+    `bad_cells` (line, cell as shown); `lines` were read, blank ones too.
     """
 
-    values: dict[int, Samples]
+    values: dict[int, FloatArray]
     stamps: Nanoseconds | FloatArray | None = None
     number: FloatArray | None = None
     errors: IntArray | None = None
@@ -116,9 +113,7 @@ class RowPlan:
     The layout, the columns, and whether dates have the month first (`us`).
 
     `exact` reads a numeric time column as whole numbers of `tick_places` decimals, if float64 would
-    round its stamps; `peaks_at` is the first column of a flat list of peaks; `gratings` are the
-    columns of wavelengths, in which 0 and -1 are lost peaks; `places` are the decimals of the
-    channels' columns (None: written with exponents).
+    round its stamps; `peaks_at` is the first column of a flat list of peaks.
     """
 
     layout: Layout
@@ -126,8 +121,6 @@ class RowPlan:
     us: bool = False
     exact: bool = False
     peaks_at: int = 0
-    gratings: tuple[int, ...] = ()
-    places: Mapping[int, int | None] = field(default_factory=dict)
     tick_places: int = TICK_PLACES
 
     @property
@@ -248,13 +241,6 @@ def between(layout: Layout) -> int:
     return BETWEEN if layout.enclosed else ord(layout.separator)
 
 
-def without_lost(wavelengths: FloatArray) -> FloatArray:
-    """Wavelengths with NaN for 0 and -1, by which instruments mark a lost peak."""
-    if not wavelengths.size or np.fmin.reduce(wavelengths) > 0.0:
-        return wavelengths
-    return np.where((wavelengths == 0.0) | (wavelengths == -1.0), np.nan, wavelengths)
-
-
 def stamps_ns(
     plan: RowPlan, spans: Callable[[int], tuple[NDArray[np.uint8], IntArray, IntArray]]
 ) -> Nanoseconds:
@@ -340,10 +326,7 @@ def odd_rows(plan: RowPlan, line: int, block: Block) -> Parsed:
         cells = (row[k] if k < len(row) else b"" for row in rows)
         return np.array([number_of(cell, decimal)[0] for cell in cells], np.float64)
 
-    out.values = {
-        k: without_lost(column(k)) if k in plan.gratings else column(k)
-        for k in columns.values.values()
-    }
+    out.values = {k: column(k) for k in columns.values.values()}
     out.stamps = None if stamps is None else stamps[kept]
     out.number = None if columns.number is None else column(columns.number)
     if (k := columns.errors) is not None:
@@ -433,7 +416,7 @@ def plain_rows(plan: RowPlan, block: Block, at: int) -> tuple[Parsed, int, bool]
     columns, roles = plan.columns, plan.roles
     guides = np.zeros(plan.across, GUIDE)
     for k, (what, slot) in roles.items():
-        guides[k] = what, slot, plan.tick_places, k in plan.gratings, 0, 0
+        guides[k] = what, slot, plan.tick_places, 0, 0
     # if all are of the first one's length
     lines = min((len(block) - at) // (block.find(b"\n", at) + 1 - at) + 1, _ROWS)
     many = Counter(what for what, _ in roles.values())
@@ -460,8 +443,7 @@ def plain_rows(plan: RowPlan, block: Block, at: int) -> tuple[Parsed, int, bool]
     for row, k, first, behind in hard[:used].tolist():
         cell = bytes(block[first:behind])
         number, unread = number_of(cell, plan.layout.decimal)
-        lost = k in plan.gratings and number in (0.0, -1.0)
-        floats[roles[k][1], row] = math.nan if lost else number
+        floats[roles[k][1], row] = number
         if unread and (k in columns.values.values() or k in listed):
             bad_cells.append((row, shown(plan.layout, cell)))
     stamps: Nanoseconds | FloatArray | None = None
@@ -487,9 +469,6 @@ def plain_rows(plan: RowPlan, block: Block, at: int) -> tuple[Parsed, int, bool]
         fronts = [numbers(k) for k in plan.fronts]
         out.counts = np.nan_to_num(np.column_stack(fronts)).astype(np.int64) if fronts else None
     return out, stop, stop < len(block) and not full
-
-
-__all__ = ["Parsed", "RowPlan", "parse_block"]
 
 
 #: bytes that are read carefully at once, from a row on that is unlike the others: more if the
@@ -526,9 +505,5 @@ def parse_block(plan: RowPlan, block: Block) -> Parsed:
             line += block.count(b"\n", at, stop)
             at = stop
     parsed = concatenated_rows(parts)
-    parsed.values = {
-        k: whole_counts(np.asarray(values, np.float64), plan.places.get(k))
-        for k, values in parsed.values.items()
-    }
     parsed.lines = line
     return parsed

@@ -18,7 +18,7 @@ import re
 from collections import Counter, deque
 from collections.abc import Generator, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import closing, suppress
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
@@ -32,26 +32,22 @@ from tirelog.readers.base import (
     Group,
     RawBlock,
     ReadReport,
-    Samples,
     Series,
     SeriesList,
-    counted_floats,
     days_since,
-    lost_samples,
     of_damaged,
     rate_in_words,
     runs,
-    samples_lost,
     with_stated_units,
 )
 from tirelog.readers.text.columns import (
     Columns,
     assign_columns,
     clock_columns,
-    decimals,
     long_form,
     most_decimals,
     name_of_column,
+    numbers_of,
     one_signal,
     placed,
     refuse_long_form,
@@ -63,19 +59,26 @@ from tirelog.readers.text.columns import (
     time_unit,
 )
 from tirelog.readers.text.kernels import LARGEST, TICK_PLACES
-from tirelog.readers.text.layout import LOST_WORDS, Layout, filled, is_number, sniff, split_cells
+from tirelog.readers.text.layout import (
+    LOST_WORDS,
+    Layout,
+    counts_add_up,
+    is_number,
+    sniff,
+    split_cells,
+)
 from tirelog.readers.text.parse import Parsed, RowPlan, parse_block
 from tirelog.readers.text.peaks import GratingTracker
 from tirelog.readers.text.source import LONGEST_LINE_BYTES, ByteSource
 from tirelog.readers.text.times import MISSING, ROUNDS_NS, month_first, unwrapped
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.quality import Quality
 
 #: the name of the one group of a text log: all columns share the row's clock
 GROUP = "rows"
 #: what a column of times is called in the plan of rows, where columns have several clocks; no
-#: channel has a blank in its name
-_CLOCK = "clock of block"
+#: channel has a line end in its name
+_CLOCK = "clock\n"
 #: threads that parse, and blocks that are parsed or wait to be used at one time
 _THREADS, _AHEAD = 2, 4
 #: what begins again with times of a form
@@ -116,19 +119,7 @@ class TextReader:
         )
         self.report.start = start_iso(self.layout, self.columns, self._plan.us, setup)
         self.report.remarks += said + _about_names(self.layout, self.columns) + _about_time(self)
-        self.report.losses += [
-            f"line {line} holds NUL bytes and was left out; copy the log again"
-            for line in self.layout.damaged[:3]
-        ]
-        if self.layout.spoilt:
-            self.report.losses.append(
-                f"line {self.layout.spoilt} does not parse as a row and was left out"
-            )
-        if self.layout.rows_above:
-            self.report.losses.append(
-                f"{self.layout.rows_above} lines above line {self.layout.first_line}, where the "
-                "rows are taken to begin, look like rows and were left out; give [log] header_rows"
-            )
+        self.report.losses += self.layout.losses
         self.report.losses += [
             f"channel {channel}: {why}" for channel, why in self.columns.missing.items()
         ]
@@ -159,22 +150,12 @@ class TextReader:
                 f"{GROUP}_{time + 1}",
                 tuple(own),
                 stamp_resolution_s=resolution_s(layout, replace(columns, time=time)),
-                decimals={c: self._plan.places[columns.values[c]] for c in own},
             )
             for time, own in members.items()
         )
 
     def _group(self, channels: tuple[str, ...]) -> Group:
         columns, layout = self.columns, self.layout
-        places = {c: self._plan.places[column] for c, column in columns.values.items()}
-        places |= dict.fromkeys(columns.edges, 0)
-        places |= {
-            c: max(
-                (decimals(layout, k) or 0 for k in range(self._plan.peaks_at, layout.width)),
-                default=0,
-            )
-            for c in columns.peaks
-        }
         counted = False
         if columns.number is not None:
             parts = [k for k in (columns.time, columns.clock) if k is not None]
@@ -186,7 +167,7 @@ class TextReader:
             counted = not parts or len(set(stamps)) < 0.7 * len(stamps)
         rate = rate_in_words(layout.preamble)
         return Group(
-            GROUP, channels, rate, resolution_s(layout, columns), counted, places,
+            GROUP, channels, rate, resolution_s(layout, columns), counted,
             edges=bool(columns.edges),
         )  # fmt: skip
 
@@ -255,9 +236,7 @@ class TextReader:
         return block[:start]
 
     def _block(self, parsed: Parsed) -> RawBlock:
-        values: dict[str, Samples] = {
-            channel: parsed.values[column] for channel, column in self.columns.values.items()
-        }
+        values = {channel: parsed.values[column] for channel, column in self.columns.values.items()}
         flags: list[tuple[str, int, int, Quality]] = []
         before = self.report.counts.get("rows", 0)
         for channel in self.columns.edges:
@@ -266,10 +245,10 @@ class TextReader:
             found, flags = self._tracker.follow(parsed)
             values |= found
         self._seen |= {
-            channel for channel in self.columns.peaks if lost_samples(values[channel]) < parsed.size
+            channel for channel in self.columns.peaks if not np.isnan(values[channel]).all()
         }
         if parsed.errors is not None:
-            flags += self._errors(parsed)
+            flags += self._errors(parsed.errors)
         self._count("rows", parsed.size)
         channels = (channel for group in self.groups for channel in group.channels)
         ordered = {channel: values[channel] for channel in channels}
@@ -277,15 +256,12 @@ class TextReader:
 
     def _by_clock(self, block: RawBlock, parsed: Parsed) -> Iterator[RawBlock]:
         """The block's channels clock by clock, without rows that hold nothing of them."""
-        stamps_of = [
-            counted_floats(parsed.values[time], self._plan.places[time]) * self.columns.clocks[time]
-            for time in self._times
-        ]
+        stamps_of = [parsed.values[time] * self.columns.clocks[time] for time in self._times]
         if self._origin in (None, np.inf):
             firsts = [stamps[~np.isnan(stamps)][:1] for stamps in stamps_of]
             self._origin = float(np.concatenate(firsts).min(initial=np.inf))
         for group, stamps in zip(self.groups, stamps_of, strict=True):
-            lost = [samples_lost(block.values[channel]) for channel in group.channels]
+            lost = [np.isnan(block.values[channel]) for channel in group.channels]
             kept = ~(np.isnan(stamps) & np.logical_and.reduce(lost))
             before = np.append(0, np.cumsum(kept)).tolist()
             yield RawBlock(
@@ -320,12 +296,11 @@ class TextReader:
         since = np.where(known, ticks - int(self._origin), 0)
         return np.where(known, since * (factor / second), np.nan)
 
-    def _errors(self, parsed: Parsed) -> list[tuple[str, int, int, Quality]]:
+    def _errors(self, codes: IntArray) -> list[tuple[str, int, int, Quality]]:
         """Sample ranges whose rows carry error codes, for every channel.
 
         The codes do not say whose they are.
         """
-        codes = np.zeros(0, np.int64) if parsed.errors is None else parsed.errors
         self._count("rows_with_error_codes", int((codes > 0).sum()))
         self._count("error_codes", int(codes.sum()))
         return [
@@ -437,10 +412,7 @@ def cut_off(layout: Layout, line: str) -> bool:
     if not usual:
         return len(cells) < layout.width
     if layout.counts:
-        fronts = cells[layout.counts_at : layout.counts_at + layout.counts]
-        if len(fronts) < layout.counts or not all(cell.isdigit() for cell in fronts):
-            return True
-        if sum(map(int, fronts)) != filled(cells) - layout.counts_at - layout.counts:
+        if not counts_add_up(cells, layout.counts_at, layout.counts):
             return True
     elif not layout.ragged and len(cells) < layout.width - (
         layout.kinds[layout.width - 1] == "blank"
@@ -485,25 +457,14 @@ def _plan(layout: Layout, columns: Columns, setup: Setup) -> RowPlan:
         columns.number,
         columns.errors,
     ]
-    gratings = {
-        column
-        for channel, column in columns.values.items()
-        if channel not in own and setup.channels[channel].kind.startswith("fbg_")
-    }
-    places = {column: decimals(layout, column) for column in columns.values.values()}
     return RowPlan(
         layout,
         columns,
         us,
         exact,
         max(k for k in behind if k is not None) + 1,
-        tuple(sorted(gratings)),
-        places,
         tick_places=tick_places,
     )
-
-
-__all__ = ["GROUP", "MISSING", "TextReader", "open_text"]
 
 
 # ---- The columns of a text log, and the gratings in a list of peaks.
@@ -542,13 +503,10 @@ def columns(source: ByteSource, log: str) -> SeriesList:
 
 def _gratings(layout: Layout, begin: int, taken: set[int]) -> tuple[Series, ...]:
     """The gratings whose peaks stand in the sample rows, by wavelength."""
-    peaks = []
-    for row in layout.rows:
-        for k in range(begin, len(row)):
-            with suppress(ValueError):
-                peaks.append(float(row[k].replace(layout.decimal, ".")) if k not in taken else 0.0)
+    widest = max(map(len, layout.rows))
+    listed = [numbers_of(layout, k) for k in range(begin, widest) if k not in taken]
     low, high = _WAVELENGTHS_NM
-    values = np.sort([peak for peak in peaks if low < peak < high])
+    values = np.sort([peak for column in listed for peak in column if low < peak < high])
     if not values.size:
         return ()
     groups = np.split(values, np.flatnonzero(np.diff(values) > _APART_NM) + 1)

@@ -1,25 +1,20 @@
 """Bytes of a text log, whatever wraps them.
 
-Plain, gzip, zstd, xz or the one file of a zip, from a file or from standard input.
+Plain, gzip, zstd or xz, from a file or from standard input.
 
     path or stream --magic bytes--> ByteSource --cut at newlines--> pieces of 2 MB
 
 Nothing seeks, so standard input serves as well as a file. A compressed stream that is
-cut off or damaged gives what could be unpacked; `ByteSource.problem` then says so. A zip archive is
-copied to a temporary file, as its list of files is at its end: cut off, it gives nothing.
+cut off or damaged gives what could be unpacked; `ByteSource.problem` then says so.
 """
 
 from __future__ import annotations
 
 import lzma
-import os
-import re
-import struct
-import tempfile
-import zipfile
 import zlib
-from codecs import getincrementaldecoder
+from codecs import iterdecode
 from collections.abc import Iterator
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -38,20 +33,11 @@ _UNPACKED_BYTES = 1 << 11
 #: many keep who has misspelt a setup waiting for twice as long
 _LOOKED_BYTES = 1 << 28
 
-#: the bit of a zip archive's flags that says so
-_ENCRYPTED = 1
-#: a zip archive ends within so many bytes, with its comment; there stands the size of the list of
-#: its files, in 4 bytes, and in 8 for archives above 4 GB. zipfile reads the list whole, so a long
-#: one is refused: a log has one file, and a list of a megabyte some ten thousand
-_END_BYTES, _LIST_BYTES = 1 << 17, 1 << 20
-_LIST_SIZES = (
-    (re.compile(rb"PK\x05\x06.{8}(.{4})", re.DOTALL), "<L"),
-    (re.compile(rb"PK\x06\x06.{36}(.{8})", re.DOTALL), "<Q"),
-)
-
 _MAGIC = {
-    "gzip": b"\x1f\x8b", "zstd": b"\x28\xb5\x2f\xfd", "xz": b"\xfd7zXZ\x00", "zip": b"PK\3\4"
-}  # fmt: skip
+    "gzip": b"\x1f\x8b",
+    "zstd": b"\x28\xb5\x2f\xfd",
+    "xz": b"\xfd7zXZ\x00",
+}
 
 
 def _unpacker(kind: str) -> Any:
@@ -70,10 +56,7 @@ def _unpack(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
 
     EOFError if the last member is not whole.
     """
-    if kind == "zip":
-        yield from _unzipped(pieces)
-        return
-    unpacker, started = _unpacker(kind), False
+    unpacker = _unpacker(kind)
     for piece in pieces:
         rest = piece
         while rest:
@@ -82,61 +65,11 @@ def _unpack(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
                     rest = rest.lstrip(b"\0")  # padding behind the last member
                     if not rest:
                         break
-                unpacker, started = _unpacker(kind), False
-            started = True
+                unpacker = _unpacker(kind)
             yield unpacker.decompress(rest)
             rest = unpacker.unused_data if unpacker.eof else b""
-    if started and not unpacker.eof:
+    if not unpacker.eof:
         raise EOFError
-
-
-def _unzipped(pieces: Iterator[bytes]) -> Iterator[bytes]:
-    """What the archive's one file holds; folders and what a Mac adds do not count.
-
-    EOFError, with a sentence: cut off, more files than one, or a kind of packing that is not read.
-    """
-    with tempfile.TemporaryFile(prefix="tirelog-") as copy:
-        copy.writelines(pieces)
-        copy.seek(max(copy.seek(0, os.SEEK_END) - _END_BYTES, 0))
-        end = copy.read()
-        sizes = [
-            struct.unpack(kind, size)[0]
-            for mark, kind in _LIST_SIZES
-            for size in mark.findall(end)
-            if size != b"\xff" * 4
-        ]
-        if max(sizes, default=0) > _LIST_BYTES:
-            raise EOFError("the zip archive lists more files than a log can have")
-        try:
-            archive = zipfile.ZipFile(copy)
-        except zipfile.BadZipFile:
-            raise EOFError("the zip archive is cut off or damaged") from None
-        files = [
-            file
-            for file in archive.infolist()
-            if not (file.is_dir() or file.filename.startswith("__MACOSX/"))
-        ]
-        for file in files[:1]:
-            yield from _member(archive, file)
-        for file in files[1:2]:
-            raise EOFError(
-                f"the zip archive holds a second file, {file.filename[:80]!r}, and one is read"
-            )
-
-
-def _member(archive: zipfile.ZipFile, file: zipfile.ZipInfo) -> Iterator[bytes]:
-    """What a file of the archive holds.  EOFError: as of `_unzipped`."""
-    if file.flag_bits & _ENCRYPTED:
-        raise EOFError("the zip archive is encrypted")
-    if file.header_offset < 0:  # by a list that says it begins elsewhere
-        raise EOFError("the zip archive is cut off or damaged")
-    if file.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise EOFError(
-            f"the zip archive is packed by method {file.compress_type}, and deflate is read"
-        )
-    with archive.open(file) as member:
-        while part := member.read(_UNPACKED_BYTES):
-            yield part
 
 
 def _as_utf_8(pieces: Iterator[bytes]) -> Iterator[bytes]:
@@ -147,10 +80,8 @@ def _as_utf_8(pieces: Iterator[bytes]) -> Iterator[bytes]:
         yield first
         yield from pieces
         return
-    decoder = getincrementaldecoder(encoding)("replace")
-    for piece in chain([first], pieces):
-        yield decoder.decode(piece).encode()
-    yield decoder.decode(b"", True).encode()
+    for text in iterdecode(chain([first], pieces), encoding, "replace"):
+        yield text.encode()
 
 
 def _utf_16(head: bytes) -> str:
@@ -168,7 +99,7 @@ def _utf_16(head: bytes) -> str:
 class ByteSource:
     """The unpacked bytes of a log, read forward only.
 
-    `kind` is plain, gzip, zstd, xz or zip; `problem` is a sentence if the compressed stream ended
+    `kind` is plain, gzip, zstd or xz; `problem` is a sentence if the compressed stream ended
     early or is damaged; `endless` is true if a line has no end within LONGEST_LINE_BYTES (a hole in
     the file), and neither it nor what follows was given.
     """
@@ -187,22 +118,17 @@ class ByteSource:
     def _read(self, start: bytes) -> Iterator[bytes]:
         """Unpacked pieces, none of which is longer than a block."""
         size = BLOCK_BYTES if self.kind == "plain" else _UNPACKED_BYTES
-
-        def raw() -> Iterator[bytes]:
-            piece = start
-            while piece:
-                yield piece
-                piece = self._file.read(size)
-
+        raw = chain([start], iter(partial(self._file.read, size), b""))
         try:
-            for piece in raw() if self.kind == "plain" else _unpack(self.kind, raw()):
+            for piece in raw if self.kind == "plain" else _unpack(self.kind, raw):
                 for at in range(0, len(piece), BLOCK_BYTES):  # it may unpack to very much
                     part = piece[at : at + BLOCK_BYTES]
                     self.unpacked_bytes += len(part)
                     yield part
-        except EOFError as problem:
-            cut = f"the {self.kind} stream is cut off after {self.unpacked_bytes} unpacked bytes"
-            self.problem = str(problem) or cut
+        except EOFError:
+            self.problem = (
+                f"the {self.kind} stream is cut off after {self.unpacked_bytes} unpacked bytes"
+            )
         # zlib.error, lzma.LZMAError, zstandard.ZstdError: each library has its own tree
         except Exception as problem:
             if isinstance(problem, OSError):

@@ -38,19 +38,6 @@ AS_IT_IS, YEAR, MONTH, DAY, HOUR, MINUTE, SECOND, FRACTION, HALF_DAY_HOUR, UNUSE
 _FIRST_YEAR, _LAST_YEAR = 1678, 2261
 
 
-def _days(year: IntArray, month: IntArray, day: IntArray | int) -> IntArray:
-    """Days since 1970 of proleptic Gregorian dates.
-
-    Counted in years that begin in March, so that the leap day comes last. Month 13 is the next
-    January.
-    """
-    year = year - (month <= 2)
-    month = (month + 9) % 12
-    return (
-        365 * year + year // 4 - year // 100 + year // 400 + (153 * month + 2) // 5 + day - 719_469
-    )
-
-
 def times_alike(
     cells: Bytes, pattern: Bytes, roles: IntArray, dated: bool, offset_s: int
 ) -> tuple[Nanoseconds, NDArray[np.bool_]]:
@@ -81,10 +68,11 @@ def times_alike(
     seconds = hour * 3600 + minute * 60 + second - offset_s
     if dated:
         year, month, day = field(YEAR), field(MONTH), field(DAY)
+        months = (12 * (year - 1970) + month - 1).astype("M8[M]")
+        days = months.astype("M8[D]") + (day - 1)
         possible &= (year >= _FIRST_YEAR) & (year <= _LAST_YEAR) & (month >= 1) & (month <= 12)
-        in_month = _days(year, month + 1, 1) - _days(year, month, 1)
-        possible &= (day >= 1) & (day <= in_month)
-        seconds += 86_400 * _days(year, month, day)
+        possible &= (day >= 1) & (days.astype("M8[M]") == months)
+        seconds += 86_400 * days.astype(np.int64)
     decimals = np.count_nonzero(roles == FRACTION)
     time_ns = seconds * 1_000_000_000 + field(FRACTION) * 10 ** (9 - decimals)
     alike: NDArray[np.bool_] = np.logical_and.reduce(as_written, axis=1)
