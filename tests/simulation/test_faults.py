@@ -92,23 +92,6 @@ def test_refused_with_advice(more: dict[str, Any], said: str) -> None:
     assert refusal.value.message.count(";") >= 2
 
 
-def test_file_with_everything_is_read(tmp_path: Any) -> None:
-    """The same keys in TOML."""
-    file = tmp_path / "drive.toml"
-    file.write_text(
-        "[[manoeuvres]]\nduration_s = 1.0\nspeed_m_s = 10.0\n"
-        '[channels.s]\nkind = "fbg_strain"\nhum = 0.003\nlost_at_flanks = 0.3\n'
-        "[nuisances.run_out]\namplitudes_microstrain = [3, 1.5]\nphases_deg = [-20, 40]\n"
-        "[nuisances.rolling_radius]\nerror = -0.015\n",
-        encoding="utf-8",
-    )
-    read = load_scenario(file)
-    assert read.nuisances.run_out.amplitudes_microstrain == (3.0, 1.5)
-    assert read.nuisances.rolling_radius.error == -0.015
-    assert read.nuisances.load_wander.share == 0.0
-    assert read.channels["s"].hum == 0.003
-
-
 @pytest.mark.parametrize(
     ("more", "said"),
     [
