@@ -288,48 +288,12 @@ def _knots(count: FloatArray) -> int | None:
 def _curve(
     phi: FloatArray, values: FloatArray, count: FloatArray, knots: int | None
 ) -> CubicSpline:
-    """Periodic spline of a cell's bins: the nearest with so many `knots`, or through all of them.
-
-    Through all, those that lie too close are merged. Samples that lock to fixed angles give
-    neighbouring bins mean angles far closer than a bin. A spline through both turns their noise
-    into a slope.
-    """
+    """Periodic spline of a cell's bins: nearest with so many `knots`, or through all of them."""
     full = np.isfinite(values) & (count > 0)
-    points = np.stack([phi[full], values[full], count[full]])
+    x, y = phi[full], values[full]
     if knots is not None:
-        return nearest_curve(points[0], points[1], points[2], knots)
-    # a bin with less than this share of the samples of the middle one joins a neighbour within one
-    # and a half bins; doubling changes nothing seen
-    few = 0.1 * np.median(points[2])
-    width = 2.0 * np.pi / phi.size
-    while points.shape[1] > 8:
-        x, _, n = points
-        gap = np.diff(np.append(x, x[0] + 2.0 * np.pi))  # to the next one
-        lone = np.minimum(n, np.roll(n, -1)) < few
-        # neighbouring knots of a cell's curve are at least this share of a bin apart: noise over a
-        # gap is a slope, and 0.3 makes it three times what a whole bin does; doubling it begins to
-        # blur edges where angles are spread evenly
-        close = gap / width < np.where(lone, 1.5, 0.3)
-        if not close.any():
-            break
-        points = _merged(points, int(np.argmin(np.where(close, gap, np.inf))))
-    x, y, _ = points
+        return nearest_curve(x, y, count[full], knots)
     return CubicSpline(np.append(x, x[0] + 2.0 * np.pi), np.append(y, y[0]), bc_type="periodic")
-
-
-def _merged(points: FloatArray, first: int) -> FloatArray:
-    """Knots (3, k), angle, value, samples, with `first` and the next (round the turn) as one.
-
-    It lies at the mean of their samples.
-    """
-    points, last = points.copy(), (first + 1) % points.shape[1]
-    step = points[:, last] - points[:, first]
-    step[0] %= 2.0 * np.pi
-    total = points[2, first] + points[2, last]
-    points[:2, first] += points[2, last] / total * step[:2]
-    points[2, first] = total
-    points = np.delete(points, last, axis=1)
-    return points[:, np.argsort(points[0])]
 
 
 def _bin_means(
