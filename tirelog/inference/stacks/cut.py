@@ -579,12 +579,15 @@ def _angle_behind(own: Stacks, first: Stacks) -> tuple[float, float, int]:
 def _passages(stacks: Stacks, number: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(times [s], angular speeds [rad/s], ordinals) of the passages of one log."""
     parts = [s for s in stacks.outlines() if s.log.size and s.log[0] == number]
-    none = np.zeros(0)
-    time = np.concatenate([none, *(s.conditions.time_s for s in parts)])
-    spin = np.concatenate([none, *(s.conditions.speed_m_s / s.radius_m for s in parts)])
-    ordinal = np.concatenate([none, *(s.revolution for s in parts)])
-    order = np.argsort(time)
-    return time[order], spin[order], ordinal[order]
+    if not parts:
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    own = joined(parts)
+    time, order = own.conditions.time_s, np.argsort(own.conditions.time_s)
+    return (
+        time[order],
+        own.conditions.speed_m_s[order] / own.radius_m,
+        own.revolution[order].astype(np.float64),
+    )
 
 
 def _behind(
