@@ -16,7 +16,7 @@ from tirelog.data.recording import Conditions
 from tirelog.inference.cells.joint import model_of
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
-from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
+from tirelog.simulation.scenario.schema import BENDING_N_M2, PLANTABLE, Sensor
 from tirelog.simulation.steady.loads import Instants
 from tirelog.simulation.steady.waveforms import World
 
@@ -26,26 +26,6 @@ R, SPEED, ACCELERATION, TIME = 0.305, 17.0, 1.7, 3.0
 #: so that these are the speed and the acceleration then
 DRIVE = [{"duration_s": 1.0, "speed_m_s": 13.6}, {"duration_s": 4.0, "speed_m_s": 20.4}]
 DRIVEN = {"distance_km": 22000.0, "water_depth_mm": 0.8}
-SHARED = {"lever_arm_m": 3.0e-4, "radius_m": R, "line_mass_kg_m": 4.5}
-NUMBERS = {
-    "beam": SHARED
-    | {
-        "flexural_stiffness_N_m2": 4.0,
-        "foundation_stiffness_N_m2": 2.0e6,
-        "patch_half_length_m": 0.058,
-        "reference_load_N": 3434.0,
-        "patch_load_exponent": 0.5,
-    },
-    "ring": SHARED
-    | {
-        "flexural_stiffness_N_m2": 2.0,
-        "radial_stiffness_N_m2": 6.3e5,
-        "tangential_stiffness_N_m2": 6.3e5,
-        "width_m": 0.14,
-        "tread_stiffness_N_m2": 8.75e7,
-        "inflation_pressure_Pa": 2.2e5,
-    },
-}
 STRAIN_EFFECTS = [
     name
     for name in PLANTABLE
@@ -90,8 +70,14 @@ def moment(w: World, **other: float) -> Instants:
 
 def modelled(w: World, observable: str | list[str]) -> Model:
     """The model with a world's numbers and effects."""
-    model = Model.new(w.scenario.truth, observable)
-    numbers = NUMBERS[w.scenario.truth]
+    tire, truth = w.scenario.tire, w.scenario.truth
+    numbers = vars(tire) | {
+        "radius_m": tire.rolling_radius_m,
+        "width_m": tire.width_belt_m,
+        "flexural_stiffness_N_m2": BENDING_N_M2[truth],
+        "inflation_pressure_Pa": 2.2e5,
+    }
+    model = Model.new(truth, observable)
     model = model.with_values({n: v for n, v in numbers.items() if n in model.values})
     for effect in w.scenario.effects:
         known = {p.name for p in BY_ID[effect.name].parameters}

@@ -9,9 +9,9 @@ import pytest
 
 from benchmarks.forms import Compared, nearest, table
 from tirelog.data.recording import Conditions
-from tirelog.physics import Model
 from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
 
+from .test_against_models import modelled
 from .worlds import instants, world
 
 pytestmark = pytest.mark.xdist_group("second forms")  # one worker makes what these tests share
@@ -56,19 +56,9 @@ def test_a_tilted_accelerometer_is_that_of_the_catalogue() -> None:
     w, plain = world(effects=[{"name": "sensor_tilt"}], grid_points=4096), world(grid_points=4096)
     sensor, at = Sensor("radial_acceleration"), instants(speed=15.0)
     truth = w.waveform(w.solve(at), sensor)[0] - plain.waveform(plain.solve(at), sensor)[0]
-    tire = w.scenario.tire
-    model = Model.new("beam", observable="radial_acceleration").with_values(
-        {
-            "flexural_stiffness_N_m2": 4.0,
-            "foundation_stiffness_N_m2": tire.foundation_stiffness_N_m2,
-            "patch_half_length_m": tire.patch_half_length_m,
-            "reference_load_N": tire.reference_load_N,
-            "radius_m": tire.rolling_radius_m,
-        }
-    )
+    tilted, model = (modelled(one, "radial_acceleration") for one in (w, plain))
     drive = Conditions.of(1, speed_m_s=15.0, acceleration_m_s2=0.0, load_N=float(at.load[0]))
-    phi = w.ring.xi_m / tire.rolling_radius_m
-    tilted = model.with_effect("sensor_tilt", tilt_rad=0.05)
+    phi = w.ring.xi_m / w.scenario.tire.rolling_radius_m
     told = (tilted.predict(drive, phi) - model.predict(drive, phi))[0]
     told = told - 0.05 * 9.80665 * np.sin(phi)
     assert np.abs(truth - told).max() < 2e-3 * np.abs(truth).max()

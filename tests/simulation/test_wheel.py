@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tirelog.errors import UsageError
 from tirelog.simulation import scenario_of, simulate
 from tirelog.simulation.scenario.schema import Sensor
 from tirelog.simulation.sensors.sampling import coupled, phase_shift, tread_angle
@@ -103,11 +102,6 @@ def test_a_driven_wheel_turns_faster_than_it_rolls_by_the_force_over_the_slip_st
     assert expected.min() < 0.98
     # a tooth of 2 ms is read to half a microsecond by the chord between two samples
     assert ratio[inside] == pytest.approx(expected[inside], abs=3e-4)
-
-
-def test_a_tire_on_bristles_has_no_slip_stiffness_of_its_own() -> None:
-    with pytest.raises(UsageError, match="bristles"):
-        scenario_of(tables(truth="coupled_ring", tire={"slip_stiffness_N": 5e4}))
 
 
 def test_missing_and_extra_teeth() -> None:

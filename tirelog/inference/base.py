@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import compress
 
 import numpy as np
 
@@ -35,6 +36,7 @@ from tirelog.inference.cells.joint import (
 )
 from tirelog.inference.fit.cells import (
     MOST_STEPS,
+    UNSEEN,
     Errors,
     Fit,
     fit_blocks,
@@ -646,10 +648,11 @@ def _at_bound(p: Parameter) -> bool:
 
 def _undetermined(names: Sequence[str], known: Errors, held: Sequence[str]) -> list[str]:
     """Sentences on what the data do not determine; parameters at a bound are listed elsewhere."""
+    directions = [list(compress(names, np.abs(row) > UNSEEN)) for row in known.blind]
     return [
         f"the data do not determine {' with '.join(members)}: "
         f"fix {members[0] if len(members) == 1 else 'all but one'}."
-        for members in known.undetermined(names)
+        for members in directions
         if not set(members) <= set(held)
     ]
 

@@ -13,7 +13,7 @@ under one limit of memory. What was set apart, taken together or left out on the
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 
-from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
+from tirelog.data.recording import Channel, Conditions, Recording, Stack
 from tirelog.data.setup import RoadSetup
 from tirelog.errors import UsageError, nearest
 from tirelog.inference.shared_samples import once_each
@@ -29,12 +29,11 @@ from tirelog.inference.stacks.align import PassageAngle, split_turns, template
 from tirelog.inference.stacks.cut import (
     STRETCH,
     Stacks,
+    add_log,
     joined,
-    observe_channel,
     outlines,
     outward,
     places_of,
-    stacks_from_logs,
     stretches_of,
 )
 from tirelog.physics.carcass.numbers import MOTION
@@ -386,9 +385,7 @@ def several_channels(channel: str | None) -> tuple[str, ...]:
     return names if len(names) > 1 or names == (ALL_CHANNELS,) else ()
 
 
-def measured_gratings(
-    recordings: Iterable[Recording], names: Sequence[str], *, most: int = STRETCH
-) -> MeasuredLogs:
+def measured_gratings(recordings: Iterable[Recording], names: Sequence[str]) -> MeasuredLogs:
     """The revolutions of several gratings of one tire, and the place of each on the wheel.
 
     names       of the channels, or ALL_CHANNELS
@@ -397,7 +394,6 @@ def measured_gratings(
     """
     found: dict[str, Stacks] = {}
     given: dict[str, float] = {}
-    surfaces: dict[str, str] = {}
     for number, recording in enumerate(recordings):
         own = [channel.name for channel in recording.of_kind(*STRAIN_KINDS)]
         asked = list(names)
@@ -420,14 +416,11 @@ def measured_gratings(
                 file=recording.log,
             )
         for name in asked:
-            one = measured([recording], STRAIN, name, most=most)
-            stacks = found.setdefault(name, Stacks())
-            stacks.add(recording.log, one.stacks.of_log(0))
-            stacks.note(*one.notes)
+            add_log(found.setdefault(name, Stacks()), recording, STRAIN, name)
             channel = recording.setup.channels.get(name)
             if channel is not None and channel.angle_deg is not None:
                 given.setdefault(name, float(np.radians(channel.angle_deg)))
-            surfaces[name] = recording.channels[name].surface
+    surfaces = {name: outlines(stacks)[0].surface for name, stacks in found.items()}
     if len(set(surfaces.values())) > 1:
         raise UsageError(
             "gratings on both surfaces: "
@@ -448,7 +441,6 @@ def measured_together(
     observables: Sequence[str],
     channel: str | None = None,
     *,
-    most: int = STRETCH,
     level: bool = True,
 ) -> MeasuredLogs:
     """The revolutions of each of several observables, from logs that each measure some of them.
@@ -467,12 +459,8 @@ def measured_together(
                 continue
             fits = own is not None and own.kind in OBSERVABLES[observable].kinds
             named = named or fits
-            one = measured(
-                [recording], observable, channel if fits else None, most=most, level=level
-            )
-            stacks.add(recording.log, one.stacks.of_log(0))
-            obstacles += one.obstacles
-            stacks.note(*one.notes)
+            own_name = channel if fits else None
+            obstacles += _add_steady(stacks, recording, observable, own_name, level=level)
     for stacks, observable in zip(found, observables, strict=True):
         if not len(stacks):
             known = OBSERVABLES[observable]
@@ -554,70 +542,48 @@ def measured(
     UsageError  no such channel, fewer than six revolutions, or a [road] without an obstacle or
                 steady rolling beside it
     """
-    kept: dict[str, Recording] = {}
-    stacks = stacks_from_logs(
-        _watched(recordings, observable, channel, kept),
-        observable,
-        channel,
-        most=most,
-        level=level,
-    )
-    return _parted(stacks, kept) if kept else MeasuredLogs(stacks)
+    stacks, obstacles = Stacks(), list[TransientLog]()
+    for recording in recordings:
+        obstacles += _add_steady(stacks, recording, observable, channel, most=most, level=level)
+    return MeasuredLogs(stacks, tuple(obstacles))
 
 
-def _watched(
-    recordings: Iterable[Recording],
+def _add_steady(
+    stacks: Stacks,
+    recording: Recording,
     observable: str,
     channel: str | None,
-    kept: dict[str, Recording],
-) -> Iterator[Recording]:
-    """The recordings as they come.
-
-    Of those that met an obstacle the observed channel is kept in memory, by log.
-    """
-    for recording in recordings:
-        if recording.setup.road.kind != "flat":
-            source, _ = outward(observe_channel(recording, observable, channel))
-            axis = replace(TimeAxis.of_times(source.axis.time()), rate_Hz=source.axis.rate_Hz)
-            copy = Channel.of_array(
-                source.name, source.kind, source.read(), axis, surface=source.surface
-            )
-            kept[recording.log] = replace(recording, channels={source.name: copy})
-        yield recording
-
-
-def _parted(stacks: Stacks, kept: dict[str, Recording]) -> MeasuredLogs:
-    """The stacks without the revolutions that an obstacle disturbs, and the logs that met one."""
-    obstacles: list[TransientLog] = []
-    steady = Stacks()
-    steady.note(*stacks.notes)
-    for number, log in enumerate(stacks.logs):
-        recording = kept.get(log)
-        if recording is None:
-            steady.add(log, stacks.of_log(number))
-            continue
-        stack = joined(stacks.of_log(number))  # its samples are in memory as a whole too
-        source = recording.channels[stack.channel]
-        waveforms = stack  # an obstacle shows in those of which numbers per revolution are made
-        if stack.observable not in WAVEFORMS:
-            waveforms = joined(stretches_of(recording, source, waveform_of([source.kind])))
-        found = transient_log(recording, source, waveforms)
-        rest = steady_revolutions(stack, found.hits_s)
-        if not len(rest):
-            raise UsageError(
-                f"every revolution of channel {stack.channel} is on an obstacle",
-                allowed="steady ones are needed beside it",
-                do="give a log that rolls on before or after it",
-                file=log,
-            )
-        steady.add(log, [rest])
-        steady.note(
-            f"{log}: {found.hits_s.size} hits on an obstacle; {len(stack) - len(rest)} of "
-            f"{len(stack)} revolutions are disturbed by them and kept apart from the steady ones"
+    *,
+    most: int = STRETCH,
+    level: bool,
+) -> list[TransientLog]:
+    """Adds a recording's revolutions that no obstacle disturbs; its waveforms about one, if any."""
+    if recording.setup.road.kind == "flat":
+        add_log(stacks, recording, observable, channel, most=most, level=level)
+        return []
+    own = Stacks()
+    add_log(own, recording, observable, channel, most=most, level=level)
+    stacks.note(*own.notes)
+    stack = joined(own)  # the log's samples are in memory as a whole too
+    source, _ = outward(recording.channels[stack.channel])
+    waveforms = stack  # an obstacle shows in those of which numbers per revolution are made
+    if observable not in WAVEFORMS:
+        waveforms = joined(stretches_of(recording, source, waveform_of([source.kind]), []))
+    found = transient_log(recording, source, waveforms)
+    rest = steady_revolutions(stack, found.hits_s)
+    if not len(rest):
+        raise UsageError(
+            f"every revolution of channel {stack.channel} is on an obstacle",
+            allowed="steady ones are needed beside it",
+            do="give a log that rolls on before or after it",
+            file=recording.log,
         )
-        if stack.observable in WAVEFORMS:
-            obstacles.append(found)
-    return MeasuredLogs(steady, tuple(obstacles))
+    stacks.add(recording.log, [rest])
+    stacks.note(
+        f"{recording.log}: {found.hits_s.size} hits on an obstacle; {len(stack) - len(rest)} of "
+        f"{len(stack)} revolutions are disturbed by them and kept apart from the steady ones"
+    )
+    return [found] if observable in WAVEFORMS else []
 
 
 # ---- Parameters that only a motion tells.

@@ -78,19 +78,6 @@ def projected_out(basis: FloatArray, x: FloatArray, shrink: FloatArray | None = 
     return np.subtract(flat, taken, out=taken).reshape(x.shape)
 
 
-def in_blocks(operator: Callable[[slice, FloatArray], FloatArray], x: FloatArray) -> FloatArray:
-    """operator(rows, x[rows]) for all cells of x (C, m) or (C, m, k), some at a time.
-
-    It gets x with columns; what it needs besides its result stays small.
-    """
-    columns = x.reshape(*x.shape[:2], math.prod(x.shape[2:]))
-    result = np.empty(columns.shape)
-    for start in range(0, x.shape[0], _BLOCK):
-        rows = slice(start, start + _BLOCK)
-        result[rows] = operator(rows, columns[rows])
-    return result.reshape(x.shape)
-
-
 def side_by_side(
     metric: Callable[[FloatArray], FloatArray], parts: Sequence[FloatArray]
 ) -> FloatArray:
@@ -232,17 +219,19 @@ class Whitener:
         """Whitened x, shape (C, m) or (C, m, k); NaN in empty bins is allowed."""
         if x.size == 0:
             return x
-        x = in_blocks(self._of_cells, x)
+        columns = x.reshape(*x.shape[:2], -1)
+        white = np.empty(columns.shape)
+        for start in range(0, len(x), _BLOCK):  # some cells at a time: what they need stays small
+            rows = slice(start, start + _BLOCK)
+            inverse, basis = self.inverse_sd[rows, :, None], self.basis[rows]
+            own = np.where(inverse > 0, columns[rows] * inverse, 0.0)
+            taken = self.shrink[rows, :, None] * (np.swapaxes(basis, 1, 2) @ own)
+            white[rows] = own - basis @ taken
+        white = white.reshape(x.shape)
         coupled = zip(self.groups, self.group_basis, self.group_shrink, strict=True)
-        for rows, basis, shrink in coupled:
-            x[rows] = projected_out(basis, x[rows], shrink)
-        return x
-
-    def _of_cells(self, rows: slice, x: FloatArray) -> FloatArray:
-        """The operator of single cells on some of them."""
-        inverse, basis = self.inverse_sd[rows, :, None], self.basis[rows]
-        x = np.where(inverse > 0, x * inverse, 0.0)
-        return x - basis @ (self.shrink[rows, :, None] * (np.swapaxes(basis, 1, 2) @ x))
+        for group, basis, shrink in coupled:
+            white[group] = projected_out(basis, white[group], shrink)
+        return white
 
     def only(self, rows: NDArray[np.bool_]) -> Self:
         """The operator on these cells alone; no manoeuvre's scatter couples them with others."""

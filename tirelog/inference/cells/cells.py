@@ -23,7 +23,14 @@ from numpy.typing import NDArray
 from scipy.special import digamma, polygamma
 
 from tirelog.errors import ModelError
-from tirelog.inference.cells.pieces import ROW, Means, Pieces, binned, without_line
+from tirelog.inference.cells.pieces import (
+    ROW,
+    ComplexArray,
+    Means,
+    Pieces,
+    binned,
+    without_line,
+)
 from tirelog.physics.spectral import Angles
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -187,8 +194,6 @@ def alikeness(pieces: Pieces) -> float:
     # squared errors are divided by it: as far as it scatters (Bartlett), their mean is larger
     return found * (1.0 + 4.0 * NEIGHBOURS / values)
 
-
-ComplexArray = NDArray[np.complex128]
 
 #: harmonics of the staircase: the others are 2 % of a step's variance without noise, and nothing
 #: with 0.1 steps of it

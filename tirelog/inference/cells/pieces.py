@@ -26,7 +26,7 @@ from scipy.interpolate import CubicSpline
 
 from tirelog.data.recording import Conditions, Stack
 from tirelog.inference.stacks.align import knots_of, nearest_curve
-from tirelog.inference.stacks.cut import ANGLES, outlines
+from tirelog.inference.stacks.cut import ANGLES, joined, outlines
 from tirelog.process_pool import shared_out
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -288,48 +288,12 @@ def _knots(count: FloatArray) -> int | None:
 def _curve(
     phi: FloatArray, values: FloatArray, count: FloatArray, knots: int | None
 ) -> CubicSpline:
-    """Periodic spline of a cell's bins: the nearest with so many `knots`, or through all of them.
-
-    Through all, those that lie too close are merged. Samples that lock to fixed angles give
-    neighbouring bins mean angles far closer than a bin. A spline through both turns their noise
-    into a slope.
-    """
+    """Periodic spline of a cell's bins: nearest with so many `knots`, or through all of them."""
     full = np.isfinite(values) & (count > 0)
-    points = np.stack([phi[full], values[full], count[full]])
+    x, y = phi[full], values[full]
     if knots is not None:
-        return nearest_curve(points[0], points[1], points[2], knots)
-    # a bin with less than this share of the samples of the middle one joins a neighbour within one
-    # and a half bins; doubling changes nothing seen
-    few = 0.1 * np.median(points[2])
-    width = 2.0 * np.pi / phi.size
-    while points.shape[1] > 8:
-        x, _, n = points
-        gap = np.diff(np.append(x, x[0] + 2.0 * np.pi))  # to the next one
-        lone = np.minimum(n, np.roll(n, -1)) < few
-        # neighbouring knots of a cell's curve are at least this share of a bin apart: noise over a
-        # gap is a slope, and 0.3 makes it three times what a whole bin does; doubling it begins to
-        # blur edges where angles are spread evenly
-        close = gap / width < np.where(lone, 1.5, 0.3)
-        if not close.any():
-            break
-        points = _merged(points, int(np.argmin(np.where(close, gap, np.inf))))
-    x, y, _ = points
+        return nearest_curve(x, y, count[full], knots)
     return CubicSpline(np.append(x, x[0] + 2.0 * np.pi), np.append(y, y[0]), bc_type="periodic")
-
-
-def _merged(points: FloatArray, first: int) -> FloatArray:
-    """Knots (3, k), angle, value, samples, with `first` and the next (round the turn) as one.
-
-    It lies at the mean of their samples.
-    """
-    points, last = points.copy(), (first + 1) % points.shape[1]
-    step = points[:, last] - points[:, first]
-    step[0] %= 2.0 * np.pi
-    total = points[2, first] + points[2, last]
-    points[:2, first] += points[2, last] / total * step[:2]
-    points[2, first] = total
-    points = np.delete(points, last, axis=1)
-    return points[:, np.argsort(points[0])]
 
 
 def _bin_means(
@@ -535,7 +499,7 @@ def pieces_of_logs(stacks: Sequence[Stack], most: int = MOST_PIECES) -> Pieces:
     number = np.full(len(pieces) + 1, -1)  # the last is that of no piece
     number[kept] = np.arange(kept.size)
     some = replace(pieces.take(kept), notes=(*pieces.notes, *said))
-    return replace(some, cell=_nearest_cells(some, number[pieces.cell], outline))
+    return replace(some, cell=_nearest_cells(some, number[pieces.cell], joined(outline)))
 
 
 def room(angles: int, most: int = MOST_PIECES) -> int:
@@ -582,7 +546,12 @@ def pieces_of_all(
     Of some `logs` alone, if they are given. Stacks of which no manoeuvre is used are not read.
     """
     outline = outlines(stacks)
-    kept, some = _kept_manoeuvres(outline, room(outline[0].phi_rad.size, most), logs)
+    whole = joined(outline)
+    pieces = np.zeros(int(whole.manoeuvre.max()) + 1, np.int64)  # of each manoeuvre
+    for stack in outline:
+        own = np.unique(np.stack([stack.manoeuvre, assign_pieces(stack)]), axis=1)[0]
+        pieces += np.bincount(own, minlength=pieces.size)
+    kept, some = _kept_manoeuvres(whole, pieces, room(whole.phi_rad.size, most), logs)
     used = [np.flatnonzero(np.isin(stack.manoeuvre, kept)) for stack in outline]
     read = [i for i, rows in enumerate(used) if rows.size]
 
@@ -595,28 +564,27 @@ def pieces_of_all(
     for i, part in zip(read, shared_out(len(read), part_of), strict=True):
         cells[i][used[i]] = part.cell + sum(len(one) for one in parts)
         parts.append(part)
-    pieces = concatenated_pieces(parts)
+    made = concatenated_pieces(parts)
     notes = (
-        f"{pieces.logs[number]}: {used} of {of} manoeuvres are used, spread over the speeds of "
+        f"{made.logs[number]}: {used} of {of} manoeuvres are used, spread over the speeds of "
         "each regime; errors are those of what is used"
         for number, (used, of) in some.items()
     )
     return replace(
-        pieces,
-        cell=_nearest_cells(pieces, np.concatenate(cells), outline),
+        made,
+        cell=_nearest_cells(made, np.concatenate(cells), whole),
         notes=(*getattr(stacks, "notes", ()), *notes),
     )
 
 
-def _nearest_cells(pieces: Pieces, cell: IntArray, outline: Sequence[Stack]) -> IntArray:
+def _nearest_cells(pieces: Pieces, cell: IntArray, whole: Stack) -> IntArray:
     """The piece of each revolution, (n,): its own or, of none (-1), the nearest in speed.
 
     Of its log; -1 if the log gives no piece.
     """
-    log = np.concatenate([stack.log for stack in outline])
-    speed = np.concatenate([stack.conditions.speed_m_s for stack in outline])
-    for number in np.unique(log[cell < 0]):
-        rows, there = (cell < 0) & (log == number), np.flatnonzero(pieces.log == number)
+    speed = whole.conditions.speed_m_s
+    for number in np.unique(whole.log[cell < 0]):
+        rows, there = (cell < 0) & (whole.log == number), np.flatnonzero(pieces.log == number)
         if there.size:
             there = there[np.argsort(pieces.conditions.speed_m_s[there], kind="stable")]
             among = pieces.conditions.speed_m_s[there]
@@ -625,47 +593,36 @@ def _nearest_cells(pieces: Pieces, cell: IntArray, outline: Sequence[Stack]) -> 
 
 
 def _kept_manoeuvres(
-    outline: Sequence[Stack], most: int, logs: IntArray | None
+    whole: Stack, pieces: IntArray, most: int, logs: IntArray | None
 ) -> tuple[IntArray, dict[int, tuple[int, int]]]:
     """The manoeuvres that are used, ascending; of logs with others: how many, and of how many.
 
     About `most` pieces of a log, shared out over its regimes, and in these over manoeuvres under
     conditions that few others have; of each kind its manoeuvres evenly by their mean speed.
+    `pieces` of each manoeuvre by its number.
     """
-    log = np.concatenate([stack.log for stack in outline])
-    regime = np.concatenate([stack.regime for stack in outline])
-    speed = np.concatenate([stack.conditions.speed_m_s for stack in outline])
-    manoeuvre = np.concatenate([stack.manoeuvre for stack in outline])
-    names, first, which = np.unique(manoeuvre, return_index=True, return_inverse=True)
-
-    def mean_of(x: FloatArray) -> FloatArray:
-        mean: FloatArray = np.bincount(which, x) / np.bincount(which)
-        return mean
-
-    mean = mean_of(speed)
-    conditions = [
-        np.concatenate([getattr(stack.conditions, name) for stack in outline])
+    names, first, which = np.unique(whole.manoeuvre, return_index=True, return_inverse=True)
+    log, pieces = whole.log[first], pieces[names]
+    mean = {
+        name: np.bincount(which, getattr(whole.conditions, name)) / np.bincount(which)
         for name in Conditions.__dataclass_fields__
-        if name not in ("speed_m_s", "acceleration_m_s2")  # these make the regimes
-    ]
-    pieces = np.zeros(names.size, np.int64)
-    for stack in outline:
-        own = np.unique(np.stack([stack.manoeuvre, assign_pieces(stack)]), axis=1)[0]
-        pieces += np.bincount(np.searchsorted(names, own), minlength=names.size)
+        if name != "acceleration_m_s2"  # with the speed it makes the regimes
+    }
+    speed = mean.pop("speed_m_s")
     logs = np.unique(log) if logs is None else logs
-    kept, used = np.isin(log[first], logs), dict[int, tuple[int, int]]()
+    kept, used = np.isin(log, logs), dict[int, tuple[int, int]]()
     for number in logs:
-        of_log = np.flatnonzero(log[first] == number)
+        of_log = np.flatnonzero(log == number)
         if pieces[of_log].sum() <= most:
             continue
-        rare = np.array([_rare(mean_of(x)[of_log]) for x in conditions])
-        regimes = np.unique(regime[first][of_log], return_inverse=True)[1]
+        rare = np.array([_rare(x[of_log]) for x in mean.values()])
+        regimes = np.unique(whole.regime[first[of_log]], return_inverse=True)[1]
         label = np.unique(np.vstack([regimes, rare]), axis=1, return_inverse=True)[1].ravel()
         kinds = [of_log[label == kind] for kind in np.unique(label)]
         shares = share_out([int(pieces[kind].sum()) for kind in kinds], most)
         for kind, share in zip(kinds, shares, strict=True):
             kept[kind] = False
-            kept[_spread(kind[np.argsort(mean[kind], kind="stable")], pieces, share)] = True
+            kept[_spread(kind[np.argsort(speed[kind], kind="stable")], pieces, share)] = True
         used[int(number)] = int(kept[of_log].sum()), of_log.size
     return names[kept], used
 

@@ -161,7 +161,7 @@ def _damped(
 NULL = 1e-10
 #: a parameter with more than this share (a cosine) in a blind direction is not determined; twice
 #: as much tells errors of parameters of which a fifth cannot be seen
-_SHARE = 0.1
+UNSEEN = 0.1
 
 
 @dataclass(frozen=True)
@@ -177,13 +177,6 @@ class Errors:
     covariance: FloatArray
     blind: FloatArray
 
-    def undetermined(self, names: Sequence[str]) -> list[tuple[str, ...]]:
-        """The parameters of each blind direction."""
-        return [
-            tuple(n for n, share in zip(names, row, strict=True) if abs(share) > _SHARE)
-            for row in self.blind
-        ]
-
 
 def errors_of(slopes: FloatArray, variance: float) -> Errors:
     """Standard errors of what has the whitened `slopes` (N, p), for residuals of this variance."""
@@ -196,7 +189,7 @@ def errors_of(slopes: FloatArray, variance: float) -> Errors:
     unit = slopes[:, usable] / norm[usable]
     values, vectors = np.linalg.eigh(unit.T @ unit)
     good = values > NULL * values[-1]
-    hidden = np.abs(vectors[:, ~good]).max(axis=1, initial=0.0) > _SHARE
+    hidden = np.abs(vectors[:, ~good]).max(axis=1, initial=0.0) > UNSEEN
     known = np.where(hidden, np.inf, (vectors[:, good] ** 2 / values[good]).sum(axis=1))
     se[usable] = np.sqrt(variance * known) / norm[usable]
     inverse = (vectors[:, good] / values[good]) @ vectors[:, good].T

@@ -76,9 +76,6 @@ def step_of(channel: Channel) -> tuple[float, float]:
         return 0.0, 0.0
     step = float(apart.min())
     step = float(np.median(apart[apart < 1.5 * step]))
-    steps = apart / step
-    if float(np.abs(steps - np.round(steps)).max()) >= _OFF_STEP:
-        return 0.0, 0.0
     # one ruler through all values: that of neighbours alone would slip over thousands of steps
     number = np.round((values - values[0]) / step)
     step = float(np.polyfit(number, values - values[0], 1)[0])
@@ -457,7 +454,7 @@ def front_fit(
     return np.where(bad, np.nan, shift), np.where(bad, np.nan, amplitude)
 
 
-def refine_passages(samples: Samples, centre_s: FloatArray, rounds: int = 3) -> FloatArray:
+def refine_passages(samples: Samples, centre_s: FloatArray) -> FloatArray:
     """Passage times (n,) after matched filtering.
 
     A passage whose front cannot be fitted lies between its neighbours.
@@ -467,7 +464,7 @@ def refine_passages(samples: Samples, centre_s: FloatArray, rounds: int = 3) -> 
     # shorter than; twice as much counts the samples of a somewhat longer turn
     shortest = float(np.quantile(np.diff(centre_s), 0.05))
     knots = knots_of(samples.channel.axis.rate_Hz * shortest)
-    for _ in range(rounds):
+    for _ in range(3):
         angle = PassageAngle.through(centre_s)
         shift = _shifts(samples, chunks, angle, knots)
         fitted = np.isfinite(shift)

@@ -25,7 +25,7 @@ import tempfile
 import weakref
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +49,7 @@ from tirelog.inference.stacks.manoeuvres import (
     scalar_stack,
     segment,
 )
-from tirelog.process_pool import shared_out, shares
+from tirelog.process_pool import shared_out
 from tirelog.runs.in_memory import readable_apart, without_spikes
 from tirelog.strain.passages.find import (
     Passages,
@@ -127,13 +127,8 @@ class Stacks(Sequence[Stack]):
     def __len__(self) -> int:
         return len(self._stacks)
 
-    @overload
-    def __getitem__(self, index: int) -> Stack: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[Stack]: ...
-    def __getitem__(self, index: int | slice) -> Stack | list[Stack]:
-        if isinstance(index, slice):
-            return [self[i] for i in range(*index.indices(len(self)))]
+    def __getitem__(self, index: Any) -> Any:
+        """The stack of a number, with its waveforms; of a slice there is none."""
         first, stop = self._places[index]
         if self._file.name is None or not hasattr(os, "pread"):  # in memory, or on Windows
             self._file.seek(first)
@@ -271,8 +266,7 @@ def observe_channel(recording: Recording, observable: str, name: str | None = No
 
     UsageError: there is none.
     """
-    known = OBSERVABLES.get(observable)
-    kinds = (observable,) if known is None else known.kinds
+    kinds = OBSERVABLES[observable].kinds
     found = recording.of_kind(*kinds)
     if name is not None and name in recording.channels:
         channel = recording.channels[name]
@@ -304,47 +298,57 @@ def stacks_from_logs(
     *,
     angles: int = ANGLES,
     most: int = STRETCH,
-    level: bool = True,
 ) -> Stacks:
-    """The stacks of the recordings, manoeuvres numbered through all.
-
-    One each, or several if there are more than `most` revolutions. UsageError if a log holds fewer
-    than FEWEST whole revolutions, or an acceleration without its mean level, unless it needs
-    no `level`.
-    """
+    """The stacks of the recordings, manoeuvres numbered through all.  UsageError: see `add_log`."""
     stacks = Stacks()
     for recording in recordings:
-        source = observe_channel(recording, observable, channel)
-        others = [c.name for c in recording.of_kind(source.kind) if c.name != source.name]
-        if channel is None and others:
-            stacks.note(
-                f"{source.name} is one of {1 + len(others)} channels of {observable}; left out: "
-                f"{', '.join(others)} (--channel NAME takes another one"
-                f"{', --channel all fits them together' if observable == STRAIN else ''})"
-            )
-        heard: list[Line] = []
-        if observable in SCALARS:
-            stack, said = scalar_stack(recording, source, observable)
-            stacks.add(recording.log, [stack])
-        else:
-            source, said = outward(source)
-            stretches = stretches_of(
-                recording, source, observable, angles=angles, most=most, heard=heard
-            )
-            stacks.add(recording.log, with_level(stretches, recording.log) if level else stretches)
-        hum = f"{source.name}: {lines_said(heard, observable)}" if heard else ""
-        stacks.note(*(f"{recording.log}: {note}" for note in (hum, said) if note))
+        add_log(stacks, recording, observable, channel, angles=angles, most=most)
     return stacks
+
+
+def add_log(
+    stacks: Stacks,
+    recording: Recording,
+    observable: str,
+    channel: str | None = None,
+    *,
+    angles: int = ANGLES,
+    most: int = STRETCH,
+    level: bool = True,
+) -> None:
+    """Adds the revolutions of a recording to the stacks, at most `most` of them in one.
+
+    UsageError if it holds fewer than FEWEST whole revolutions, or an acceleration without its mean
+    level, unless it needs no `level`.
+    """
+    source = observe_channel(recording, observable, channel)
+    others = [c.name for c in recording.of_kind(source.kind) if c.name != source.name]
+    if channel is None and others:
+        stacks.note(
+            f"{source.name} is one of {1 + len(others)} channels of {observable}; left out: "
+            f"{', '.join(others)} (--channel NAME takes another one"
+            f"{', --channel all fits them together' if observable == STRAIN else ''})"
+        )
+    heard: list[Line] = []
+    if observable in SCALARS:
+        stack, said = scalar_stack(recording, source, observable)
+        stacks.add(recording.log, [stack])
+    else:
+        source, said = outward(source)
+        stretches = stretches_of(recording, source, observable, heard, angles=angles, most=most)
+        stacks.add(recording.log, with_level(stretches, recording.log) if level else stretches)
+    hum = f"{source.name}: {lines_said(heard, observable)}" if heard else ""
+    stacks.note(*(f"{recording.log}: {note}" for note in (hum, said) if note))
 
 
 def stretches_of(
     recording: Recording,
     channel: Channel,
     observable: str,
+    heard: list[Line],
     *,
     angles: int = ANGLES,
     most: int = STRETCH,
-    heard: list[Line] | None = None,
 ) -> Iterator[Stack]:
     """The stacks of one channel of one recording, at most `most` revolutions each.
 
@@ -370,30 +374,15 @@ def stretches_of(
     course = _course(recording, channel, observable, runs, passages.noise, angles)
     cuts = list(_cuts(course.manoeuvre, most))
 
-    def raw(number: int) -> Stack:
+    def stretch(number: int) -> tuple[Stack, list[Line]]:
         rows = cuts[number]
-        return replace(course.take(rows), **_waveforms(samples, runs, rows, angles))
+        stack = replace(course.take(rows), **_waveforms(samples, runs, rows, angles))
+        values, lines = without_hum(stack, _times(runs, rows, stack.phi_mean))
+        return replace(stack, values=values), lines
 
-    def cleared(number: int, stack: Stack) -> tuple[FloatArray, list[Line]]:
-        return without_hum(stack, _times(runs, cuts[number], stack.phi_mean))
-
-    def without_values(number: int) -> tuple[FloatArray | None, list[Line]]:
-        values, lines = cleared(number, raw(number))
-        return (values if lines else None), lines
-
-    # hum takes most of the time, and is seldom there: bins made here too are sooner at hand than
-    # those of another process, 8 MB a stretch
-    elsewhere = (
-        shared_out(len(cuts), without_values)
-        if readable_apart(channel) and shares(len(cuts))
-        else None
-    )
-    for number in range(len(cuts)):
-        stack = raw(number)
-        values, lines = cleared(number, stack) if elsewhere is None else next(elsewhere)
-        if heard is not None:
-            heard += lines
-        yield stack if values is None else replace(stack, values=values)
+    for stack, lines in shared_out(len(cuts), stretch, readable_apart(channel)):
+        heard += lines
+        yield stack
 
 
 def _course(
@@ -590,12 +579,15 @@ def _angle_behind(own: Stacks, first: Stacks) -> tuple[float, float, int]:
 def _passages(stacks: Stacks, number: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(times [s], angular speeds [rad/s], ordinals) of the passages of one log."""
     parts = [s for s in stacks.outlines() if s.log.size and s.log[0] == number]
-    none = np.zeros(0)
-    time = np.concatenate([none, *(s.conditions.time_s for s in parts)])
-    spin = np.concatenate([none, *(s.conditions.speed_m_s / s.radius_m for s in parts)])
-    ordinal = np.concatenate([none, *(s.revolution for s in parts)])
-    order = np.argsort(time)
-    return time[order], spin[order], ordinal[order]
+    if not parts:
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    own = joined(parts)
+    time, order = own.conditions.time_s, np.argsort(own.conditions.time_s)
+    return (
+        time[order],
+        own.conditions.speed_m_s[order] / own.radius_m,
+        own.revolution[order].astype(np.float64),
+    )
 
 
 def _behind(

@@ -194,18 +194,14 @@ class _Pairs:
             parts.append(self.power(turning, middle))
             turning = turning * one_hertz
         found = np.concatenate(parts)
-        near = np.abs(found[:, 0] - frequency) <= off
-        if not near.any():
-            return None
-        best = int(np.flatnonzero(near)[np.argmax(found[near, 1])])
+        near = np.flatnonzero(np.abs(found[:, 0] - frequency) <= off)
+        best = int(near[np.argmax(found[near, 1])])
         # of a power that is exponentially distributed the mean is the median over log 2
         around = float(np.median(found[:, 1]) / np.log(2.0))
         # a line must stand so many times above the mean of what is around it, as power: 318 places
         # of 78 simulated logs without hum went to 42, hum of half the noise to some thousands
         if found[best, 1] <= 50.0 * around:
             return None
-        if not 0 < best < len(found) - 1:
-            return float(found[best, 0])
         # the top of a parabola: where the wheel hides the line, its course is held by this alone
         low, top, high = found[best - 1 : best + 2, 1]
         step = float(found[1, 0] - found[0, 0])

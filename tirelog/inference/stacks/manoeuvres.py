@@ -272,8 +272,7 @@ def front_angles(recording: Recording, channel: Channel, observable: str) -> Num
         if found.channel == channel.name:
             angle = found.shift_deg if observable == "phase_shift" else found.width_deg
             value = np.where(found.good, np.deg2rad(angle), np.nan)
-            unclear = np.zeros(value.size, bool)
-            return found.time_s, found.speed_m_s, value, found.radius_m, unclear
+            return found.time_s, found.speed_m_s, value, found.radius_m, np.zeros(value.size, bool)
     raise UsageError(
         f"no fronts in channel {channel.name}",
         allowed="an accelerometer with a patch is needed",

@@ -409,20 +409,13 @@ class Belt:
         values, shapes = linalg.eig(system)
         return values, shapes[:size]
 
-    @property
-    def coarse(self) -> Belt:
-        """The same belt on at most 64 elements.
-
-        Its slow vibrations come to 1e-5, a hundred times sooner.
-        """
-        return Belt(self.tire, self.tension_N, Splines(min(self.splines.elements, 64)))
-
     def check_speed(self, speed_m_s: float) -> None:
         """UsageError if the turning belt's own vibrations grow.
 
         They do beyond the critical speed, which is found between 0 and `speed_m_s`.
         """
-        coarse = self.coarse
+        # on 64 elements its slow vibrations come to 1e-5, a hundred times sooner
+        coarse = Belt(self.tire, self.tension_N, Splines(min(self.splines.elements, 64)))
 
         def grows(speed: float) -> bool:
             return bool(coarse.vibrations(speed / self.radius_m)[0].real.max() > _ROUNDING_1_S)

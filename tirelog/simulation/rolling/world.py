@@ -711,15 +711,10 @@ def moving(world: RolledWorld) -> dict[str, Any]:
     turned = float(np.ptp(motion.angle_rad[logged]))
     way = float(world.distance(time[-1]) - world.distance(time[0]))
     load = world.load(time) * (1.0 + world.fluctuation(time))
-    fastest = float(world.drive.speed_at(time).max())
     return {
         "step_s": scenario.step_s,
         "elements": world.belt.splines.elements,
         "natural_frequencies_at_rest": world.belt.natural_frequencies(),
-        "travelling_waves_on_held_hub": {
-            "speed_m_s": fastest,
-            "waves": travelling_waves(world, fastest),
-        },
         "load_applied_N": float(load.mean()),
         "load_carried_N": float(motion.force_z_N[logged].mean()),
         "longitudinal_force_N": float(motion.force_x_N[logged].mean()),
@@ -728,38 +723,6 @@ def moving(world: RolledWorld) -> dict[str, Any]:
         "effective_rolling_radius_m": way / turned if turned > 2.0 * np.pi else None,
         "obstacles": _obstacles(world),
     }
-
-
-def travelling_waves(world: RolledWorld, speed_m_s: float) -> list[dict[str, float | str]]:
-    """The belt's waves of 1 to 6 lobes on a held hub at a speed.
-
-    What the belt feels, and what an observer beside the tire hears [Hz].
-    """
-    spin = speed_m_s / world.belt.radius_m
-    values, shapes = world.belt.coarse.vibrations(spin)
-    waves: list[dict[str, float | str]] = []
-    for value, shape in zip(values, shapes.T, strict=True):
-        # shape times e^(i omega t), omega > 0: a harmonic e^(i n theta) of negative n runs towards
-        # growing theta
-        power = np.abs(np.fft.fft(shape)) ** 2
-        number = np.fft.fftfreq(shape.size, 1.0 / shape.size)
-        lobes = int(number[np.argmax(power)])
-        if value.imag <= 0.0 or not 1 <= abs(lobes) <= 6:
-            continue
-        heard = value.imag - lobes * spin
-        entry = {
-            "lobes": abs(lobes),
-            "felt_Hz": value.imag / (2 * np.pi),
-            "heard_Hz": abs(heard) / (2 * np.pi),
-            "decay_1_s": -value.real,
-        }
-        waves.append(
-            {
-                **{k: float(f"{v:.8g}") for k, v in entry.items()},
-                "direction": "with" if lobes * heard < 0 else "against",
-            }
-        )
-    return sorted(waves, key=lambda wave: (wave["lobes"], wave["felt_Hz"]))
 
 
 def _obstacles(world: RolledWorld) -> list[dict[str, float | None]]:

@@ -45,7 +45,7 @@ from tirelog.storage.whole import toml_text
 
 
 FORMS = ("exact", "other", "apart")
-_USUAL, _ALL, _APART = ("exact", "other"), FORMS, ("exact", "apart")
+_EXACT, _USUAL, _APART = ("exact",), ("exact", "other"), ("exact", "apart")
 
 
 @dataclass(frozen=True)
@@ -53,16 +53,17 @@ class Plantable:
     """One effect that a scenario can plant.
 
     Its parameters with their ordinary values. An effect that no diagnosis tries has `where` it
-    shows (entry, patch, exit, away) and the parity about the patch centre. `fixed` is the name of
-    the parameter that is a frequency, or ''.
+    shows (entry, patch, exit, away) and the parity about the patch centre.
     """
 
     parameters: Mapping[str, float]
-    in_catalogue: bool = True
     where: str = ""
     parity: str = ""
-    fixed: str = ""
     forms: tuple[str, ...] = _USUAL
+
+    @property
+    def in_catalogue(self) -> bool:
+        return not self.where
 
 
 @dataclass(frozen=True)
@@ -85,16 +86,6 @@ class Planted:
         return self.form == "apart"
 
 
-def _outside(
-    where: str,
-    parity: str,
-    parameters: Mapping[str, float],
-    fixed: str = "",
-    forms: tuple[str, ...] = ("exact",),
-) -> Plantable:
-    return Plantable(parameters, False, where, parity, fixed, forms)
-
-
 PLANTABLE: dict[str, Plantable] = {
     "viscous_damping": Plantable({"damping_rate_1_s": 60.0}),
     "hysteresis": Plantable({"loss_factor": 0.15}),
@@ -110,15 +101,15 @@ PLANTABLE: dict[str, Plantable] = {
             "slip_stiffness_ratio": 1.0,
         }
     ),
-    "edge_impact": Plantable({"amplitude": 0.4, "position": 1.0, "width": 0.05}, forms=_ALL),
-    "rough_contact": Plantable({"length": 0.1}, forms=_ALL),
+    "edge_impact": Plantable({"amplitude": 0.4, "position": 1.0, "width": 0.05}, forms=FORMS),
+    "rough_contact": Plantable({"length": 0.1}, forms=FORMS),
     "water_film": Plantable({"amplitude": 0.1, "length": 0.4}),
     "wear": Plantable({"amplitude": 0.3, "lever_loss": 0.0, "position": 0.85, "width": 0.18}),
     "load_transfer": Plantable({"coefficient": 0.3}),
     "aero_load": Plantable({"coefficient": 0.15}),
     "thermal_drift": Plantable({"drift": 5.0e-5, "stiffness": 0.0, "time_constant_s": 30.0}),
-    "gauge_length": Plantable({"length_m": 0.01}, forms=_ALL),
-    "sensor_lag": Plantable({"lag_s": 2.0e-4}, forms=_ALL),
+    "gauge_length": Plantable({"length_m": 0.01}, forms=FORMS),
+    "sensor_lag": Plantable({"lag_s": 2.0e-4}, forms=FORMS),
     "imbalance": Plantable({"force_N": 100.0}, forms=_APART),
     "tread_pitch": Plantable({"strain_m_N": 1.5e-9}, forms=_APART),
     "belt_extension": Plantable(
@@ -131,35 +122,44 @@ PLANTABLE: dict[str, Plantable] = {
     ),
     "speed_trend": Plantable({"linear_rad": 0.004, "quadratic_rad": 0.008}),
     "load_crosstalk": Plantable({"per_relative_load_rad": 0.02}),
-    "telemetry_delay": Plantable({"delay_s": 5.0e-4}, forms=("exact",)),
-    "tooth_pitch": Plantable({"error_deg": 0.3}, forms=("exact",)),
+    "telemetry_delay": Plantable({"delay_s": 5.0e-4}, forms=_EXACT),
+    "tooth_pitch": Plantable({"error_deg": 0.3}, forms=_EXACT),
     "inflation": Plantable({"exponent": 0.3}),
-    "ring_down": _outside(
+    "ring_down": Plantable(
+        {"amplitude": 6.0e-5, "frequency_Hz": 90.0, "decay_s": 0.015, "speed_exponent": 1.0},
         "exit",
         "mixed",
-        {"amplitude": 6.0e-5, "frequency_Hz": 90.0, "decay_s": 0.015, "speed_exponent": 1.0},
-        "frequency_Hz",
+        forms=_EXACT,
     ),
-    "splice": _outside(
+    "splice": Plantable(
+        {"amplitude": 6.0e-5, "angle_deg": 100.0, "width_deg": 6.0, "speed_exponent": 0.0},
         "away",
         "mixed",
-        {"amplitude": 6.0e-5, "angle_deg": 100.0, "width_deg": 6.0, "speed_exponent": 0.0},
+        forms=_EXACT,
     ),
-    "pressure_saddle": _outside(
-        "patch", "even", {"a": 0.3, "speed_exponent": 1.0, "load_exponent": 0.0}, forms=_APART
+    "pressure_saddle": Plantable(
+        {"a": 0.3, "speed_exponent": 1.0, "load_exponent": 0.0}, "patch", "even", forms=_APART
     ),
-    "torsion": _outside(
-        "patch", "odd", {"amplitude": 6.0e-5, "width_m": 0.12, "speed_exponent": 0.0}
+    "torsion": Plantable(
+        {"amplitude": 6.0e-5, "width_m": 0.12, "speed_exponent": 0.0},
+        "patch",
+        "odd",
+        forms=_EXACT,
     ),
-    "exit_suction": _outside("exit", "mixed", {"a": 0.1, "s": 0.3, "speed_exponent": 1.0}),
-    "standing_wave": _outside(
+    "exit_suction": Plantable(
+        {"a": 0.1, "s": 0.3, "speed_exponent": 1.0}, "exit", "mixed", forms=_EXACT
+    ),
+    "standing_wave": Plantable(
+        {"amplitude": 6.0e-5, "wavelength_m": 0.16, "decay_m": 0.2, "speed_exponent": 3.0},
         "exit",
         "mixed",
-        {"amplitude": 6.0e-5, "wavelength_m": 0.16, "decay_m": 0.2, "speed_exponent": 3.0},
         forms=_APART,
     ),
-    "even_bulge": _outside(
-        "away", "even", {"amplitude": 4.0e-5, "width_m": 0.25, "speed_exponent": 2.0}
+    "even_bulge": Plantable(
+        {"amplitude": 4.0e-5, "width_m": 0.25, "speed_exponent": 2.0},
+        "away",
+        "even",
+        forms=_EXACT,
     ),
 }
 

@@ -449,10 +449,12 @@ def planted_truth(scenario: Scenario) -> list[dict[str, Any]]:
             "parameters": dict(effect.parameters),
         }
         if not known.in_catalogue:
-            entry.update(
-                where=known.where, parity=known.parity, speed_exponent=effect["speed_exponent"]
-            )
-            entry["frequency_Hz"] = effect[known.fixed] if known.fixed else None
+            entry |= {
+                "where": known.where,
+                "parity": known.parity,
+                "speed_exponent": effect["speed_exponent"],
+                "frequency_Hz": effect.parameters.get("frequency_Hz"),
+            }
         out.append(entry)
     if scenario.truth == "ring" and scenario.tire.contact == "parabola":
         out.append(
