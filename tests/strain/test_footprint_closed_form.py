@@ -24,7 +24,7 @@ def test_a_spectrum_fulfils_the_contact():
     L, ell, kappa = shape.half_length_m, shape.bending_length_m, family.kappa_1_m
     wave, terms = kappa * L, np.arange(0, 14, 2)
     transforms = np.column_stack([by_quadrature(n, wave) for n in terms])
-    pressure = (family.spectrum(shape) / family.receptance(shape)).real / L
+    pressure = (family.spectra(shape)[0, :, 0] / family.receptance(shape)).real / L
     series = np.linalg.lstsq(transforms, pressure, rcond=None)[0]
     np.testing.assert_allclose(transforms @ series, pressure, atol=1e-8 * np.abs(pressure).max())
     square = kappa**2
@@ -65,14 +65,16 @@ def test_a_tire_s_own_pressure_and_stiffness():
     pressure = (1 - x**2) * (1 - shape.tilt * x) + 2 / 3 * own[:SHAPES] @ shapes
     transform = np.exp(-1j * np.multiply.outer(wave, x)) @ (weights * pressure)
     family = plain.with_own(own)
-    load = family.spectrum(shape) / family.receptance(shape) / shape.half_length_m
+    load = family.spectra(shape)[0, :, 0] / family.receptance(shape) / shape.half_length_m
     np.testing.assert_allclose(load, transform, atol=1e-9)
     own[SHAPES:] = 0.1
     softer = plain.with_own(own).receptance(shape) / plain.receptance(shape)
     assert np.all(np.abs(softer[20:60]) < 1.0)
-    spectra = plain.with_own(own).by_form(shape)
+    (spectra,) = plain.with_own(own).spectra(shape)
     for number, nudge in enumerate(1e-6 * np.eye(own.size)):
-        ahead, behind = (plain.with_own(own + sign * nudge).spectrum(shape) for sign in (1, -1))
+        ahead, behind = (
+            plain.with_own(own + sign * nudge).spectra(shape)[0, :, 0] for sign in (1, -1)
+        )
         slope = spectra[:, 7 + number]
         np.testing.assert_allclose((ahead - behind) / 2e-6, slope, atol=2e-6 * np.abs(slope).max())
 

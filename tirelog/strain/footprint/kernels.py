@@ -159,25 +159,39 @@ def quadratic_form(gram: FloatArray, wide: int, whole: FloatArray) -> float:
 
 
 @compiled
-def fitted(
-    gram: FloatArray, inverse: FloatArray, rough: float, bends: FloatArray, whole: FloatArray
-) -> None:
-    """Fills `whole` with the solution (FITTED,) of a fit.
-
-    Linear about the form; what is quadratic in length and shift is subtracted in turns. `bends`
-    (3, OWN): the inverse times the right side, and times the two quadratic columns.
-    """
+def own_solutions(gram: FloatArray, inverse: FloatArray) -> FloatArray:
+    """The inverse times the right side, and times the two quadratic columns, (3, OWN)."""
+    solutions = np.empty((3, OWN))
     for k, column in enumerate((FITTED, OWN, OWN + 1)):
-        apply_inverse(inverse, gram[column], bends[k])
-    for turn in range(ROUNDS):
+        apply_inverse(inverse, gram[column], solutions[k])
+    return solutions
+
+
+@compiled
+def solve(
+    solutions: FloatArray, rough: float, beside: FloatArray, moved: FloatArray, free: float,
+    whole: FloatArray,
+) -> None:  # fmt: skip
+    """Fills `whole` (FITTED + 1,): coefficients of the form's columns, then of a wave beside them.
+
+    Linear about the form; what is quadratic in length and shift is subtracted in turns. `solutions`
+    (3, OWN) as of `own_solutions`; `rough` height. Of the wave (zeros and 1 without one): `beside`
+    (FITTED + 2,), its products with the columns, with the values and with itself; `moved` (OWN,),
+    the inverse times the first of these; `free`: what own columns leave of its square.
+    """
+    whole[:] = 0.0
+    for _ in range(ROUNDS):
+        size = beside[FITTED] - beside[OWN] * whole[OWN] - beside[OWN + 1] * whole[OWN + 1]
         for i in range(OWN):
-            whole[i] = bends[0, i] - (
-                bends[1, i] * whole[OWN] + bends[2, i] * whole[OWN + 1] if turn else 0.0
-            )
-        whole[OWN], whole[OWN + 1] = (
-            bend(whole[LENGTH], whole[HEIGHT], rough),
-            bend(whole[SHIFT], whole[HEIGHT], rough),
-        )
+            whole[i] = solutions[0, i] - solutions[1, i] * whole[OWN]
+            whole[i] -= solutions[2, i] * whole[OWN + 1]
+            size -= beside[i] * whole[i]
+        size /= free
+        for i in range(OWN):
+            whole[i] -= moved[i] * size
+        whole[OWN] = bend(whole[LENGTH], whole[HEIGHT], rough)
+        whole[OWN + 1] = bend(whole[SHIFT], whole[HEIGHT], rough)
+        whole[FITTED] = size
 
 
 @compiled
@@ -186,7 +200,7 @@ def _fit(
     odd_sd: float, columns: FloatArray, place: FloatArray, gram: FloatArray, inverse: FloatArray,
     whole: FloatArray,
 ) -> tuple[int, float]:  # fmt: skip
-    """Fills `whole` (FITTED,) with the fit of one row, if it has OWN samples.
+    """Fills `whole` (FITTED + 1,) with the fit of one row, if it has OWN samples.
 
     Samples used, and their mean, which is off. The rest is filled on the way.
     """
@@ -196,7 +210,8 @@ def _fit(
     if used >= OWN:
         products(columns, used, FITTED, gram)
         rough = own_inverse(gram, FITTED, sigma, odd_sd, inverse)
-        fitted(gram, inverse, rough, np.empty((3, OWN)), whole)
+        none = np.zeros(FITTED + 2)
+        solve(own_solutions(gram, inverse), rough, none, none, 1.0, whole)
     return used, middle
 
 
@@ -214,7 +229,7 @@ def fit_rows(
     """
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
     gram, inverse = np.empty((FITTED + 1, FITTED + 1)), np.empty((OWN, OWN))
-    whole, cells = np.empty(FITTED), left.shape[1]
+    whole, cells = np.empty(FITTED + 1), left.shape[1]
     # a form is learnt of passages with as many samples as they have numbers, if there are no others
     least = OWN if cells else FITTED
     for row in range(values.shape[0]):
@@ -311,24 +326,13 @@ def _beside(
 
 
 @compiled
-def _left_of(sums: FloatArray, inverse: FloatArray, moved: FloatArray, free: FloatArray) -> None:
-    """Fills `free` (t,): what a passage's own columns leave of each traction's square.
-
-    `sums` (FITTED + 2, t) as `_beside` fills them, `inverse` (OWN, OWN); also filled are the
-    inverse times the products of own columns and tractions, `moved` (OWN, t).
-    """
-    count = free.size
-    for t in range(count):
-        free[t] = sums[FITTED + 1, t]
+def _free_of(beside: FloatArray, inverse: FloatArray, moved: FloatArray) -> float:
+    """What a passage's own columns leave of a traction's square; fills `moved` as of `solve`."""
+    apply_inverse(inverse, beside, moved)
+    free = beside[FITTED + 1]
     for i in range(OWN):
-        for t in range(count):
-            moved[i, t] = 0.0
-        for j in range(OWN):
-            factor = inverse[i, j]
-            for t in range(count):
-                moved[i, t] += factor * sums[j, t]
-        for t in range(count):
-            free[t] -= sums[i, t] * moved[i, t]
+        free -= beside[i] * moved[i]
+    return free
 
 
 @compiled
@@ -342,11 +346,11 @@ def traction_gains(
     table's grid. `values` (n, m) move as `motion` (n,) says; `table` (g, FITTED) on `grid`, one
     GRID; `odd_sd`: of damping and tilt, in heights.
     """
-    out, whole = np.zeros(values.shape[0]), np.empty(FITTED)
+    out, whole = np.zeros(values.shape[0]), np.empty(FITTED + 1)
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
     lined, sums = np.empty(waves.shape[1]), np.empty((FITTED + 2, waves.shape[1]))
     gram, inverse = np.empty((FITTED + 1, FITTED + 1)), np.empty((OWN, OWN))
-    moved, free = np.empty((OWN, waves.shape[1])), np.empty(waves.shape[1])
+    moved = np.empty(OWN)
     for row in range(values.shape[0]):
         used, _ = _fit(
             values[row], motion[row], table, grid, sigma, odd_sd, columns, place, gram, inverse,
@@ -354,14 +358,14 @@ def traction_gains(
         )  # fmt: skip
         if used < FITTED:
             continue
-        for k in range(used):
-            for i in range(FITTED):
-                columns[k, FITTED] -= columns[k, i] * whole[i]
         _beside(columns, place, used, waves, 0, lined, sums)
-        _left_of(sums, inverse, moved, free)
-        for t in range(free.size):
-            if free[t] > LEAST_OWN * sums[FITTED + 1, t]:
-                out[row] = max(out[row], sums[FITTED, t] ** 2 / free[t] / sigma**2)
+        for t in range(lined.size):
+            beside = sums[:, t]
+            free, left = _free_of(beside, inverse, moved), beside[FITTED]
+            for i in range(FITTED):
+                left -= whole[i] * beside[i]
+            if free > LEAST_OWN * beside[FITTED + 1]:
+                out[row] = max(out[row], left**2 / free / sigma**2)
     return out
 
 
@@ -380,61 +384,30 @@ def _joint(
     waves    (g, c): the traction with each onset, on the table's grid
     """
     gram, inverse = np.empty((FITTED + 1, FITTED + 1)), np.empty((OWN, OWN))
-    count, wide, bends = told.size, FITTED, np.empty((3, OWN))
-    lined, sums = np.empty(count), np.empty((FITTED + 2, count))
-    whole, moved = np.zeros((FITTED, count)), np.empty((OWN, count))
-    free, size, left = np.empty(count), np.empty(count), np.empty(count)
-    products(columns, used, wide, gram)
-    own_inverse(gram, wide, sigma, odd_sd, inverse)
-    for k, column in enumerate((FITTED, OWN, OWN + 1)):
-        apply_inverse(inverse, gram[column], bends[k])
+    lined, sums = np.empty(told.size), np.empty((FITTED + 2, told.size))
+    whole, moved = np.empty(FITTED + 1), np.empty(OWN)
+    products(columns, used, FITTED, gram)
+    own_inverse(gram, FITTED, sigma, odd_sd, inverse)
+    solutions = own_solutions(gram, inverse)
     _beside(columns, place, used, waves, first, lined, sums)
-    _left_of(sums, inverse, moved, free)
-    for t in range(count):
-        free[t] = max(free[t], LEAST_OWN * sums[FITTED + 1, t] + 1e-300)
-    rough = abs(bends[0, HEIGHT])
-    # onsets are innermost in all loops: what is the same for each of them is worked on at once
-    for _ in range(ROUNDS):
-        for t in range(count):
-            size[t] = sums[FITTED, t] - sums[OWN, t] * whole[OWN, t]
-            size[t] -= sums[OWN + 1, t] * whole[OWN + 1, t]
-        for i in range(OWN):
-            plain, by_length, by_shift = bends[0, i], bends[1, i], bends[2, i]
-            for t in range(count):
-                value = plain - by_length * whole[OWN, t] - by_shift * whole[OWN + 1, t]
-                whole[i, t] = value
-                size[t] -= sums[i, t] * value
-        for t in range(count):
-            size[t] /= free[t]
-        for i in range(OWN):
-            for t in range(count):
-                whole[i, t] -= moved[i, t] * size[t]
-        for t in range(count):
-            whole[OWN, t] = bend(whole[LENGTH, t], whole[HEIGHT, t], rough)
-            whole[OWN + 1, t] = bend(whole[SHIFT, t], whole[HEIGHT, t], rough)
-    for t in range(count):
-        left[t] = gram[wide, wide] + size[t] * (
-            size[t] * sums[FITTED + 1, t] - 2.0 * sums[FITTED, t]
-        )
-    for i in range(FITTED):
-        own = -2.0 * gram[i, wide]
-        for t in range(count):
-            left[t] += whole[i, t] * (own + 2.0 * size[t] * sums[i, t])
-        for j in range(FITTED):
-            factor = gram[i, j]
-            for t in range(count):
-                left[t] += factor * whole[i, t] * whole[j, t]
-    top, lowest, among = 0, np.inf, inverse[LENGTH, LENGTH]
-    for t in range(count):
-        one, height = told[t], whole[HEIGHT, t]
-        one["chi2"], one["length"] = left[t] / sigma**2, whole[LENGTH, t] / height
-        one["length_se"] = sigma / abs(height) * np.sqrt(among + moved[LENGTH, t] ** 2 / free[t])
-        cost = one["chi2"] * max(abs(whole[SHIFT, t] / height) / trust_m, 1.0) ** FAR
+    top, lowest = 0, np.inf
+    for t in range(told.size):
+        beside, one = sums[:, t], told[t]
+        free = _free_of(beside, inverse, moved)
+        free = max(free, LEAST_OWN * beside[FITTED + 1] + 1e-300)
+        solve(solutions, abs(solutions[0, HEIGHT]), beside, moved, free, whole)
+        size, height = whole[FITTED], whole[HEIGHT]
+        left = quadratic_form(gram, FITTED, whole)
+        left += size * (size * beside[FITTED + 1] - 2.0 * beside[FITTED])
+        for i in range(FITTED):
+            left += 2.0 * size * whole[i] * beside[i]
+        variance = inverse[LENGTH, LENGTH] + moved[LENGTH] ** 2 / free
+        one["chi2"], one["length"] = left / sigma**2, whole[LENGTH] / height
+        one["length_se"] = sigma / abs(height) * np.sqrt(variance)
+        cost = one["chi2"] * max(abs(whole[SHIFT] / height) / trust_m, 1.0) ** FAR
         if t == 0 or cost < lowest:
             top, lowest = t, cost
-    for i in range(FITTED):
-        best[i] = whole[i, top]
-    best[FITTED] = size[top]
+            best[:] = whole
     return top
 
 

@@ -38,6 +38,7 @@ from tirelog.strain.footprint.reference import (
     Average,
     AverageFit,
     Reference,
+    cell_basis,
     cell_centres,
     descend,
     fit_average,
@@ -257,7 +258,7 @@ def form_table(
     The height's wave holds what the form left of the learnt passages.
     """
     family, shape = reference.family, reference.shapes[number]
-    spectra = family.jacobian(shape)
+    (spectra,) = family.spectra(shape)
     base, wave_number = spectra[:, 0], 1j * family.kappa_1_m
     second = family.second_by_length(shape, spectra), wave_number**2 * base
     columns, grid = grid_of(
@@ -336,9 +337,13 @@ def _averages(
     `unlike`: what a mean misses, as a share of its height.
     """
     family, made = reference.family.up_to(HIGHEST_SHARE), []
-    basis, kappa = family.basis(cell_centres(half_window_m)), family.kappa_1_m
-    for shape, sample, (found, (left, counts)) in zip(reference.shapes, samples, fits, strict=True):
-        spectra, like = family.jacobian(shape), found[found["height"] > 0.0]
+    basis, kappa = (
+        cell_basis(family.radius_m, family.kappa_1_m.size, half_window_m),
+        family.kappa_1_m,
+    )
+    every = family.spectra(*reference.shapes)
+    for spectra, sample, (found, (left, counts)) in zip(every, samples, fits, strict=True):
+        like = found[found["height"] > 0.0]
         height = float(np.median(like["height"])) if like.size else 1.0
         # no passage is like the form: it stays there
         beside = [
@@ -346,7 +351,8 @@ def _averages(
             for name in ("shift", "length", "damping", "tilt")
         ]
         change = np.column_stack([-1j * kappa * spectra[:, 0], spectra[:, [1, 5, 6]]]) @ beside
-        plain, moved = (basis @ np.column_stack([spectra[:, 0], change])).real.T
+        both = np.column_stack([spectra[:, 0], change])
+        plain, moved = (basis @ np.vstack([both.real, both.imag])).T
         size, many = float(np.ptp(plain)), np.maximum(counts, 1.0)
         sigma2 = noise**2 / (sample.averaged * many)
         # weight of a cell without samples, so that a class without any is known to nothing and not
@@ -681,8 +687,10 @@ def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noi
     number = len(reference.shapes) // 2
     speed = float(reference.speed_m_s[number])
     family = reference.family
-    spectrum = np.abs(family.spectrum(reference.shapes[number])) * abs(reference.heights[number])
-    signal = np.pi * family.radius_m * spectrum * rate_Hz / speed
+    spectrum = np.abs(family.spectra(reference.shapes[number])[0, :, 0]) * abs(
+        reference.heights[number]
+    )
+    signal = np.pi * family.radius_m * np.abs(spectrum) * rate_Hz / speed
     floor = noise * np.sqrt(2.0 * half_window_m * rate_Hz / speed)
     above = np.flatnonzero(signal > floor)
     return float(family.kappa_1_m[above[-1]]) if above.size else float(2.0 * np.pi / half_window_m)

@@ -9,6 +9,7 @@ mean passages by class of speed (`learn`) --> what they share, with or without t
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -83,6 +84,13 @@ class Average:
 def cell_centres(half_window_m: float) -> FloatArray:
     """Abscissae of the CELLS of a window [m]."""
     return (np.arange(float(CELLS)) + 0.5) * (2.0 * half_window_m / CELLS) - half_window_m
+
+
+@lru_cache(maxsize=8)
+def cell_basis(radius_m: float, waves: int, half_window_m: float) -> FloatArray:
+    """Waves at the CELLS of a window by real and imaginary spectrum, (CELLS, 2 waves)."""
+    angle = np.multiply.outer(cell_centres(half_window_m) / radius_m, np.arange(1.0, waves + 1.0))
+    return np.hstack([np.cos(angle), -np.sin(angle)])
 
 
 @dataclass(frozen=True)
@@ -189,8 +197,7 @@ class AverageFit:
     ) -> None:
         family = family.up_to(HIGHEST_SHARE)
         self.family, self.averages, self.scale_m, self.own = family, averages, scale_m, own
-        basis = family.basis(cell_centres(half_window_m))
-        self.basis = np.hstack([basis.real, -basis.imag])
+        self.basis = cell_basis(family.radius_m, family.kappa_1_m.size, half_window_m)
         squares = np.array([one.speed_m_s**2 for one in averages])
         self.relative = squares / squares[-1]
         self.trust, self.near, self.shared = 1.0, False, (_MEAN, _SD)
@@ -262,11 +269,11 @@ class AverageFit:
         """
         family, turning = self.family.with_own(theta[4:_SHARED]), 1j * self.family.kappa_1_m
         left, slopes = [], []
-        for number, one in enumerate(self.averages):
-            first = _SHARED + number * _APIECE
-            shape, shift = self.shape(theta, number), theta[first + 3]
-            root = np.sqrt(self.trust * one.weight)
-            spectra = family.by_form(shape) if self.own else family.jacobian(shape)
+        shapes = [self.shape(theta, number) for number in range(len(self.averages))]
+        every = family.spectra(*shapes)[:, :, : None if self.own else 7]
+        for number, (one, shape) in enumerate(zip(self.averages, shapes, strict=True)):
+            first, spectra = _SHARED + number * _APIECE, every[number]
+            shift, root = theta[first + 3], np.sqrt(self.trust * one.weight)
             columns = np.column_stack([spectra, -turning * spectra[:, 0]])
             columns *= np.exp(-turning * shift)[:, None]
             waves = self.basis @ np.vstack([columns.real, columns.imag])
