@@ -90,8 +90,7 @@ MOST_LEARNT = 3
 class FormChoice:
     """A channel's form, and what is known with it.
 
-    `scatter`, `gain`: what passages that roll freely leave (`measure.look_at_some`); `clearer`:
-    whether the form of steady passages alone is clearer, None if that was not asked; `chosen`:
+    `scatter`, `gain`: what passages that roll freely leave (`measure.look_at_some`); `chosen`:
     whether it is that of passages which are alike; `forms`: at the knots of the channel's speeds,
     None if they are to be made.
     """
@@ -99,7 +98,6 @@ class FormChoice:
     learnt: EdgeForm
     scatter: float = 1.0
     gain: float = np.inf
-    clearer: bool | None = None
     chosen: bool = False
     forms: Forms | None = None
 
@@ -117,31 +115,21 @@ def choose_form(
 ) -> FormChoice | None:
     """The form of the passages of `channel` that roll freely; None if there are none to learn from.
 
-    `like`: that of another grating of the log, to start from: it has the same drive, so what was
-    settled there about passages that speed up and slow down holds here.
+    `like`: that of another grating of the log, to start from.
     """
-    if not len(passages):
-        return None
-    steady = np.abs(passages.acceleration_m_s2) < FREE_ROLLING_M_S2
-    # passages at steady speed are not all, and enough to learn a form from
-    enough = bool((~steady).mean() >= DRIVEN_SHARE and steady.sum() >= LEAST_OF_CLASS)
-    start, clearer = (None, None) if like is None else (like.learnt, like.clearer)
-    learnt = None
-    if clearer and enough:
-        learnt = learn_reference(channel, passages, block_samples, start, ~steady)
+    learnt = learn_reference(channel, passages, block_samples, like and like.learnt)
     if learnt is None:
-        learnt = learn_reference(channel, passages, block_samples, start)
-        if learnt is None:
-            return None
-        missed = learnt.reference.misfit - 1.0
-        if missed > MISSES and clearer is None and enough:
-            begin = learnt if missed < NO_START else None
-            freely = learn_reference(channel, passages, block_samples, begin, ~steady)
-            clearer = freely is not None and freely.reference.misfit - 1.0 <= CLEARER * missed
-            learnt = freely if clearer and freely is not None else learnt
-    left_out = ~steady if clearer else np.zeros(len(passages), bool)
+        return None
+    left_out = np.zeros(len(passages), bool)
+    unsteady = ~(np.abs(passages.acceleration_m_s2) < FREE_ROLLING_M_S2)
+    missed = learnt.reference.misfit - 1.0
+    # passages at steady speed are not all, and enough to learn a form from
+    if missed > MISSES and unsteady.mean() >= DRIVEN_SHARE and (~unsteady).sum() >= LEAST_OF_CLASS:
+        begin = learnt if missed < NO_START else None
+        freely = learn_reference(channel, passages, block_samples, begin, unsteady)
+        if freely is not None and freely.reference.misfit - 1.0 <= CLEARER * missed:
+            learnt, left_out = freely, unsteady
     settled = _undriven(channel, passages, block_samples, learnt, left_out)
-    settled = replace(settled, clearer=clearer)
     if like is None or like.chosen:
         settled = _of_alike(channel, passages, block_samples, settled, like) or settled
     own = learn_own(channel, passages, settled.learnt, block_samples)
@@ -242,7 +230,7 @@ def _of_alike(
         learnt, kept = found, those
     if learnt.reference.misfit - 1.0 > min(CLEARER * missed, NO_START):
         return None
-    settled = FormChoice(learnt, clearer=settled.clearer, chosen=True)
+    settled = FormChoice(learnt, chosen=True)
     return _beside(channel, passages, block_samples, settled, kept)
 
 
