@@ -310,7 +310,7 @@ def passage_panels(
             np.array([cut]),
             upsample,
         )
-        along_m, first, second = along_tread(windows.values, *of)
+        along_m, first, second, _ = along_tread(windows.values, *of)
         spectra, m = window_spectra(windows.values), windows.values.shape[1]
         strain = lowpassed(spectra, windows.rate_Hz, np.array([cut]), m, upsample)[0]
         xi = 1e3 * along_m[0]

@@ -2,7 +2,7 @@
 
 A carcass pressed one-sidedly onto a flat road through its tread.
 
-    EdgeShape (a handful of numbers)
+    a form (a handful of numbers)
         --spectrum over the tire's own wave numbers--> strain and its derivatives on a grid of xi
 
 One family holds both carcasses of the papers. It is a bending line with tension on a foundation: EJ
@@ -20,8 +20,6 @@ in which tread passes: entry edge at -L, exit edge at +L, so xi grows with time.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,38 +28,19 @@ from tirelog.vocabulary.arrays import FloatArray
 
 ComplexArray = NDArray[np.complex128]
 
+# The form of a passage, (6,); its height and offset are linear and kept apart.
+#
+#     HALF_LENGTH  L [m]
+#     BENDING      (EJ / k)^(1/4) [m]
+#     TENSION      T / sqrt(EJ k), above -2 (the critical speed); negative for a beam at speed,
+#                  positive for a ring under pressure
+#     TREAD        log(1 + k_t / k): 0 is P2's parabola
+#     DAMPING      d of the term d (EJ / k)^(1/4) k w': odd about the patch centre, positive as in
+#                  the errata's equation
+#     TILT         p (1 - tilt xi / L): positive is heavier towards the entry
 
-@dataclass(frozen=True)
-class EdgeShape:
-    """The form of a passage; its height and offset are linear and kept apart.
-
-    half_length_m     L
-    bending_length_m  (EJ / k)^(1/4)
-    tension           T / sqrt(EJ k), above -2 (the critical speed); negative for a beam at speed,
-                      positive for a ring under pressure
-    tread             log(1 + k_t / k): 0 is P2's parabola
-    damping           d of the term d (EJ / k)^(1/4) k w': odd about the patch centre, positive as
-                      in the errata's equation
-    tilt              p (1 - tilt xi / L): positive is heavier towards the entry
-    """
-
-    half_length_m: float
-    bending_length_m: float
-    tension: float = 0.0
-    tread: float = 0.0
-    damping: float = 0.0
-    tilt: float = 0.0
-
-    def array(self) -> FloatArray:
-        """The parameters in the order of the fields, shape (6,)."""
-        return np.array([getattr(self, field.name) for field in fields(self)])
-
-    @classmethod
-    def of(cls, values: FloatArray) -> EdgeShape:
-        return cls(*(float(v) for v in values))
-
-
-#: what a parameter may be, in the order and units of the fields: lengths in m, the rest are ratios;
+HALF_LENGTH, BENDING, TENSION, TREAD, DAMPING, TILT = range(6)
+#: what a parameter may be, in their order and units: lengths in m, the rest are ratios;
 #: the tension stays above the critical speed's -2. A form at a bound is unclear (`EdgeForm`)
 LOWEST = np.array([0.008, 0.004, -1.97, -0.2, -1.5, -1.5])
 HIGHEST = np.array([0.30, 0.30, 60.0, 9.0, 1.5, 1.5])
@@ -71,7 +50,7 @@ HIGHEST = np.array([0.30, 0.30, 60.0, 9.0, 1.5, 1.5])
 #
 # By the form's six parameters and the tire's own pressure.
 #
-#     wave numbers, EdgeShape
+#     wave numbers, form
 #         --Legendre transforms = spherical Bessel functions j_n(kappa L)-->
 #         contact conditions (TERMS x TERMS)
 #         --solved--> pressure series, and the tire's own --response-->
@@ -141,9 +120,9 @@ def form_spectra(
 ) -> ComplexArray:
     """Spectrum of each of the `forms` (k, 6) and its derivatives, (k, n, 7 + SHAPES).
 
-    At the wave numbers `kappa` (n,) [1/m]; `radius` [m]. By the parameters, the fields of
-    EdgeShape, then by the shapes of the tire's own pressure, which has `own` (SHAPES,) of them in
-    mean pressures; `stiffer` (n,): what its own stiffness is over bending and foundation, less one.
+    At the wave numbers `kappa` (n,) [1/m]; `radius` [m]. By the parameters, then by the shapes of
+    the tire's own pressure, which has `own` (SHAPES,) of them in mean pressures; `stiffer` (n,):
+    what its own stiffness is over bending and foundation, less one.
     Neither is part of the contact that gives the series.
     """
     L, ell, tension, tread, damping, tilt = forms.T[:, :, None]
@@ -229,39 +208,32 @@ class EdgeFamily:
         """The same up to this `share` of the highest wave number."""
         return EdgeFamily(self.radius_m, share * self.highest_1_m, self.own)
 
-    def spectra(self, *shapes: EdgeShape) -> ComplexArray:
-        """Complex amplitudes of an outer grating's strain, (k, n, 7 + OWN_FORM) of k `shapes`.
+    def spectra(self, forms: FloatArray) -> ComplexArray:
+        """Complex amplitudes of an outer grating's strain, (k, n, 7 + OWN_FORM) of `forms` (k, 6).
 
         At each wave number, height of the order of one. Then the derivatives by the six parameters
-        in the order of the fields, and by the tire's own form.
+        and by the tire's own form.
         """
-        forms, own = np.array([shape.array() for shape in shapes]), self.own[:SHAPES]
+        own = self.own[:SHAPES]
         spectra = form_spectra(self.kappa_1_m, self.radius_m, forms, own, self._stiffer)
-        static = (self.kappa_1_m * forms[:, 1:2]) ** 4 + 1.0
-        stiffness = np.array([self._stiffness(shape) for shape in shapes])
-        softer = -spectra[:, :, 0] * static / stiffness
+        static = (self.kappa_1_m * forms[:, BENDING, None]) ** 4 + 1.0
+        softer = -spectra[:, :, 0] * static / self._stiffness(forms)
         return np.concatenate([spectra, softer[:, :, None] * self._bells], axis=2)
 
-    def _stiffness(self, shape: EdgeShape) -> ComplexArray:
-        """What resists a displacement at each wave number, over the foundation, shape (n,)."""
-        ell, square = shape.bending_length_m, self.kappa_1_m**2 * shape.bending_length_m**2
-        static = (1.0 + self._stiffer) * (square**2 + 1.0)
-        lost = shape.damping * self.kappa_1_m * ell
-        return np.asarray(static + shape.tension * square + 1j * lost, complex)
+    def _stiffness(self, forms: FloatArray) -> ComplexArray:
+        """What resists a displacement at each wave number, over the foundation, (k, n)."""
+        wave = self.kappa_1_m * forms[:, BENDING, None]
+        static = (1.0 + self._stiffer) * (wave**4 + 1.0)
+        lost = 1j * forms[:, DAMPING, None] * wave
+        return np.asarray(static + forms[:, TENSION, None] * wave**2 + lost, complex)
 
-    def receptance(self, shape: EdgeShape) -> ComplexArray:
-        """Strain per load at each wave number, shape (n,).
+    def receptance(self, forms: FloatArray) -> ComplexArray:
+        """Strain per load at each wave number, shape (k, n).
 
         A load's transform along xi times this is a spectrum.
         """
-        height = -(self.kappa_1_m**2) * shape.bending_length_m / (np.pi * self.radius_m)
-        return np.asarray(height / self._stiffness(shape), complex)
-
-    def second_by_length(self, shape: EdgeShape, spectra: ComplexArray) -> ComplexArray:
-        """The second derivative of the spectrum by the half length, (n,), of its `spectra`."""
-        nudge = 1e-3 * shape.half_length_m
-        longer = replace(shape, half_length_m=shape.half_length_m + nudge)
-        return np.asarray((self.spectra(longer)[0, :, 1] - spectra[:, 1]) / nudge)
+        height = -(self.kappa_1_m**2) * forms[:, BENDING, None] / (np.pi * self.radius_m)
+        return np.asarray(height / self._stiffness(forms), complex)
 
     def on_grid(
         self, spectra: ComplexArray, points: int, half_window_m: float

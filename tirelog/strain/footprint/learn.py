@@ -22,7 +22,14 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
-from tirelog.strain.footprint.family import HIGHEST, LOWEST, ComplexArray
+from tirelog.strain.footprint.family import (
+    HALF_LENGTH,
+    HIGHEST,
+    LOWEST,
+    TILT,
+    TREAD,
+    ComplexArray,
+)
 from tirelog.strain.footprint.kernels import (
     FIT,
     GRID,
@@ -34,7 +41,6 @@ from tirelog.strain.footprint.kernels import (
 from tirelog.strain.footprint.reference import (
     CELLS,
     HIGHEST_SHARE,
-    TREAD,
     Average,
     AverageFit,
     Reference,
@@ -257,10 +263,13 @@ def form_table(
     Height, -shift, length, damping, tilt | second by length, second by shift, by the squared speed.
     The height's wave holds what the form left of the learnt passages.
     """
-    family, shape = reference.family, reference.shapes[number]
-    (spectra,) = family.spectra(shape)
+    form = reference.forms[number]
+    family, longer = reference.family, form.copy()
+    nudge = 1e-3 * form[HALF_LENGTH]
+    longer[HALF_LENGTH] += nudge
+    spectra, nudged = family.spectra(np.stack([form, longer]))
     base, wave_number = spectra[:, 0], 1j * family.kappa_1_m
-    second = family.second_by_length(shape, spectra), wave_number**2 * base
+    second = (nudged[:, 1] - spectra[:, 1]) / nudge, wave_number**2 * base
     columns, grid = grid_of(
         reference,
         number,
@@ -341,7 +350,7 @@ def _averages(
         cell_basis(family.radius_m, family.kappa_1_m.size, half_window_m),
         family.kappa_1_m,
     )
-    every = family.spectra(*reference.shapes)
+    every = family.spectra(reference.forms)
     for spectra, sample, (found, (left, counts)) in zip(every, samples, fits, strict=True):
         like = found[found["height"] > 0.0]
         height = float(np.median(like["height"])) if like.size else 1.0
@@ -389,20 +398,18 @@ def refine_edges(
         gain = best.misfit / misfit - 1.0 if again else np.inf
         averages = _averages(trial, samples, fits, noise, half_window_m, 0.0)
         problem = AverageFit(
-            trial.family, averages, half_window_m, trial.shapes[0].half_length_m, own=False
+            trial.family, averages, half_window_m, trial.forms[0, HALF_LENGTH], own=False
         )
         start = problem.start(trial)
         found = descend(problem, start)
         left = np.array([total / np.maximum(counts, 1.0) for _, (total, counts) in fits])
         smooth = np.array([np.convolve(row, (0.25, 0.5, 0.25), "same") for row in left])
-        lengths = np.array([shape.half_length_m for shape in trial.shapes])
         errors = np.sqrt(np.diag(problem.lengths(found.normal)) * max(misfit, 1.0))
         best = replace(
             trial,
             heights=np.array([float(np.median(found["height"])) for found, _ in fits]),
-            length_se_m=2.0 * lengths * errors,
+            length_se_m=2.0 * trial.forms[:, HALF_LENGTH] * errors,
             misfit=misfit,
-            freedom=free,
             residual_xi_m=cell_centres(half_window_m) if misfit > REMARKABLE else None,
             residuals=smooth if misfit > REMARKABLE else None,
         )
@@ -449,7 +456,7 @@ def learn_form(
     samples, fits = _without_foreign(samples, fits, reference, noise, half_window_m)
     averages = _averages(reference, samples, fits, noise, half_window_m, UNLIKE)
     problem = AverageFit(
-        reference.family, averages, half_window_m, reference.shapes[0].half_length_m, own=True
+        reference.family, averages, half_window_m, reference.forms[0, HALF_LENGTH], own=True
     )
     start = problem.start(reference)
     here = [judged(problem, start, size) for size in SIZES]
@@ -522,8 +529,6 @@ LEAST_SPEED_M_S = 0.3
 #: as the noise of a sample may be overestimated; errors shrink to 0.77 at most; half as much would
 #: let them shrink to 0.55
 LEAST_SCATTER = 0.6
-#: its place among a form's parameters
-TILT = 5
 
 
 @dataclass(frozen=True)
@@ -546,7 +551,7 @@ class EdgeForm:
 
         From learning the form, and for what the tire's own form may be.
         """
-        lengths = 2.0 * np.array([shape.half_length_m for shape in self.reference.shapes])
+        lengths = 2.0 * self.reference.forms[:, HALF_LENGTH]
         errors = self.reference.length_se_m, self.reference.form_share * lengths
         learning, form = (np.interp(speed_m_s, self.reference.speed_m_s, one) for one in errors)
         return learning, form
@@ -556,7 +561,7 @@ class EdgeForm:
 
         It leaves too much, or is at a bound; lengths may be wrong by half.
         """
-        values = np.array([shape.array() for shape in self.reference.shapes])
+        values = self.reference.forms
         # a tread without stiffness, the lower bound, is the parabola of an honest beam
         at_bound = (values >= HIGHEST).any(axis=1) | (
             np.delete(values, TREAD, 1) <= np.delete(LOWEST, TREAD)
@@ -684,10 +689,10 @@ def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noi
 
     Its spectrum above the `noise` of a sample, at the middle speed.
     """
-    number = len(reference.shapes) // 2
+    number = len(reference.forms) // 2
     speed = float(reference.speed_m_s[number])
     family = reference.family
-    spectrum = np.abs(family.spectra(reference.shapes[number])[0, :, 0]) * abs(
+    spectrum = np.abs(family.spectra(reference.forms[number : number + 1])[0, :, 0]) * abs(
         reference.heights[number]
     )
     signal = np.pi * family.radius_m * np.abs(spectrum) * rate_Hz / speed

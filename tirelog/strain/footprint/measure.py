@@ -14,13 +14,13 @@ import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.dsp.filters import derivatives, window_spectra
+from tirelog.strain.footprint.family import HALF_LENGTH
 from tirelog.strain.footprint.kernels import (
     FIT,
     ONSET,
     OWN,
     distance_along,
     fit_rows,
-    motion_of,
     traction_gains,
 )
 from tirelog.strain.footprint.learn import (
@@ -99,28 +99,21 @@ def along_tread(
     acceleration_m_s2: FloatArray,
     cutoff_Hz: FloatArray,
     upsample: int = 2,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Low-passed derivatives along the tread, (n, m x upsample); arguments as of `find_edges`.
 
-    Abscissae from the patch centre [m], first and second derivative by them [1/m, 1/m^2].
+    Abscissae from the patch centre [m], first and second derivative by them [1/m, 1/m^2]; noises
+    (n, 2) as of `derivatives`.
     """
-    count = windows.shape[1]
-    derived = derivatives(window_spectra(windows), rate_Hz, cutoff_Hz, count, upsample)
-    motion = motion_of(centre, rate_Hz, speed_m_s, acceleration_m_s2)
-    return _by_distance(*derived[:2], motion, upsample)
-
-
-def _by_distance(
-    first_s: FloatArray, second_s: FloatArray, motion: Records, upsample: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Abscissae [m], first and second derivative along the tread out of those in time, (n, m)."""
-    rows = motion[:, None]
-    speed, acceleration = rows["speed_m_s"], rows["acceleration_m_s2"]
-    time = (np.arange(first_s.shape[1]) / upsample - rows["centre"]) / rows["rate_Hz"]
+    first_s, second_s, noises = derivatives(
+        window_spectra(windows), rate_Hz, cutoff_Hz, windows.shape[1], upsample
+    )
+    time = (np.arange(first_s.shape[1]) / upsample - centre[:, None]) / rate_Hz
+    speed, acceleration = speed_m_s[:, None], acceleration_m_s2[:, None]
     now = np.maximum(speed + acceleration * time, 0.05 * np.abs(speed) + 1e-9)
     first = first_s / now
     second = (second_s - acceleration * first) / now**2
-    return distance_along(time, speed, acceleration), first, second
+    return distance_along(time, speed, acceleration), first, second, noises
 
 
 def find_edges(
@@ -140,11 +133,9 @@ def find_edges(
     expected to be, to look for extrema; `noise`: standard deviation of a sample; `upsample`: points
     per sample, 2 unless samples are DENSE.
     """
-    first_s, second_s, noises = derivatives(
-        window_spectra(windows), rate_Hz, cutoff_Hz, windows.shape[1], upsample
+    _, first, second, noises = along_tread(
+        windows, rate_Hz, centre, speed_m_s, acceleration_m_s2, cutoff_Hz, upsample
     )
-    motion = motion_of(centre, rate_Hz, speed_m_s, acceleration_m_s2)
-    _, first, second = _by_distance(first_s, second_s, motion, upsample)
     rate, middle = rate_Hz * upsample, centre * upsample
     reach = SEARCH * half_length_m / speed_m_s * rate
     low, high = middle - reach, middle + reach
@@ -248,7 +239,7 @@ class Forms:
         self._half_window_m, self.form_error = learnt.half_window_m, form_error(learnt)
         made = [form_table(self.reference, k, learnt.half_window_m) for k in range(knots.size)]
         self.columns, self.grids = (np.stack(part) for part in zip(*made, strict=True))
-        self.half_length_m = np.array([shape.half_length_m for shape in self.reference.shapes])
+        self.half_length_m = self.reference.forms[:, HALF_LENGTH]
         self.shift_m = self.reference.shifts_m
         self._tractions: dict[tuple[int, int, float], FloatArray] = {}
 

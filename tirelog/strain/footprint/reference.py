@@ -17,12 +17,17 @@ import numpy as np
 from tirelog.data.setup import FORM_PRESSURE, FORM_STIFFNESS, share_of_degree
 from tirelog.strain.footprint.family import (
     BELLS,
+    BENDING,
+    DAMPING,
+    HALF_LENGTH,
     HIGHEST,
     LOWEST,
     OWN_FORM,
     SHAPES,
+    TENSION,
+    TILT,
+    TREAD,
     EdgeFamily,
-    EdgeShape,
 )
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -38,7 +43,7 @@ HIGHEST_SHARE = 0.6
 #: bending length (logarithm, over a rough half length), tension at rest, inertia x squared top
 #: speed, tread; behind them comes the tire's own form, whose numbers have a mean of zero
 _MEAN, _SD = np.array([-0.36, 1.0, 0.0, 1.0]), np.array([2.0, 30.0, 1e-3, 30.0])
-_SHARED, TREAD = 4 + OWN_FORM, 3
+_SHARED = 4 + OWN_FORM
 #: the same about a reference, without a form and beside one that takes what they would
 _WIDE_SD, _NEAR_SD = np.array([2.0, 30.0, 1.0, 30.0]), np.array([0.1, 0.3, 1.0, 30.0])
 #: ordinary sizes of a tire's own form, as the models have them: shapes of these degrees, then bells
@@ -97,24 +102,23 @@ def cell_basis(radius_m: float, waves: int, half_window_m: float) -> FloatArray:
 class Reference:
     """The log's form at some speeds.
 
-    `speed_m_s` (k,) ascending, `shapes` at each, `shifts_m` (k,) of the form behind the passages'
-    centres; `inertia`: fall of the tension with the squared speed [s^2/m^2]; `heights` (k,) of the
-    passages it was learnt from. After learning: `length_se_m` (k,), the error of a full length from
-    not knowing the form's parameters better; `misfit`, squared residual per degree of `freedom`;
-    `residuals` (k, cells) at `residual_xi_m`, what the form leaves of the passages in units of
+    `speed_m_s` (k,) ascending, `forms` (k, 6) at each, `shifts_m` (k,) of the form behind the
+    passages' centres; `inertia`: fall of the tension with the squared speed [s^2/m^2]; `heights`
+    (k,) of the passages it was learnt from. After learning: `length_se_m` (k,), the error of a full
+    length from not knowing the form's parameters better; `misfit`, squared residual per degree of
+    freedom; `residuals` (k, cells) at `residual_xi_m`, what the form leaves of the passages over
     their height (None if that is noise); `form_share`: error of all lengths together by what the
     tire's own form may be (`learn.learn_form`), as a share.
     """
 
     family: EdgeFamily
     speed_m_s: FloatArray
-    shapes: tuple[EdgeShape, ...]
+    forms: FloatArray
     shifts_m: FloatArray
     inertia: float
     heights: FloatArray
     length_se_m: FloatArray
     misfit: float = float("nan")
-    freedom: float = 0.0
     residual_xi_m: FloatArray | None = None
     residuals: FloatArray | None = None
     form_share: float = 0.0
@@ -124,16 +128,10 @@ class Reference:
 
         Tension by the inertia, the rest linear between its own speeds.
         """
-        own, values = self.speed_m_s, np.array([shape.array() for shape in self.shapes])
-        at_rest = values[:, 2] + self.inertia * own**2
-        columns = [
-            np.interp(speed_m_s, own, column)
-            for column in (values[:, 0], values[:, 1], at_rest, *values[:, 3:].T)
-        ]
-        columns[2] = columns[2] - self.inertia * speed_m_s**2
-        shapes = tuple(
-            EdgeShape.of(np.clip(row, LOWEST, HIGHEST)) for row in np.column_stack(columns)
-        )
+        own, at_rest = self.speed_m_s, self.forms.copy()
+        at_rest[:, TENSION] += self.inertia * own**2
+        forms = np.column_stack([np.interp(speed_m_s, own, column) for column in at_rest.T])
+        forms[:, TENSION] -= self.inertia * speed_m_s**2
         left = self.residuals
         if left is not None:
             left = np.column_stack([np.interp(speed_m_s, own, column) for column in left.T])
@@ -144,7 +142,7 @@ class Reference:
         return replace(
             self,
             speed_m_s=speed_m_s,
-            shapes=shapes,
+            forms=np.clip(forms, LOWEST, HIGHEST),
             shifts_m=shifts,
             residuals=left,
             heights=heights,
@@ -157,18 +155,14 @@ class Reference:
         Form and tension are straight in the squared speed from one to the next.
         """
         fall = abs(self.inertia) * (fastest_m_s**2 - slowest_m_s**2)
-        lengths = np.array(
-            [
-                shape.half_length_m
-                for shape in self.at_speeds(np.array([slowest_m_s, fastest_m_s])).shapes
-            ]
-        )
+        ends = self.at_speeds(np.array([slowest_m_s, fastest_m_s]))
+        longer = abs(float(np.diff(np.log(ends.forms[:, HALF_LENGTH]))[0]))
         # forms are tabled at speeds between which tension (over sqrt(EJ k)) and length (its
         # logarithm) change by no more than this, at so many speeds at most; twice as coarse, half
         # as many forms are tabled, and more lies between them
         count = int(
             np.clip(
-                np.ceil(max(fall / 0.08, np.abs(np.log(lengths[1] / lengths[0])) / 0.02)),
+                np.ceil(max(fall / 0.08, longer / 0.02)),
                 1,
                 16,
             )
@@ -203,24 +197,27 @@ class AverageFit:
         self.trust, self.near, self.shared = 1.0, False, (_MEAN, _SD)
         self._last: tuple[Any, tuple[float, FloatArray, FloatArray]] | None = None
 
-    def shape(self, theta: FloatArray, number: int) -> EdgeShape:
-        """The form of average `number`."""
-        apiece = theta[_SHARED + number * _APIECE :]
-        tension = theta[1] - theta[2] * self.relative[number]
-        lengths = self.scale_m * np.exp([apiece[0], theta[0]])
-        values = np.array([*lengths, tension, theta[3], *apiece[1:3]])
-        return EdgeShape.of(np.minimum(np.maximum(values, LOWEST), HIGHEST))
+    def forms(self, theta: FloatArray) -> FloatArray:
+        """The forms of the averages, (k, 6)."""
+        apiece = theta[_SHARED:].reshape(-1, _APIECE)
+        forms = np.empty((len(apiece), HIGHEST.size))
+        forms[:, HALF_LENGTH] = self.scale_m * np.exp(apiece[:, 0])
+        forms[:, BENDING] = self.scale_m * np.exp(theta[0])
+        forms[:, TENSION] = theta[1] - theta[2] * self.relative
+        forms[:, TREAD], forms[:, [DAMPING, TILT]] = theta[3], apiece[:, 1:3]
+        return np.clip(forms, LOWEST, HIGHEST)
 
     def start(self, reference: Reference) -> FloatArray:
         """The parameters of `reference`, whose speeds are those of the averages."""
-        shapes, top = reference.shapes, reference.speed_m_s[-1] ** 2
-        theta = np.zeros(_SHARED + _APIECE * len(shapes))
-        theta[0] = np.log(shapes[0].bending_length_m / self.scale_m)
+        forms, top = reference.forms, reference.speed_m_s[-1] ** 2
+        theta = np.zeros(_SHARED + _APIECE * len(forms))
+        theta[0] = np.log(forms[0, BENDING] / self.scale_m)
         theta[2] = reference.inertia * top
-        theta[1] = shapes[0].tension + theta[2] * self.relative[0]
-        theta[TREAD], theta[4:_SHARED] = shapes[0].tread, reference.family.own
-        for apiece, shape in zip(theta[_SHARED:].reshape(-1, _APIECE), shapes, strict=True):
-            apiece[:3] = np.log(shape.half_length_m / self.scale_m), shape.damping, shape.tilt
+        theta[1] = forms[0, TENSION] + theta[2] * self.relative[0]
+        theta[3], theta[4:_SHARED] = forms[0, TREAD], reference.family.own
+        apiece = theta[_SHARED:].reshape(-1, _APIECE)
+        apiece[:, 0] = np.log(forms[:, HALF_LENGTH] / self.scale_m)
+        apiece[:, 1:3] = forms[:, [DAMPING, TILT]]
         self.near, self.shared = True, (theta[:4].copy(), _NEAR_SD if self.own else _WIDE_SD)
         return theta
 
@@ -229,7 +226,7 @@ class AverageFit:
         return replace(
             before,
             family=before.family.with_own(theta[4:_SHARED]) if self.own else before.family,
-            shapes=tuple(self.shape(theta, number) for number in range(len(self.averages))),
+            forms=self.forms(theta),
             shifts_m=before.shifts_m + theta[_SHARED + 3 :: _APIECE],
             inertia=float(theta[2]) / before.speed_m_s[-1] ** 2,
         )
@@ -269,9 +266,9 @@ class AverageFit:
         """
         family, turning = self.family.with_own(theta[4:_SHARED]), 1j * self.family.kappa_1_m
         left, slopes = [], []
-        shapes = [self.shape(theta, number) for number in range(len(self.averages))]
-        every = family.spectra(*shapes)[:, :, : None if self.own else 7]
-        for number, (one, shape) in enumerate(zip(self.averages, shapes, strict=True)):
+        forms = self.forms(theta)
+        every = family.spectra(forms)[:, :, : None if self.own else 7]
+        for number, one in enumerate(self.averages):
             first, spectra = _SHARED + number * _APIECE, every[number]
             shift, root = theta[first + 3], np.sqrt(self.trust * one.weight)
             columns = np.column_stack([spectra, -turning * spectra[:, 0]])
@@ -283,11 +280,11 @@ class AverageFit:
             left.append(root * one.values - design @ linear)
             block = np.zeros((root.size, theta.size))
             by_shared = waves[:, [2, 3, 3, 4]]
-            block[:, :4] = by_shared * [shape.bending_length_m, 1.0, -self.relative[number], 1.0]
+            block[:, :4] = by_shared * [forms[number, BENDING], 1.0, -self.relative[number], 1.0]
             if self.own:
                 block[:, 4:_SHARED] = waves[:, 7:-1]
             block[:, first : first + 4] = waves[:, [1, 5, 6, -1]]
-            block[:, first] *= shape.half_length_m
+            block[:, first] *= forms[number, HALF_LENGTH]
             block *= linear[0] * root[:, None]
             block[:, first + 4 : first + 6] = design
             slopes.append(block)
@@ -360,7 +357,7 @@ def descend(
     """
     first = here = judged(problem, theta.copy(), size, length)
     low, high = np.full(theta.size, -np.inf), np.full(theta.size, np.inf)
-    low[TREAD], high[TREAD] = theta[[TREAD] * 2] if problem.own else (LOWEST[3], HIGHEST[3])
+    low[TREAD], high[TREAD] = theta[[TREAD] * 2] if problem.own else (LOWEST[TREAD], HIGHEST[TREAD])
     least = 1e-3
     for _ in range(steps):
         before = here
@@ -411,7 +408,7 @@ def fit_average(
     return Reference(
         family,
         speed_m_s,
-        (problem.shape(best, 0),) * speed_m_s.size,
+        np.repeat(problem.forms(best), speed_m_s.size, axis=0),
         best[-3] * alike,
         0.0,
         best[-2] * alike,
