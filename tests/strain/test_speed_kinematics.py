@@ -9,7 +9,6 @@ from tirelog.strain.passages.passage_flags import (
     TURN_RAD,
     kinematics,
     may_have_stopped,
-    turns_between,
 )
 
 
@@ -73,11 +72,6 @@ def test_a_kink_goes_into_the_error_around_it_only():
     away = np.abs(np.arange(40) - 20) > 5
     assert off[away].max() < 1e-6
     assert error[away][1:-1].max() < 1e-3 * error[near].max()
-
-
-def test_turns_by_the_mean_speed():
-    time = passage_times(10.0, 6.0, range(6))
-    np.testing.assert_allclose(turns_between(time, 10.0 + 6.0 * time), 1.0, rtol=1e-9)
 
 
 def test_a_wheel_of_exactly_one_speed_has_never_stopped() -> None:

@@ -689,11 +689,6 @@ def _judgement(speeds: int, free: int, bent: bool, sigmas: float) -> str:
 #     --`regression`: lines through the means of their stretches--> regressions
 
 
-#: distance from the neutral axis, in heights of the strip, at which P1 (27) is right in pure
-#: bending: 12 (y/h)^2 = 1
-RIGHT_LEVER = 12.0**-0.5
-
-
 @dataclass(frozen=True)
 class DissipationOfChannel(PassageRows):
     """The table's rows of one channel, and the dissipation behind them."""
@@ -788,15 +783,16 @@ def _in_bending(surface: str | None, height_m: float | None) -> str:
 
     eta A h^2 / (12 y^2) int (d eps_m / ds)^2 ds; (27) leaves the factor h^2 / (12 y^2) out.
     """
-    text = "the power is that of pure stretching; in pure bending "
+    text = "the power is that of pure stretching; in pure bending a grating "
     if surface == "inner":
-        return f"{text}a grating on the liner reads three times too much"
-    right = "0.29 of the strip's height"
-    if height_m is not None:
-        right = f"{1e3 * RIGHT_LEVER * height_m:.1f} mm"
-    return (
-        f"{text}a grating in a groove reads right {right} from the neutral axis, too little nearer "
-        "to it (docs: dissipation)"
+        return text + "on the liner reads three times too much"
+    # where 12 (y / h)^2 is 1
+    right = (
+        "0.29 of the strip's height" if height_m is None else f"{1e3 * height_m / 12.0**0.5:.1f} mm"
+    )
+    return text + (
+        f"in a groove reads right {right} from the neutral axis, too little nearer to it "
+        "(docs: dissipation)"
     )
 
 

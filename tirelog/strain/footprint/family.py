@@ -38,12 +38,11 @@ ComplexArray = NDArray[np.complex128]
 #     DAMPING      d of the term d (EJ / k)^(1/4) k w': odd about the patch centre, positive as in
 #                  the errata's equation
 #     TILT         p (1 - tilt xi / L): positive is heavier towards the entry
-
-HALF_LENGTH, BENDING, TENSION, TREAD, DAMPING, TILT = range(6)
 #: what a parameter may be, in their order and units: lengths in m, the rest are ratios;
 #: the tension stays above the critical speed's -2. A form at a bound is unclear (`EdgeForm`)
 LOWEST = np.array([0.008, 0.004, -1.97, -0.2, -1.5, -1.5])
 HIGHEST = np.array([0.30, 0.30, 60.0, 9.0, 1.5, 1.5])
+HALF_LENGTH, BENDING, TENSION, TREAD, DAMPING, TILT = range(LOWEST.size)
 
 
 # ---- The spectrum of a patch passage and its derivatives.
@@ -71,16 +70,23 @@ ORDERS = 2 * TERMS + 2
 #: start of a downward recurrence (order), and the argument above which the upward one is stable;
 #: twice as deep a start takes twice as long for the same digits
 _DEEP, _STABLE = 44, 16.0
-#: (1 - x^2) P'_(n+1) = factor (P_n - P_(n+2)) for n = 0, 2, ...
-_ORDER = 2.0 * np.arange(TERMS)
-_FACTOR = (_ORDER + 1.0) * (_ORDER + 2.0) / (2.0 * _ORDER + 3.0)
-#: <P_(2i + 2), (1 - x^2) P'_(2n + 1)> over the patch, (TERMS, TERMS); <P_n, P_n> = 2 / (2n + 1)
-_MASS = np.diag((2.0 * _FACTOR / (2.0 * _ORDER + 1.0))[1:], 1)
-_MASS -= np.diag(2.0 * _FACTOR / (2.0 * _ORDER + 5.0))
-#: waves of the shapes among those of `_transforms`, and a shape's mean pressure (2/3 of the
-#: parabola's top) over that of its wave
-_OF_SHAPES = [*range(TERMS + 1, 2 * TERMS), 0, 2 * TERMS + 1, 2 * TERMS + 2]
-_OVER = 2.0 / 3.0 * np.append(1.0 / _FACTOR[1:], np.ones(3))
+
+
+def _series() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """What the pressure series has for n = 0, 2, ... 2 (TERMS - 1).
+
+    factor  (TERMS,): (1 - x^2) P'_(n+1) = factor (P_n - P_(n+2))
+    mass    (TERMS, TERMS): <P_(2i + 2), (1 - x^2) P'_(2n + 1)>, with <P_n, P_n> = 2 / (2n + 1)
+    over    (SHAPES,): a shape's mean pressure, 2/3 of the parabola's top, over that of its wave
+    """
+    n = 2.0 * np.arange(TERMS)
+    factor = (n + 1.0) * (n + 2.0) / (2.0 * n + 3.0)
+    above, below = 2.0 * factor / (2.0 * n + 1.0), 2.0 * factor / (2.0 * n + 5.0)
+    over = 2.0 / 3.0 * np.append(1.0 / factor[1:], np.ones(3))
+    return factor, np.diag(above[1:], 1) - np.diag(below), over
+
+
+_FACTOR, _MASS, _OVER = _series()
 
 
 def spherical_bessels(z: FloatArray) -> FloatArray:
@@ -149,7 +155,8 @@ def form_spectra(
     load = tests @ np.stack(by_contact, axis=-1)
     load[:, :, :1] += slopes[:, :TERMS] @ loaded[:, :, None]
     moved = inverse @ (load * (np.array([0.0, 0.0, 0.0, -1.0]) - ratio)[:, None])
-    shapes, of_shapes = (_OVER[:, None] * some[:, _OF_SHAPES] for some in (waves, slopes))
+    places = [*range(TERMS + 1, 2 * TERMS), 0, 2 * TERMS + 1, 2 * TERMS + 2]
+    shapes, of_shapes = (_OVER[:, None] * some[:, places] for some in (waves, slopes))
     mine, mine_slope = own[:TERMS] @ shapes[:, :TERMS], own[:TERMS] @ of_shapes[:, :TERMS]
     odd = tilt * waves[:, 2 * TERMS] + own[TERMS:] @ shapes[:, TERMS:]
     odd_slope = tilt * slopes[:, 2 * TERMS] + own[TERMS:] @ of_shapes[:, TERMS:]

@@ -197,9 +197,6 @@ def least(
     return np.where(inner, safe + place, np.nan), height, curvature
 
 
-#: rows whose plain edges are worked on at once
-ROWS = 256
-
 #: the fit of a passage: height and offset (patch downward), shift of the patch's middle behind the
 #: passage's centre, full contact length with its standard error, damping and tilt beside the
 #: reference's, chi-square per degree of freedom, samples used
@@ -458,21 +455,19 @@ def measure_windows(
             look.seek_driven(reduced.take(clear[part.row]), *usual)
         for key, part in windows.alike(8 * for_plain + upsample):
             plain = part.reduced(key // 8)
-            for low in range(0, len(plain.row), ROWS):
-                some = plain.take(slice(low, low + ROWS))
-                row, motion = some.row, some.motion
-                shift_s = np.nan_to_num(work["fits"]["shift_m"][row]) / speed[row]
-                work["edges"][row] = find_edges(
-                    some.values,
-                    some.rate_Hz,
-                    motion["centre"] + shift_s * some.rate_Hz,
-                    motion["speed_m_s"],
-                    motion["acceleration_m_s2"],
-                    cutoff_Hz[row],
-                    half_length[row],
-                    look.passages.noise / np.sqrt(some.averaged),
-                    key % 8,
-                )
+            row, motion = plain.row, plain.motion
+            shift_s = np.nan_to_num(work["fits"]["shift_m"][row]) / speed[row]
+            work["edges"][row] = find_edges(
+                plain.values,
+                plain.rate_Hz,
+                motion["centre"] + shift_s * plain.rate_Hz,
+                motion["speed_m_s"],
+                motion["acceleration_m_s2"],
+                cutoff_Hz[row],
+                half_length[row],
+                look.passages.noise / np.sqrt(plain.averaged),
+                key % 8,
+            )
     unsought = ~clear & (work["slip"]["reason"] == TOO_SMALL)
     work["slip"]["reason"][unsought] = NO_FORM
 
