@@ -2,14 +2,13 @@
 
     a row of a window
         --distance of each sample--> the form's columns at the samples used, their values last
-        --all products--> gram (w + 1, w + 1), w columns
+        --all products--> gram (FITTED + 1, FITTED + 1)
             --scaled Cholesky--> inverse of the passage's own block --> solution
 
-Columns of a passage's own: height, offset, -shift, length, damping, tilt (OWN); of a fit then the
-quadratic ones by length and shift, of learning then the shared ones. They are an axis of linear
-algebra, over which sums run, so their places have names and no fields. A table (g, c) has the same
-columns without the offset, on an even GRID [m]; one of them, `follows`,
-times `by_speed2` x (the row's squared speed - the table's) is added to the height's.
+Columns of a passage's own: height, offset, -shift, length, damping, tilt (OWN); then the quadratic
+ones by length and shift. They are an axis of linear algebra, over which sums run, so their places
+have names and no fields. A table (g, FITTED) has the same columns without the offset, on an even
+GRID [m]; its last one times (the row's squared speed - the table's) is added to the height's.
 """
 
 from __future__ import annotations
@@ -73,22 +72,22 @@ MOST_BEND = 1.1e-4
 @compiled
 def look_up(
     values: FloatArray, motion: Record, table: FloatArray, grid: Record, shift: float,
-    by_speed2: float, follows: int, wide: int, columns: FloatArray, place: FloatArray,
+    columns: FloatArray, place: FloatArray,
 ) -> tuple[int, float]:  # fmt: skip
     """Fill `columns` and `place` of the samples of a row that are used; count and mean.
 
     Samples (m,) that are there and lie within the half window of the patch centre, shifted by
     `shift` [m]; their mean is subtracted. `motion`: one MOTION; `grid`: one GRID.
 
-    table    (g, c): the form's columns without the offset; number `follows` goes with the squared
-             speed. The last of c = `wide` columns is not kept, since the samples take its place
-    columns  (m + SPARE, wide + 1), filled: the form's columns with the offset, the samples last
+    table    (g, FITTED): the form's columns without the offset; the last one, which goes with the
+             squared speed, is not kept, since the samples take its place
+    columns  (m + SPARE, FITTED + 1), filled: the form's columns with the offset, the samples last
     place    (m,), filled: place on the grid [rows of the table]
     """
     centre, rate, speed = motion["centre"], motion["rate_Hz"], motion["speed_m_s"]
     acceleration, half_window = motion["acceleration_m_s2"], grid["half_window_m"]
     first, step, square = grid["first_m"], grid["step_m"], grid["speed2_m2_s2"]
-    faster, top = by_speed2 * (speed**2 - square), table.shape[0] - 1.001
+    faster, top = speed**2 - square, table.shape[0] - 1.001
     per_column, per_step, half = 1.0 / rate, 1.0 / step, 0.5 * acceleration
     used, total = 0, 0.0
     for k in range(values.size):
@@ -106,15 +105,13 @@ def look_up(
         row, below, above = columns[k], table[low], table[low + 1]
         for c in range(table.shape[1]):
             row[c + 1] = below[c] + share * (above[c] - below[c])
-        row[HEIGHT] = row[1] + faster * row[follows + 1]
-        row[OFFSET], row[wide] = 1.0, value - middle
+        row[HEIGHT] = row[1] + faster * row[FITTED]
+        row[OFFSET], row[FITTED] = 1.0, value - middle
     return used, middle
 
 
 @compiled
-def own_inverse(
-    gram: FloatArray, wide: int, sigma: float, odd_sd: float, inverse: FloatArray
-) -> float:
+def own_inverse(gram: FloatArray, sigma: float, odd_sd: float, inverse: FloatArray) -> float:
     """Inverse of a passage's own block, with what is known added; its rough height.
 
     What is known: damping and tilt (standard deviation `odd_sd`, in heights), beside values with
@@ -122,7 +119,7 @@ def own_inverse(
     that are alike share what there is. `gram` of `products`; `inverse` (OWN, OWN) is filled.
     """
     # oddness is a ratio to the height, whose rough size is the right side's
-    rough: float = max(abs(gram[HEIGHT, wide]) / max(gram[HEIGHT, HEIGHT], 1e-300), 1e-300)
+    rough: float = max(abs(gram[HEIGHT, FITTED]) / max(gram[HEIGHT, HEIGHT], 1e-300), 1e-300)
     scale = np.empty(OWN)
     for i in range(OWN):
         prior = (sigma / (odd_sd * rough)) ** 2 if i >= DAMPING else 0.0
@@ -148,12 +145,12 @@ def bend(moved: float, height: float, rough: float) -> float:
 
 
 @compiled
-def quadratic_form(gram: FloatArray, wide: int, whole: FloatArray) -> float:
-    """Squared residual that the coefficients `whole` (wide,) leave; `gram` of `products`."""
-    left: float = gram[wide, wide]
-    for i in range(wide):
-        left -= 2.0 * whole[i] * gram[i, wide]
-        for j in range(wide):
+def quadratic_form(gram: FloatArray, whole: FloatArray) -> float:
+    """Squared residual that the form's coefficients `whole` leave; `gram` of `products`."""
+    left: float = gram[FITTED, FITTED]
+    for i in range(FITTED):
+        left -= 2.0 * whole[i] * gram[i, FITTED]
+        for j in range(FITTED):
             left += whole[i] * gram[i, j] * whole[j]
     return left
 
@@ -204,12 +201,10 @@ def _fit(
 
     Samples used, and their mean, which is off. The rest is filled on the way.
     """
-    used, middle = look_up(
-        values, motion, table, grid, grid["shift_m"], 1.0, FITTED - 1, FITTED, columns, place
-    )  # fmt: skip
+    used, middle = look_up(values, motion, table, grid, grid["shift_m"], columns, place)
     if used >= OWN:
         products(columns, used, FITTED, gram)
-        rough = own_inverse(gram, FITTED, sigma, odd_sd, inverse)
+        rough = own_inverse(gram, sigma, odd_sd, inverse)
         none = np.zeros(FITTED + 2)
         solve(own_solutions(gram, inverse), rough, none, none, 1.0, whole)
     return used, middle
@@ -245,7 +240,7 @@ def fit_rows(
         made["shift"], made["length"] = whole[SHIFT], whole[LENGTH]
         made["damping"], made["tilt"] = whole[DAMPING], whole[TILT]
         made["length_se"] = np.sqrt(inverse[LENGTH, LENGTH])
-        made["chi2"] = max(quadratic_form(gram, FITTED, whole), 0.0) / sigma**2
+        made["chi2"] = max(quadratic_form(gram, whole), 0.0) / sigma**2
         if cells:
             _add_residuals(columns, place, used, grids[k], whole, left)
 
@@ -387,7 +382,7 @@ def _joint(
     lined, sums = np.empty(told.size), np.empty((FITTED + 2, told.size))
     whole, moved = np.empty(FITTED + 1), np.empty(OWN)
     products(columns, used, FITTED, gram)
-    own_inverse(gram, FITTED, sigma, odd_sd, inverse)
+    own_inverse(gram, sigma, odd_sd, inverse)
     solutions = own_solutions(gram, inverse)
     _beside(columns, place, used, waves, first, lined, sums)
     top, lowest = 0, np.inf
@@ -397,7 +392,7 @@ def _joint(
         free = max(free, LEAST_OWN * beside[FITTED + 1] + 1e-300)
         solve(solutions, abs(solutions[0, HEIGHT]), beside, moved, free, whole)
         size, height = whole[FITTED], whole[HEIGHT]
-        left = quadratic_form(gram, FITTED, whole)
+        left = quadratic_form(gram, whole)
         left += size * (size * beside[FITTED + 1] - 2.0 * beside[FITTED])
         for i in range(FITTED):
             left += 2.0 * size * whole[i] * beside[i]
@@ -431,10 +426,7 @@ def _moved_on(
     """
     used, first, top = 0, 0, 0
     for turn in range(turns):
-        used, _ = look_up(
-            values, motion, table, grid, grid["shift_m"] + shift, 1.0, FITTED - 1, FITTED, columns,
-            place,
-        )  # fmt: skip
+        used, _ = look_up(values, motion, table, grid, grid["shift_m"] + shift, columns, place)
         if used <= FITTED:
             break
         first = min(max(onset - told.size // 2, 0), waves.shape[1] - told.size)
