@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import product
 from operator import itemgetter
 from typing import Any
 
@@ -48,10 +47,6 @@ RAMP_SHARE = 0.25
 #: means of the ramp on either side that a stop's kinks are told by: so little of a ramp is straight
 #: whatever the compressor does; twice as many tell them better, and count on it for 6 s
 BESIDE = 30
-#: means about an edge from which its kink is sought: a rate sees it so much early or late, and a
-#: kink that begins beyond its stop does not come back; twice as wide, one may find the next stop's
-NEAR_MEANS = (-3, 0, 3)
-
 
 #: a mean of MEAN_S: time, strain and pressure, NaN without; `noise` of a mean of the strain, the
 #: same for all
@@ -262,13 +257,12 @@ def _lost(values: Records, before: int, low: int, high: int, after: int) -> tupl
     """
     time, direction = values["time_s"], np.sign(values["strain"][-1] - values["strain"][0]) or 1.0
     # the far ends of the ramps may be some means of the next stop
-    off = [min(NEAR_MEANS[-1], many // 3) for many in (low - before, after - high)]
+    off = [min(RATE_MEANS, many // 3) for many in (low - before, after - high)]
     first, stop = max(before + off[0], low - BESIDE), min(after - off[1], high + BESIDE)
     beside = (before < low, after > high)
     edges = [k for k, there in zip((low, high), beside, strict=True) if there]
     part = values[first:stop]
-    lines = [_kinked(part, time[begins]) for begins in _begins(edges, first, stop)]
-    line = min(lines, key=itemgetter(0))
+    line = _kinked(part, time[edges])
     if high - low >= 2 * SHORTEST:  # what falls at once and stands then is no straight line
         middles = range(low + 2, high - 1, max((high - low) // SHORTEST, 1))
         lines = [_kinked(part, time[sorted([*edges, k])]) for k in middles]
@@ -282,12 +276,6 @@ def _lost(values: Records, before: int, low: int, high: int, after: int) -> tupl
     # a leak is one that exceeds so many of its standard errors: chance makes none in a million
     # stops; with twice as many, leaks up to twice as large are said to be 0
     return (lost if direction * lost > 5.0 * error else 0.0), error
-
-
-def _begins(edges: list[int], first: int, stop: int) -> list[list[int]]:
-    """Where kinks near `edges` may be sought from: a few means to either side, in their order."""
-    near = [[min(max(k + d, first + 1), stop - 2) for d in NEAR_MEANS] for k in edges]
-    return [list(begins) for begins in product(*near) if list(begins) == sorted(set(begins))]
 
 
 def _row(
