@@ -29,12 +29,12 @@ from tirelog.strain.footprint.family import (
     TILT,
     TREAD,
     ComplexArray,
+    EdgeFamily,
 )
 from tirelog.strain.footprint.kernels import (
     FIT,
     GRID,
     OWN,
-    distance_along,
     fit_rows,
     motion_of,
 )
@@ -47,7 +47,6 @@ from tirelog.strain.footprint.reference import (
     cell_basis,
     cell_centres,
     descend,
-    fit_average,
     judged,
 )
 from tirelog.strain.passages.find import Passages
@@ -109,12 +108,6 @@ class PatchWindows:
         for key in np.unique(own):
             same = own == key
             yield int(key), self if same.all() else self.take(same)
-
-    def distance_m(self) -> FloatArray:
-        """Distance of each sample from the patch centre along the tread, shape (n, m)."""
-        rows = self.motion[:, None]
-        time = (np.arange(self.values.shape[1]) - rows["centre"]) / rows["rate_Hz"]
-        return distance_along(time, rows["speed_m_s"], rows["acceleration_m_s2"])
 
     def reduced(self, averaged: int) -> PatchWindows:
         """The same windows with `averaged` neighbouring columns as one, NaN if any is lost."""
@@ -397,11 +390,8 @@ def refine_edges(
             break  # where a whole step does harm, shorter ones gain next to nothing
         gain = best.misfit / misfit - 1.0 if again else np.inf
         averages = _averages(trial, samples, fits, noise, half_window_m, 0.0)
-        problem = AverageFit(
-            trial.family, averages, half_window_m, trial.forms[0, HALF_LENGTH], own=False
-        )
-        start = problem.start(trial)
-        found = descend(problem, start)
+        problem = AverageFit(trial, averages, half_window_m, own=False)
+        found = descend(problem, problem.start)
         left = np.array([total / np.maximum(counts, 1.0) for _, (total, counts) in fits])
         smooth = np.array([np.convolve(row, (0.25, 0.5, 0.25), "same") for row in left])
         errors = np.sqrt(np.diag(problem.lengths(found.normal)) * max(misfit, 1.0))
@@ -455,10 +445,8 @@ def learn_form(
     fits = [_fits(reference, k, s, noise, half_window_m) for k, s in enumerate(samples)]
     samples, fits = _without_foreign(samples, fits, reference, noise, half_window_m)
     averages = _averages(reference, samples, fits, noise, half_window_m, UNLIKE)
-    problem = AverageFit(
-        reference.family, averages, half_window_m, reference.forms[0, HALF_LENGTH], own=True
-    )
-    start = problem.start(reference)
+    problem = AverageFit(reference, averages, half_window_m, own=True)
+    start = problem.start.copy()
     here = [judged(problem, start, size) for size in SIZES]
     promised = np.array([one.evidence + one.promise for one in here])
     chances = np.exp(promised - promised.max())
@@ -671,19 +659,6 @@ def _samples(
     return sorted(out, key=lambda sample: sample.speed_m_s)
 
 
-def _average(sample: PatchWindows, passages: Passages, half_window_m: float) -> Average:
-    """Mean passage of the rows of `sample`, scaled by height and offset of the template."""
-    height = np.maximum(np.abs(passages.height[sample.row]), 1e-300)[:, None]
-    values = (sample.values + passages.offset[sample.row][:, None]) / height
-    cell = (sample.distance_m() / half_window_m + 1.0) * (0.5 * CELLS)
-    inside = np.isfinite(values) & (cell > 0.0) & (cell < CELLS)
-    cells, each = cell[inside].astype(np.int64), np.broadcast_to(height**2, values.shape)[inside]
-    weight, total = (np.bincount(cells, w, CELLS) for w in (each, each * values[inside]))
-    mean = total / np.where(weight > 0.0, weight, 1.0)
-    sharp = np.asarray(weight * (sample.averaged / passages.noise**2), np.float64)
-    return Average(sample.speed_m_s, mean, sharp)
-
-
 def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noise: float) -> float:
     """The highest wave number [1/m] at which a passage is above the noise.
 
@@ -711,19 +686,26 @@ def _at(reference: Reference, samples: list[PatchWindows]) -> Reference:
 
 
 def _from_a_start(
-    samples: list[PatchWindows], passages: Passages, half_window_m: float, rough_m: float
+    samples: list[PatchWindows], radius_m: float, noise: float, half_window_m: float, rough_m: float
 ) -> Reference:
-    """The form without anything known of it.
+    """The form without anything known of it but a rough half length [m].
 
-    It starts from the class of speed of which most roll freely, of these a middle one.
+    From the better of two starts, which are tried on the class of speed of which most roll freely,
+    of these a middle one.
     """
     free = [np.sum(np.abs(s.motion["acceleration_m_s2"]) < FREE_ROLLING_M_S2) for s in samples]
     middle = 0.5 * (len(samples) - 1)
-    first = max(range(len(samples)), key=lambda k: (free[k], -abs(k - middle)))
-    speeds = np.array([sample.speed_m_s for sample in samples])
-    mean = _average(samples[first], passages, half_window_m)
-    start = fit_average(mean, half_window_m, speeds, passages.radius_m, rough_m)
-    return refine_edges(start, samples, passages.noise, half_window_m)
+    first = samples[max(range(len(samples)), key=lambda k: (free[k], -abs(k - middle)))]
+    # highest wave number times half length that the family keeps
+    family, none, tried = EdgeFamily(radius_m, 42.0 / (0.8 * rough_m)), np.zeros(1), []
+    # starts: half length over the rough one, tension, tread
+    for length, tension, tread in ((1.0, 0.3, 0.1), (0.85, 3.0, 2.5)):
+        form = np.array([[length * rough_m, 0.75 * rough_m, tension, tread, 0.0, 0.0]])
+        start = Reference(family, np.array([first.speed_m_s]), form, none, 0.0, none, none)
+        if not tried or tried[0].misfit > REMARKABLE:
+            tried.append(refine_edges(start, [first], noise, half_window_m))
+    best = min(tried, key=lambda one: one.misfit)
+    return refine_edges(_at(best, samples), samples, noise, half_window_m)
 
 
 def learn_reference(
@@ -751,7 +733,7 @@ def learn_reference(
         # undercut
         if found.misfit > 1.5 * max(like.reference.misfit, 1.0):
             found = None
-    found = found or _from_a_start(samples, passages, window, rough)
+    found = found or _from_a_start(samples, passages.radius_m, passages.noise, window, rough)
     if not found.misfit > 0.0:  # no passage with more samples than unknowns
         return None
     highest = _wave_number(found, channel.axis.rate_Hz, window, passages.noise)

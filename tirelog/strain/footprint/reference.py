@@ -1,9 +1,7 @@
 """The form of this log's passages, from averages.
 
-some passages of one speed, scaled by the template's height
-    --cells along xi--> Average
-    --damped Gauss-Newton with the physical family--> Reference, a start for all speeds
-mean passages by class of speed (`learn`) --> what they share, with or without the tire's own form
+mean passages by class of speed (`learn`)
+    --Gauss-Newton with the physical family--> what they share, with or without the tire's own form
 """
 
 from __future__ import annotations
@@ -39,10 +37,9 @@ CELLS = 120
 GOOD_ENOUGH = 0.3
 #: averages are fitted up to this share of it; they hold nothing above their noise beyond
 HIGHEST_SHARE = 0.6
-#: what is weakly known of what averages share: mean and standard deviation of normal priors of the
-#: bending length (logarithm, over a rough half length), tension at rest, inertia x squared top
-#: speed, tread; behind them comes the tire's own form, whose numbers have a mean of zero
-_MEAN, _SD = np.array([-0.36, 1.0, 0.0, 1.0]), np.array([2.0, 30.0, 1e-3, 30.0])
+#: what averages share: bending length (logarithm, over the half length of a reference), tension at
+#: rest, inertia x squared top speed, tread; behind them comes the tire's own form, whose numbers
+#: have a mean of zero
 _SHARED = 4 + OWN_FORM
 #: the same about a reference, without a form and beside one that takes what they would
 _WIDE_SD, _NEAR_SD = np.array([2.0, 30.0, 1.0, 30.0]), np.array([0.1, 0.3, 1.0, 30.0])
@@ -176,26 +173,28 @@ class Reference:
 class AverageFit:
     """Averages of some speeds, which share a tire, against a vector of parameters.
 
-    The shared ones (_MEAN), and _APIECE for each average; lengths begin at `scale_m`. With
+    Those that are shared, and _APIECE for each average, beginning at those of `reference`. With
     `own` the tire's own form is free, and the tread, which it replaces, is not.
     """
 
     def __init__(
-        self,
-        family: EdgeFamily,
-        averages: list[Average],
-        half_window_m: float,
-        scale_m: float,
-        *,
-        own: bool,
+        self, reference: Reference, averages: list[Average], half_window_m: float, *, own: bool
     ) -> None:
-        family = family.up_to(HIGHEST_SHARE)
-        self.family, self.averages, self.scale_m, self.own = family, averages, scale_m, own
-        self.basis = cell_basis(family.radius_m, family.kappa_1_m.size, half_window_m)
+        self.family, self.averages, self.own = reference.family.up_to(HIGHEST_SHARE), averages, own
+        self.basis = cell_basis(self.family.radius_m, self.family.kappa_1_m.size, half_window_m)
         squares = np.array([one.speed_m_s**2 for one in averages])
-        self.relative = squares / squares[-1]
-        self.trust, self.near, self.shared = 1.0, False, (_MEAN, _SD)
+        self.relative, self.trust = squares / squares[-1], 1.0
         self._last: tuple[Any, tuple[float, FloatArray, FloatArray]] | None = None
+        forms, inertia = reference.forms, reference.inertia * reference.speed_m_s[-1] ** 2
+        self.scale_m = float(forms[0, HALF_LENGTH])
+        #: the parameters of the reference, whose speeds are those of the averages
+        self.start = np.zeros(_SHARED + _APIECE * len(averages))
+        at_rest = forms[0, TENSION] + inertia * self.relative[0]
+        self.start[:4] = np.log(forms[0, BENDING] / self.scale_m), at_rest, inertia, forms[0, TREAD]
+        self.start[4:_SHARED] = reference.family.own
+        apiece = self.start[_SHARED:].reshape(-1, _APIECE)
+        apiece[:, 0] = np.log(forms[:, HALF_LENGTH] / self.scale_m)
+        apiece[:, 1:3] = forms[:, [DAMPING, TILT]]
 
     def forms(self, theta: FloatArray) -> FloatArray:
         """The forms of the averages, (k, 6)."""
@@ -206,20 +205,6 @@ class AverageFit:
         forms[:, TENSION] = theta[1] - theta[2] * self.relative
         forms[:, TREAD], forms[:, [DAMPING, TILT]] = theta[3], apiece[:, 1:3]
         return np.clip(forms, LOWEST, HIGHEST)
-
-    def start(self, reference: Reference) -> FloatArray:
-        """The parameters of `reference`, whose speeds are those of the averages."""
-        forms, top = reference.forms, reference.speed_m_s[-1] ** 2
-        theta = np.zeros(_SHARED + _APIECE * len(forms))
-        theta[0] = np.log(forms[0, BENDING] / self.scale_m)
-        theta[2] = reference.inertia * top
-        theta[1] = forms[0, TENSION] + theta[2] * self.relative[0]
-        theta[3], theta[4:_SHARED] = forms[0, TREAD], reference.family.own
-        apiece = theta[_SHARED:].reshape(-1, _APIECE)
-        apiece[:, 0] = np.log(forms[:, HALF_LENGTH] / self.scale_m)
-        apiece[:, 1:3] = forms[:, [DAMPING, TILT]]
-        self.near, self.shared = True, (theta[:4].copy(), _NEAR_SD if self.own else _WIDE_SD)
-        return theta
 
     def reference(self, theta: FloatArray, before: Reference) -> Reference:
         """`before` with the parameters `theta`, whose shifts are beside its own."""
@@ -243,8 +228,9 @@ class AverageFit:
     def known(self, size: float) -> tuple[FloatArray, FloatArray]:
         """Means and weights of what is known before; the form is of `size` times the ordinary."""
         odd = np.array([0.0, 0.4**-2.0, 0.5**-2.0, 0.0, 0.0, 0.0])  # weakly known
-        mean = np.r_[self.shared[0], np.zeros(OWN_FORM + _APIECE * len(self.averages))]
-        weights = self.shared[1] ** -2.0, (size * _OWN_SD) ** -2.0, np.tile(odd, len(self.averages))
+        mean = np.r_[self.start[:4], np.zeros(OWN_FORM + _APIECE * len(self.averages))]
+        shared = _NEAR_SD if self.own else _WIDE_SD
+        weights = shared**-2.0, (size * _OWN_SD) ** -2.0, np.tile(odd, len(self.averages))
         return mean, np.concatenate(weights)
 
     def sums(self, theta: FloatArray, length: float | None) -> tuple[float, FloatArray, FloatArray]:
@@ -351,18 +337,16 @@ def descend(
 ) -> Descent:
     """A fit from `theta` with a form of `size` times the ordinary one, if one is free.
 
-    By Levenberg and Marquardt; from a reference by Gauss and Newton, with shorter steps where whole
-    ones do harm. `length`: mean of the logarithms of the half lengths (over the scale), if it is
-    held. Ends after `steps`, or with one that is GOOD_ENOUGH.
+    By Gauss and Newton, with shorter steps where whole ones do harm. `length`: mean of the
+    logarithms of the half lengths (over the scale), if it is held. Ends after `steps`, or with one
+    that is GOOD_ENOUGH.
     """
     first = here = judged(problem, theta.copy(), size, length)
     low, high = np.full(theta.size, -np.inf), np.full(theta.size, np.inf)
     low[TREAD], high[TREAD] = theta[[TREAD] * 2] if problem.own else (LOWEST[TREAD], HIGHEST[TREAD])
-    least = 1e-3
     for _ in range(steps):
         before = here
-        trials = TRIALS if problem.near else tuple((1.0, least * 6.0**k) for k in range(11))
-        for share, damping in trials:
+        for share, damping in TRIALS:
             damped = before.normal + np.diag(damping * np.diag(before.normal))
             step = np.linalg.solve(damped, before.gradient)
             out = (before.theta + step < low) | (before.theta + step > high)
@@ -371,46 +355,12 @@ def descend(
                 step[out] = (np.clip(before.theta + step, low, high) - before.theta)[out]
                 right = before.gradient[kept] - damped[np.ix_(kept, out)] @ step[out]
                 step[kept] = np.linalg.solve(damped[np.ix_(kept, kept)], right)
-            if problem.near:
-                share /= max(1.0, float(np.max(np.abs(step[:_SHARED]) / _MOST_STEP)))
+            share /= max(1.0, float(np.max(np.abs(step[:_SHARED]) / _MOST_STEP)))
             moved = np.clip(before.theta + share * step, low, high)
             trial = judged(problem, moved, size, length)
             if trial.cost < before.cost:
-                here, least = trial, max(0.2 * damping, 1e-9)
+                here = trial
                 break
         if before.cost - here.cost < GOOD_ENOUGH:
             break
     return replace(here, gain=first.cost - here.cost)
-
-
-def fit_average(
-    average: Average,
-    half_window_m: float,
-    speed_m_s: FloatArray,
-    radius_m: float,
-    start_length_m: float,
-) -> Reference:
-    """The family fitted to an average; alike at all of `speed_m_s` (k,).
-
-    The best of several starts; `start_length_m` is a rough half length.
-    """
-    # highest wave number times half length that the family keeps
-    family = EdgeFamily(radius_m, 42.0 / (0.8 * start_length_m))
-    problem = AverageFit(family, [average], half_window_m, start_length_m, own=False)
-    found = []
-    # starts: tread, and half length over the rough one
-    for tread, factor in ((0.1, 1.0), (2.5, 0.85)):
-        start = np.zeros(_SHARED + _APIECE)
-        start[[0, 1, 3, _SHARED]] = np.log(0.75), 0.3 if tread < 1 else 3.0, tread, np.log(factor)
-        found.append(descend(problem, start))
-    best = min(found, key=lambda one: one.cost).theta
-    alike = np.ones(speed_m_s.size)
-    return Reference(
-        family,
-        speed_m_s,
-        np.repeat(problem.forms(best), speed_m_s.size, axis=0),
-        best[-3] * alike,
-        0.0,
-        best[-2] * alike,
-        0.0 * alike,
-    )
