@@ -15,7 +15,6 @@ from tests.strain.conftest import make_drive, without_rows
 from tests.strain.strain_truth import Beam, Ring
 from tirelog.data.recording import Recording
 from tirelog.data.setup import LogConditions, Setup, Tire
-from tirelog.dsp.filters import bridged
 from tirelog.plots.tables import said
 from tirelog.products import tables_of
 from tirelog.strain.dissipation import (
@@ -203,16 +202,6 @@ def test_a_slow_coast_down_is_more_than_one_point():
     assert (line["stretches"], line["points"]) == (1, 10)
     assert line["slope"] == pytest.approx(2.0, rel=1e-6)
     assert line["slope_se"] < 1e-6
-
-
-def test_a_lone_gap_is_bridged_by_the_cubic_through_its_neighbours_and_ends_by_the_nearest():
-    t = np.arange(20.0)
-    cubic = 1 + t - 0.3 * t**2 + 0.02 * t**3
-    holed = np.where(np.isin(t, [5, 12]), np.nan, cubic + 50.0 * (t == 16))
-    np.testing.assert_allclose(bridged(holed, 10.0), cubic, atol=1e-9)
-    values = np.array([np.nan, np.nan, 1.0, 2.0, np.nan, np.nan, 5.0, 5.0, np.nan])
-    assert bridged(values, 10.0).tolist() == [1.0, 1.0, 1.0, 2.0, 3.0, 4.0, 5.0, 5.0, 5.0]
-    assert bridged(np.full(6, np.nan), 1.0).tolist() == [0.0] * 6
 
 
 @pytest.mark.parametrize("seconds", [0.15, 0.3, 0.5, 0.8, 3.0])

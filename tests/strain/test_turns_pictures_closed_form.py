@@ -21,7 +21,6 @@ from tirelog.plots.turns import (
     map_of,
     on_the_belt,
     order_maps,
-    speed_classes,
 )
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.tables import FOOTPRINT
@@ -97,14 +96,6 @@ def test_a_wave_is_felt_on_the_belt_at_another_frequency(direction: str, sign: f
     spectrum = np.abs(np.fft.rfft(felt))
     mode = Mode(heard_Hz, 0.02, "3-lobe", lobes, direction, 1.0)
     assert on_the_belt(mode, wheel_Hz) == pytest.approx(float(spectrum.argmax()))
-
-
-def test_revolutions_of_like_speed_are_taken_together() -> None:
-    slow, fast = speed_classes(sketch().turns)
-    assert [slow[:2], fast[:2]] == [(10.0, 30), (20.0, 30)]
-    assert slow[2] == pytest.approx(1e-4 * np.cos(PHI), abs=1e-6)
-    assert fast[2] == pytest.approx(2e-4 * np.cos(PHI), abs=1e-6)
-    assert np.median(fast[3]) == pytest.approx(1e-6, rel=0.1)
 
 
 def test_a_contact_length_has_the_error_that_all_passages_share() -> None:
