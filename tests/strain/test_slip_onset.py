@@ -165,7 +165,7 @@ def test_another_grating_knows_that_most_passages_pull(radius_m):
     for seed in (1696, 1697):
         channel, begins_s, _ = mixed_log(radius_m, 13.0, 0.12, seed, noise_pm=4.0, slip_s=32)
         passages = find_passages(channel, radius_m)
-        settled = choose_form(channel, passages, like=settled and settled.light)
+        settled = choose_form(channel, passages, like=settled)
         assert settled.chosen
         seen = np.isfinite(footprint(channel, passages, settled=settled).slip["onset_m"])
         assert seen[passages.time_s > begins_s + 0.5].mean() > 0.8

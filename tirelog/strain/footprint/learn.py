@@ -278,10 +278,10 @@ def form_table(
         ),
         points,
     )
-    if reference.residuals is not None and reference.residual_xi_m is not None:
+    if reference.residuals is not None:
         xi = grid["first_m"] + grid["step_m"] * np.arange(columns.shape[0])
         columns[:, 0] += np.interp(
-            xi, reference.residual_xi_m, reference.residuals[number], 0.0, 0.0
+            xi, cell_centres(half_window_m), reference.residuals[number], 0.0, 0.0
         )
     return columns, grid
 
@@ -400,7 +400,6 @@ def refine_edges(
             heights=np.array([float(np.median(found["height"])) for found, _ in fits]),
             length_se_m=2.0 * trial.forms[:, HALF_LENGTH] * errors,
             misfit=misfit,
-            residual_xi_m=cell_centres(half_window_m) if misfit > REMARKABLE else None,
             residuals=smooth if misfit > REMARKABLE else None,
         )
         # stay if the next round promises less than this of the whole chi-square, or the last one
@@ -525,7 +524,9 @@ class EdgeForm:
 
     `half_window_m`: what averages and fits look at; `wave_number_1_m`: where a passage's spectrum
     sinks into the noise, the `auto` cut-off; `free_rolling`: whether it was learnt from passages at
-    steady speed; `without` (n,): passages of the log that were left out.
+    steady speed; `without` (n,): passages of the log that were left out; `chosen`: whether the
+    others are alike. What passages that roll freely leave beside it (`measure.look_at_some`):
+    `free_scatter`, `least_gain`; `forms`: `measure.Forms` of it, None if they are to be made.
     """
 
     reference: Reference
@@ -533,6 +534,10 @@ class EdgeForm:
     wave_number_1_m: float
     free_rolling: bool
     without: BoolArray | None = None
+    chosen: bool = False
+    free_scatter: float = 1.0
+    least_gain: float = float("inf")
+    forms: Any = None
 
     def length_errors(self, speed_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Standard errors [m] of the full length at each speed that all rows share.
@@ -678,11 +683,8 @@ def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noi
 
 def _at(reference: Reference, samples: list[PatchWindows]) -> Reference:
     """`reference`, as another grating has taught it, at the speeds of `samples`."""
-    return replace(
-        reference.at_speeds(np.array([s.speed_m_s for s in samples])),
-        residuals=None,
-        residual_xi_m=None,
-    )
+    speeds = np.array([sample.speed_m_s for sample in samples])
+    return replace(reference.at_speeds(speeds), residuals=None)
 
 
 def _from_a_start(

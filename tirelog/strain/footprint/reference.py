@@ -103,7 +103,7 @@ class Reference:
     passages' centres; `inertia`: fall of the tension with the squared speed [s^2/m^2]; `heights`
     (k,) of the passages it was learnt from. After learning: `length_se_m` (k,), the error of a full
     length from not knowing the form's parameters better; `misfit`, squared residual per degree of
-    freedom; `residuals` (k, cells) at `residual_xi_m`, what the form leaves of the passages over
+    freedom; `residuals` (k, CELLS), what the form leaves of the passages over
     their height (None if that is noise); `form_share`: error of all lengths together by what the
     tire's own form may be (`learn.learn_form`), as a share.
     """
@@ -116,7 +116,6 @@ class Reference:
     heights: FloatArray
     length_se_m: FloatArray
     misfit: float = float("nan")
-    residual_xi_m: FloatArray | None = None
     residuals: FloatArray | None = None
     form_share: float = 0.0
 
