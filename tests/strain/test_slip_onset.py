@@ -183,7 +183,7 @@ def test_a_form_is_learnt_of_passages_that_roll_freely():
     slips = {"slip_per_g": 0.6, "lever_m": 0.03, "static_friction": 0.8, "sliding_friction": 0.6}
     channels = {"s": Sensor("fbg_strain", sampling_rate_Hz=2500.0, noise=0.002)}
     traction = (Planted("traction", "exact", slips),)
-    simulated = simulate(Scenario(tuple(plan), channels, "ring", effects=traction, seed=1690))
+    simulated = simulate(Scenario(tuple(plan), channels, truth="ring", effects=traction, seed=1690))
     recording = to_recording(simulated, "log")
     passages = find_passages(recording.channels["s"], recording.setup.tire.radius_m)
     found = footprint(recording.channels["s"], passages)

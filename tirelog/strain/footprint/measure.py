@@ -476,26 +476,21 @@ def find_onsets(look: PassageForms, friction: FrictionRatio, scatter: float) -> 
     """Slip onsets of the rows that are driven, by the brush of this `friction`.
 
     Some are looked for everywhere. Others start from that of a passage whose length is nearest to
-    theirs, as the fit without traction tells it; of those that are unlike theirs again some are
-    looked for everywhere and the others start from these, and so on.
+    theirs, as the fit without traction tells it; those that are unlike theirs are looked for
+    everywhere, too.
     """
-    rest, most = np.flatnonzero(look.work["driven"]), SEARCHED
-    while rest.size:
-        asked = _spread(rest, most)
-        found = _onsets(look, asked, None, friction, scatter)
-        starts = found[as_starts(found, look.work["slip"][asked], scatter)]
-        rest = np.setdiff1d(rest, asked, assume_unique=True)
-        if not starts.size:
-            most = max(rest.size, 1)
-        if not starts.size or not rest.size:
-            continue
+    driven = np.flatnonzero(look.work["driven"])
+    if not driven.size:
+        return
+    first = _spread(driven, SEARCHED)
+    found = _onsets(look, first, None, friction, scatter)
+    starts = found[as_starts(found, look.work["slip"][first], scatter)]
+    rest = np.setdiff1d(driven, first, assume_unique=True)
+    if starts.size and rest.size:
         found = _onsets(look, rest, starts, friction, scatter)
-        other = rest[np.isnan(found["best"])]
-        # onsets that start from others are given up if more than this share is unlike; what is then
-        # looked for everywhere takes five times as long
-        if other.size > 0.7 * rest.size:  # these are not alike
-            most = other.size
-        rest = other
+        rest = rest[np.isnan(found["best"])]
+    if rest.size:
+        _onsets(look, rest, None, friction, scatter)
 
 
 def _spread(rows: IntArray, most: int) -> IntArray:
