@@ -191,12 +191,10 @@ def _cut(
     These start at sample `low` of the channel.
     """
     nearest = np.round(index).astype(np.int64)
-    begins, ends = np.full(nearest.size, low), np.full(nearest.size, low + samples.size)
-    first = channel.axis.first.astype(np.int64)
-    if channel.axis.explicit is None and first.size > 1:
-        part = np.searchsorted(first, nearest, side="right")
-        begins = np.maximum(begins, first[part - 1])
-        ends = np.minimum(ends, np.append(first, channel.size)[part])
+    first = np.append(0, channel.axis.first[1:])
+    part = np.searchsorted(first, nearest, side="right")
+    begins = np.maximum(low, first[part - 1])
+    ends = np.minimum(low + samples.size, np.append(first, channel.size)[part])
     place = (nearest - size)[:, None] + np.arange(2 * size)
     inside = (place >= begins[:, None]) & (place < ends[:, None])
     values = np.full(place.shape, np.nan)
