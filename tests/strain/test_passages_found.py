@@ -97,10 +97,12 @@ PARKING = {
 @pytest.mark.parametrize("name", PARKING)
 def test_turns_in_which_the_wheel_stood_give_no_speed_that_is_ok(radius_m, name):
     drive = make_drive(*PARKING[name], seed=1002)
-    found = found_once(drive, radius_m, 1e-3)
-    true = np.abs(drive.speed_m_s)
+    found = find_passages(drive.channel, radius_m)
+    true = np.abs(drive.speed_m_s[drive.nearest(found.time_s)])
     ok = good(speed_quality(found)) & np.isfinite(found.speed_m_s)
     off = np.abs(found.speed_m_s - true)[ok]
+    if name == "back and forth":  # three passages: too few for a waveform, and no doubt
+        found_once(drive, radius_m, 1e-3)
     assert not ((off > 5.0 * found.speed_se_m_s[ok]) & (off > 0.01 * true[ok])).any()
 
 
