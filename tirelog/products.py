@@ -29,7 +29,7 @@ from tirelog.vocabulary.tables import LOG_TABLES, STRETCH, LogTable
 
 if TYPE_CHECKING:
     from tirelog.dsp.filters import Cutoff
-    from tirelog.strain.footprint.footprint import FormChoice
+    from tirelog.strain.footprint.learn import EdgeForm
     from tirelog.strain.passages.find import Passages
     from tirelog.wheel.calibration import Calibration
     from tirelog.wheel.phase_shift import EdgeTimes
@@ -70,7 +70,7 @@ class Work:
     recording: Recording
     channel: Channel
     passages: Passages
-    settled: FormChoice | None = None
+    settled: EdgeForm | None = None
 
 
 @dataclass(frozen=True)
@@ -256,7 +256,7 @@ def _maker(
     from tirelog.runs.in_memory import without_spikes
     from tirelog.strain.passages.find import passages_of
 
-    def work_on(number: int, like: FormChoice | None = None) -> Work:
+    def work_on(number: int, like: EdgeForm | None = None) -> Work:
         stored, passages = channels[number]
         only_passages = passages is not None and set(wanted) == {"speed"}
         channel = stored if only_passages else without_spikes(stored)
@@ -270,7 +270,7 @@ def _maker(
         return Work(recording, channel, passages, settled)
 
     first: dict[int, Work] = {}
-    like: FormChoice | None = None
+    like: EdgeForm | None = None
     for number in range(len(channels)) if "footprint" in wanted else ():
         first[number] = work_on(number)
         if like := first[number].settled:
@@ -278,7 +278,7 @@ def _maker(
     makers = [(MAKERS[name].of_channel, options) for name, options in wanted.items()]
 
     def make(number: int) -> tuple[list[Part], bool]:
-        work = first.pop(number, None) or work_on(number, like and like.light)
+        work = first.pop(number, None) or work_on(number, like)
         return [of(work, options) for of, options in makers if of], len(work.passages) > 0
 
     return make

@@ -15,7 +15,6 @@ from tests.strain.conftest import make_drive, without_rows
 from tests.strain.strain_truth import Beam, Ring
 from tirelog.data.recording import Recording
 from tirelog.data.setup import LogConditions, Setup, Tire
-from tirelog.dsp.filters import bridged
 from tirelog.plots.tables import fitted_line
 from tirelog.products import tables_of
 from tirelog.strain.dissipation import (
@@ -99,8 +98,8 @@ def test_lost_samples_and_a_spike_are_bridged(radius_m):
     values, rng = made.values.copy(), np.random.default_rng(1720)
     values[rng.choice(values.size, 40, replace=False)] = np.nan
     values[rng.choice(values.size, 5, replace=False)] += 4e-3
-    hit = made.with_values(values)
-    ratio = energy_of(hit, radius_m, Beam().dissipation_factor(12.0))[2]
+    true = Beam().dissipation_factor(12.0)
+    ratio = energy_of(made.with_values(values), radius_m, true)[2]
     assert ratio.size == made.time_s.size
     assert np.nanmedian(ratio) == pytest.approx(1.0, abs=0.001)
     assert np.nanmax(ratio[1:-1]) < 1.1
@@ -120,23 +119,19 @@ def test_specific_power_power_and_rolling_resistance(radius_m):
     assert any("strip under the grating" in remark for remark in table.remarks)
 
 
-def test_the_remark_on_bending_is_of_the_grating_s_own_surface(radius_m):
+@pytest.mark.parametrize(
+    ("surface", "words"),
+    [("inner", ("liner", "three times too much")), ("outer", ("groove", "too little", "5.2 mm"))],
+)
+def test_the_remark_on_bending_is_of_the_grating_s_own_surface(radius_m, surface, words):
     """P1 (25) without stretch over (27): 12 (y/h)^2, so 3 on the liner (y = h/2), 1 at y = 0.29 h
-    and 1/33 at P2's y = h/20.
+    = 18 mm / sqrt(12) and 1/33 at P2's y = h/20.
     """
-    inner, outer = (
-        make_drive([0, 2], [12, 12], seed=1722, surface=name).channel for name in ("inner", "outer")
-    )
-    bending = [
-        [remark for remark in table.remarks if "in pure bending" in remark]
-        for table in tables({"in": inner, "out": outer, "more": outer}, radius_m)
-    ]
-    on_the_liner, in_the_groove, again = bending
-    assert all(words in on_the_liner[0] for words in ("liner", "three times too much"))
-    # 5.2 mm: 18 mm / sqrt(12)
-    assert all(words in in_the_groove[0] for words in ("groove", "too little", "5.2 mm"))
-    assert "too much" not in in_the_groove[0]
-    assert not again
+    channel = make_drive([0, 2], [12, 12], seed=1722, surface=surface).channel
+    table, again = tables({"one": channel, "more": channel}, radius_m)
+    (remark,) = (remark for remark in table.remarks if "in pure bending" in remark)
+    assert all(word in remark for word in words)
+    assert not any("in pure bending" in remark for remark in again.remarks)
 
 
 def test_constant_speed_is_told_by_the_size_of_the_step():
@@ -207,18 +202,6 @@ def test_a_slow_coast_down_is_more_than_one_point():
     assert (line["stretches"], line["points"]) == (1, 10)
     assert line["slope"] == pytest.approx(2.0, rel=1e-6)
     assert line["slope_se"] < 1e-6
-
-
-def test_a_lone_gap_is_bridged_by_the_cubic_through_its_neighbours_and_ends_by_the_nearest():
-    t = np.arange(20.0)
-    cubic = 1 + t - 0.3 * t**2 + 0.02 * t**3
-    holed = cubic.copy()
-    holed[[5, 12]] = np.nan
-    holed[16] += 50.0
-    np.testing.assert_allclose(bridged(holed, 10.0), cubic, atol=1e-9)
-    values = np.array([np.nan, np.nan, 1.0, 2.0, np.nan, np.nan, 5.0, 5.0, np.nan])
-    assert bridged(values, 10.0).tolist() == [1.0, 1.0, 1.0, 2.0, 3.0, 4.0, 5.0, 5.0, 5.0]
-    assert bridged(np.full(6, np.nan), 1.0).tolist() == [0.0] * 6
 
 
 @pytest.mark.parametrize("seconds", [0.15, 0.3, 0.5, 0.8, 3.0])

@@ -114,14 +114,6 @@ def test_dissipation_and_its_lines(command, rolling):
     assert lines["quantity"].tolist() == ["dissipation_factor_1_m", "specific_power_m3_s2"]
 
 
-def test_inflation(command, resting):
-    status, table, err = command(resting, SETUP, "inflation", "--plot", "page.png")
-    assert status == 0
-    assert table.loc[0, "stretch"] == "whole"
-    assert table.loc[0, "strain_slope_1_Pa"] == pytest.approx(2.4e-9, rel=2e-3)
-    assert "microstrain/bar" in err
-
-
 @pytest.mark.parametrize(
     ("name", "arguments", "says"),
     [

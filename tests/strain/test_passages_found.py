@@ -85,11 +85,6 @@ def test_every_passage_is_found_at_its_time_and_speed(radius_m, name, noise_pm):
         assert not speed_quality(found)[1:-1].any()
 
 
-def test_a_car_that_is_parked_is_no_doubt(radius_m):
-    """Three passages in both directions: too few for a waveform, and the speed is not judged."""
-    found_once(make_drive([0, 3, 6, 9, 12, 15], [0, 1, 0, -1, 0, 1.5], seed=1002), radius_m, 1e-3)
-
-
 #: a wheel that stands, or turns back, once a turn: times and speeds at the knots
 PARKING = {
     "back and forth": ([0, 3, 6, 9, 12, 15], [0, 1, 0, -1, 0, 1.5]),
@@ -106,6 +101,8 @@ def test_turns_in_which_the_wheel_stood_give_no_speed_that_is_ok(radius_m, name)
     true = np.abs(drive.speed_m_s[drive.nearest(found.time_s)])
     ok = good(speed_quality(found)) & np.isfinite(found.speed_m_s)
     off = np.abs(found.speed_m_s - true)[ok]
+    if name == "back and forth":  # three passages: too few for a waveform, and no doubt
+        found_once(drive, radius_m, 1e-3)
     assert not ((off > 5.0 * found.speed_se_m_s[ok]) & (off > 0.01 * true[ok])).any()
 
 

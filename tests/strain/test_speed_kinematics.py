@@ -9,7 +9,6 @@ from tirelog.strain.passages.passage_flags import (
     TURN_RAD,
     kinematics,
     may_have_stopped,
-    turns_between,
 )
 
 
@@ -37,21 +36,6 @@ def test_constant_acceleration_is_exact_at_every_passage(alpha, error_s):
         assert found["sides"].tolist() == [1] + [2] * (time.size - 2) + [1]
 
 
-def test_a_break_parts_the_stretches():
-    first, second = passage_times(50.0, 0.0, range(5)), 100.0 + passage_times(20.0, 2.0, range(5))
-    found = motion(np.concatenate([first, second]), 1e-6, [1, 1, 1, 1, 0, 1, 1, 1, 1, 1])
-    true = np.concatenate([np.full(5, 50.0), 20.0 + 2.0 * (second - 100.0)])
-    np.testing.assert_allclose(found["omega_rad_s"], true, rtol=1e-9)
-    assert found["sides"][[0, 4, 5, 9]].tolist() == [1, 1, 1, 1]
-
-
-@pytest.mark.parametrize("n", [0, 1, 2])
-def test_fewer_than_three_passages_have_no_speed(n):
-    omega = motion(np.arange(float(n)), 1e-6)["omega_rad_s"]
-    assert omega.size == n
-    assert np.isnan(omega).all()
-
-
 def test_noise_alone_has_the_error_of_the_centred_difference():
     """omega (2 pi / omega = T): sigma_omega = omega sigma_t / (sqrt 2 T), from the two outer
     passages.
@@ -59,25 +43,6 @@ def test_noise_alone_has_the_error_of_the_centred_difference():
     error = motion(passage_times(60.0, 0.0, range(400)), 2e-6)["omega_se_rad_s"]
     expected = 60.0 * 2e-6 / np.sqrt(2) / (TURN_RAD / 60.0)
     np.testing.assert_allclose(error[2:-2], expected, rtol=1e-9)
-
-
-def test_a_kink_goes_into_the_error_around_it_only():
-    """The acceleration jumps from 0 to 15 rad/s^2 at passage 20."""
-    first = passage_times(60.0, 0.0, range(21))
-    time = np.concatenate([first, first[-1] + passage_times(60.0, 15.0, range(1, 20))])
-    truth = 60.0 + 15.0 * np.maximum(time - first[-1], 0.0)
-    found = motion(time, 1e-7)
-    off, error = np.abs(found["omega_rad_s"] - truth), found["omega_se_rad_s"]
-    near = np.abs(np.arange(40) - 20) <= 1
-    assert (off[near] < 2.0 * error[near]).all()
-    away = np.abs(np.arange(40) - 20) > 5
-    assert off[away].max() < 1e-6
-    assert error[away][1:-1].max() < 1e-3 * error[near].max()
-
-
-def test_turns_by_the_mean_speed():
-    time = passage_times(10.0, 6.0, range(6))
-    np.testing.assert_allclose(turns_between(time, 10.0 + 6.0 * time), 1.0, rtol=1e-9)
 
 
 def test_a_wheel_of_exactly_one_speed_has_never_stopped() -> None:

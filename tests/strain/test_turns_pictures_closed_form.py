@@ -16,7 +16,6 @@ from tirelog.plots.turns import (
     KINDS,
     TurnsSketch,
     around_the_wheel,
-    filled,
     speed_classes,
 )
 from tirelog.vocabulary.arrays import FloatArray
@@ -71,12 +70,6 @@ def test_a_contact_length_has_the_error_that_all_passages_share() -> None:
     assert se == pytest.approx(3e-3, rel=0.01)  # the scatter alone would leave 0.05 mm
 
 
-def test_one_empty_bin_is_filled_and_a_gap_stays() -> None:
-    values = np.array([[0.0, 1.0, np.nan, 3.0, np.nan, np.nan, 6.0, 3.0]])
-    assert filled(values)[0, 2] == 2.0
-    assert np.isnan(filled(values)[0, 4:6]).all()
-
-
 def test_around_the_wheel_zero_is_a_circle_and_the_patch_is_below() -> None:
     axes = Figure().add_subplot(projection="polar")
     wave = np.where(np.abs(PHI) < 0.2, -1500.0, 500.0)
@@ -101,26 +94,6 @@ def test_each_log_has_its_panel_or_colour_in_microstrain(kind: str) -> None:
     said = " ".join(words)
     assert "microstrain" in said
     assert "µ" not in said
-
-
-def test_more_logs_than_fit_on_a_slide_are_said() -> None:
-    figure = picture(KINDS["waterfall"]([sketch(f"{n}.csv") for n in range(6)]))
-    assert figure.get_suptitle() == "2 more are not drawn"
-
-
-def test_of_many_revolutions_each_nth_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = sketch(turns=25)
-    cut = Stacks(whole.turns.take(rows) for rows in (slice(7), slice(7, 12), slice(12, None)))
-    monkeypatch.setattr("tirelog.plots.turns._MOST_TURNS", 10)
-    monkeypatch.setattr("tirelog.plots.turns.stacks_from_logs", lambda *given: cut)
-    made = TurnsSketch.of(whole.recording, whole.found)
-    assert made.every == 3
-    assert made.turns.conditions.time_s.tolist() == whole.turns.conditions.time_s[::3].tolist()
-
-
-class Stacks(list[Stack]):
-    def outlines(self) -> list[Stack]:
-        return list(self)
 
 
 @pytest.mark.parametrize(("kind", "suffix"), [("polar", "svg"), ("waterfall", "pdf")])

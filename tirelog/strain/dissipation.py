@@ -164,20 +164,20 @@ class _Filled:
 
     def __init__(self, channel: Channel) -> None:
         axis = channel.axis
-        missing = np.rint(axis.missing).astype(np.int64)
-        self._channel = channel
-        #: samples laid out before each segment, (k,)
-        self._before = np.cumsum(np.where(missing > MOST_AT_ONCE, 0, missing))
-        self._first, self.rate_Hz = axis.first, axis.rate_Hz
-        self.size = channel.size + int(self._before[-1] if self._before.size else 0)
+        #: first sample of each segment and the place that it is laid out at, (k,)
+        self._first = np.append(0, axis.first[1:])
+        missing = np.rint(np.append(0.0, axis.missing[1:])).astype(np.int64)
+        long = missing > MOST_AT_ONCE
+        self._place = self._first + np.cumsum(np.where(long, 0, missing))
+        self._channel, self.rate_Hz = channel, axis.rate_Hz
+        self.size = channel.size + int(self._place[-1] - self._first[-1])
         #: places with which the recording goes on after a gap that is not laid out
-        self.breaks = (axis.first + self._before)[missing > MOST_AT_ONCE]
+        self.breaks = self._place[long]
 
     def place(self, index: FloatArray) -> FloatArray:
         """The place of a fractional sample index, (n,)."""
         segment = np.searchsorted(self._first[1:], index, side="right")
-        place: FloatArray = index + (self._before[segment] if self._before.size else 0)
-        return place
+        return np.asarray(index + (self._place - self._first)[segment], np.float64)
 
     def read(self, start: int, stop: int) -> FloatArray:
         """Values of the places [start, stop) as far as there are, NaN where lost or missing."""
@@ -187,17 +187,14 @@ class _Filled:
         if values.size == stop - start:
             return values
         filled = np.full(stop - start, np.nan)
-        filled[self.place(np.arange(low, high, dtype=np.float64)).astype(np.int64) - start] = values
+        filled[self.place(np.arange(low, high)).astype(np.int64) - start] = values
         return filled
 
     def _samples(self, place: int) -> int:
         """How many samples lie before a place."""
-        if not self._before.size:
-            return place
-        first = self._first + self._before
-        segment = max(int(np.searchsorted(first, place, side="right")) - 1, 0)
+        segment = int(np.searchsorted(self._place, place, side="right")) - 1
         ends = np.append(self._first[1:], self._channel.size)
-        return int(min(place - self._before[segment], ends[segment]))
+        return int(min(place - self._place[segment] + self._first[segment], ends[segment]))
 
 
 def _bounds(passages: Passages, index: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -692,11 +689,6 @@ def _judgement(speeds: int, free: int, bent: bool, sigmas: float) -> str:
 #     --`regression`: lines through the means of their stretches--> regressions
 
 
-#: distance from the neutral axis, in heights of the strip, at which P1 (27) is right in pure
-#: bending: 12 (y/h)^2 = 1
-RIGHT_LEVER = 12.0**-0.5
-
-
 @dataclass(frozen=True)
 class DissipationOfChannel(PassageRows):
     """The table's rows of one channel, and the dissipation behind them."""
@@ -791,15 +783,16 @@ def _in_bending(surface: str | None, height_m: float | None) -> str:
 
     eta A h^2 / (12 y^2) int (d eps_m / ds)^2 ds; (27) leaves the factor h^2 / (12 y^2) out.
     """
-    text = "the power is that of pure stretching; in pure bending "
+    text = "the power is that of pure stretching; in pure bending a grating "
     if surface == "inner":
-        return f"{text}a grating on the liner reads three times too much"
-    right = "0.29 of the strip's height"
-    if height_m is not None:
-        right = f"{1e3 * RIGHT_LEVER * height_m:.1f} mm"
-    return (
-        f"{text}a grating in a groove reads right {right} from the neutral axis, too little nearer "
-        "to it (docs: dissipation)"
+        return text + "on the liner reads three times too much"
+    # where 12 (y / h)^2 is 1
+    right = (
+        "0.29 of the strip's height" if height_m is None else f"{1e3 * height_m / 12.0**0.5:.1f} mm"
+    )
+    return text + (
+        f"in a groove reads right {right} from the neutral axis, too little nearer to it "
+        "(docs: dissipation)"
     )
 
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import product
 from operator import itemgetter
 from typing import Any
 
@@ -48,10 +47,6 @@ RAMP_SHARE = 0.25
 #: means of the ramp on either side that a stop's kinks are told by: so little of a ramp is straight
 #: whatever the compressor does; twice as many tell them better, and count on it for 6 s
 BESIDE = 30
-#: means about an edge from which its kink is sought: a rate sees it so much early or late, and a
-#: kink that begins beyond its stop does not come back; twice as wide, one may find the next stop's
-NEAR_MEANS = (-3, 0, 3)
-
 
 #: a mean of MEAN_S: time, strain and pressure, NaN without; `noise` of a mean of the strain, the
 #: same for all
@@ -196,25 +191,27 @@ def _settled(values: Records, edges: IntArray) -> IntArray:
     return settled
 
 
-#: a line with kinks: its chi-square, the times of its kinks, its level and slope at the first mean
-#: with its bends, the design
+#: a line with kinks: its chi-square, the times of its kinks, its level at its ends and kinks, the
+#: design
 KinkedLine = tuple[float, FloatArray, FloatArray, FloatArray]
 
 
 def _kinked(values: Records, kinks_s: FloatArray) -> KinkedLine:
     """A line with kinks through the means `values`: straight pieces that hang together.
 
-    Its kinks start at `kinks_s`. The design has columns for level, slope, bends and places.
+    Its kinks start at `kinks_s`. The design has columns for its levels, then for the kinks' places.
     """
     time, strain = values["time_s"] - values["time_s"][0], values["strain"]
     kinks, margin = kinks_s - values["time_s"][0], 2.0 * MEAN_S
     # rounds in which the kinks settle; mere numerics
     for _ in range(20):
-        beyond = np.maximum(time[:, None] - kinks, 0.0)
-        design = np.column_stack([np.ones(time.size), time, beyond])
-        found = np.linalg.lstsq(design, strain, rcond=None)[0]
-        design = np.column_stack([design, -found[2:] * (beyond > 0.0)])
-        move = np.linalg.lstsq(design, strain, rcond=None)[0][found.size :]
+        nodes = np.concatenate([[0.0], kinks, time[-1:]])
+        hats = np.column_stack([np.interp(time, nodes, one) for one in np.eye(nodes.size)])
+        level = np.linalg.lstsq(hats, strain, rcond=None)[0]
+        slopes = np.diff(level) / np.maximum(np.diff(nodes), 1e-9)
+        slope = slopes[np.searchsorted(kinks, time, side="right")]
+        design = np.column_stack([hats, -slope[:, None] * hats[:, 1:-1]])
+        move = np.linalg.lstsq(design, strain, rcond=None)[0][nodes.size :]
         # no kink passes another, or leaves the means
         fence = np.concatenate([[margin], 0.5 * (kinks[1:] + kinks[:-1]), [time[-1] - margin]])
         moved = np.clip(kinks + move, fence[:-1], np.maximum(fence[1:], fence[:-1]))
@@ -222,36 +219,10 @@ def _kinked(values: Records, kinks_s: FloatArray) -> KinkedLine:
         kinks = moved
         if settled:
             break
-    left = strain - design[:, : found.size] @ found
+    left = strain - hats @ level
     noise = float(values["noise"][0])
     chi2 = float(left @ left) / noise**2 if noise > 0 else 0.0
-    return chi2, kinks + values["time_s"][0], found, design
-
-
-def _fall(
-    values: Records, line: KinkedLine, ends_s: tuple[float, float], of_kinks: tuple[bool, bool]
-) -> tuple[float, float]:
-    """(how much less a line is at the second of `ends_s` than at the first, standard error).
-
-    `of_kinks`: whether these are its first and its last kink, whose places are fitted, too.
-    """
-    _, kinks_s, found, design = line
-    at = np.array(ends_s)[:, None]
-    past = at > kinks_s
-    begin = values["time_s"][0]
-    rows = np.hstack(
-        [np.ones((2, 1)), at - begin, np.maximum(at - kinks_s, 0.0), -found[2:] * past]
-    )
-    if kinks_s.size:  # a kink that moves takes the place along at which the line is read
-        slope = (found[1] + past @ found[2:]) * of_kinks
-        rows[0, found.size] += slope[0]
-        rows[1, -1] += slope[1]
-    fall = rows[0] - rows[1]
-    left = values["strain"] - design[:, : found.size] @ found
-    spare = max(len(values) - design.shape[1], 1)
-    scatter = max(float(values["noise"][0]), float(np.sqrt(left @ left / spare)))
-    error = scatter * float(np.linalg.norm(fall @ np.linalg.pinv(design)))
-    return float(fall[: found.size] @ found), error
+    return chi2, kinks + values["time_s"][0], level, design
 
 
 def _lost(values: Records, before: int, low: int, high: int, after: int) -> tuple[float, float]:
@@ -262,13 +233,12 @@ def _lost(values: Records, before: int, low: int, high: int, after: int) -> tupl
     """
     time, direction = values["time_s"], np.sign(values["strain"][-1] - values["strain"][0]) or 1.0
     # the far ends of the ramps may be some means of the next stop
-    off = [min(NEAR_MEANS[-1], many // 3) for many in (low - before, after - high)]
+    off = [min(RATE_MEANS, many // 3) for many in (low - before, after - high)]
     first, stop = max(before + off[0], low - BESIDE), min(after - off[1], high + BESIDE)
     beside = (before < low, after > high)
     edges = [k for k, there in zip((low, high), beside, strict=True) if there]
     part = values[first:stop]
-    lines = [_kinked(part, time[begins]) for begins in _begins(edges, first, stop)]
-    line = min(lines, key=itemgetter(0))
+    line = _kinked(part, time[edges])
     if high - low >= 2 * SHORTEST:  # what falls at once and stands then is no straight line
         middles = range(low + 2, high - 1, max((high - low) // SHORTEST, 1))
         lines = [_kinked(part, time[sorted([*edges, k])]) for k in middles]
@@ -276,18 +246,18 @@ def _lost(values: Records, before: int, low: int, high: int, after: int) -> tupl
         # what a further kink within a stop must take off chi-square: chance does so once in 10^5
         # stops; half as much, once in 1000
         line = bent if bent[0] < line[0] - 25.0 else line
-    begin = float(line[1][0]) if beside[0] else float(time[low])
-    end = float(line[1][-1]) if beside[1] else float(time[high - 1])
-    lost, error = _fall(part, line, (begin, end), beside)
+    _, _, level, design = line
+    left = part["strain"] - design[:, : level.size] @ level
+    spare = max(left.size - design.shape[1], 1)
+    scatter = max(float(part["noise"][0]), float(np.sqrt(left @ left / spare)))
+    # the stop begins and ends at a kink, or where the means do
+    begin, end = int(beside[0]), level.size - 1 - beside[1]
+    inverse = np.linalg.pinv(design)
+    lost = float(level[begin] - level[end])
+    error = scatter * float(np.linalg.norm(inverse[begin] - inverse[end]))
     # a leak is one that exceeds so many of its standard errors: chance makes none in a million
     # stops; with twice as many, leaks up to twice as large are said to be 0
     return (lost if direction * lost > 5.0 * error else 0.0), error
-
-
-def _begins(edges: list[int], first: int, stop: int) -> list[list[int]]:
-    """Where kinks near `edges` may be sought from: a few means to either side, in their order."""
-    near = [[min(max(k + d, first + 1), stop - 2) for d in NEAR_MEANS] for k in edges]
-    return [list(begins) for begins in product(*near) if list(begins) == sorted(set(begins))]
 
 
 def _row(

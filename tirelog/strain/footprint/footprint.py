@@ -32,7 +32,6 @@ from tirelog.strain.footprint.learn import (
     learn_reference,
 )
 from tirelog.strain.footprint.measure import (
-    Forms,
     PassageForms,
     find_onsets,
     look_at_some,
@@ -48,7 +47,7 @@ from tirelog.strain.speed import (
     speed_quality,
     strain_channels,
 )
-from tirelog.vocabulary.arrays import BoolArray, FloatArray, Records
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, having, marked, quality_column
 
 # ---- The form of free rolling: learnt, looked at, and learnt anew without what does not roll
@@ -59,7 +58,7 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, good, having, mark
 #         --some of all passages are looked at: driven ones among them? without these-->
 #         --still misses them, each in its own way? of those that are alike, and that it fits-->
 #         --of what rolls freely: the tire's own pressure and stiffness-->
-#     FormChoice, from which the next grating of the log starts
+#     EdgeForm, from which the next grating of the log starts
 #
 # What a traction does to the form is larger than what the form is asked for. Only some passages are
 # looked at, evenly over the log, so that settling takes no longer on a longer log.
@@ -77,92 +76,52 @@ MISSES, CLEARER = 0.15, 0.5
 #: with a misfit above this a form is no start for another; twice as much starts from forms that
 #: have gone astray, half as much learns from the beginning what would have been near
 NO_START = 10.0
-#: times that they are chosen, at most, and how many times as many there have to be if the form is
-#: not much clearer; half as many times may leave out speeds that the first ones do not have
+#: times that a form is learnt anew, at most, and how many times as many passages there have to be
+#: if the form is not much clearer; half as many times may leave out speeds that the first ones do
+#: not have
 MOST_CHOSEN, MORE = 6, 1.05
-#: times that a form is learnt anew without passages that turn out driven: the second time sees
-#: what the first one's form has hidden; the loop ends by itself if no more turn out driven; twice
-#: as many take longer if they do
-MOST_LEARNT = 3
-
-
-@dataclass(frozen=True)
-class FormChoice:
-    """A channel's form, and what is known with it.
-
-    `scatter`, `gain`: what passages that roll freely leave (`measure.look_at_some`); `clearer`:
-    whether the form of steady passages alone is clearer, None if that was not asked; `chosen`:
-    whether it is that of passages which are alike; `forms`: at the knots of the channel's speeds,
-    None if they are to be made.
-    """
-
-    learnt: EdgeForm
-    scatter: float = 1.0
-    gain: float = np.inf
-    clearer: bool | None = None
-    chosen: bool = False
-    forms: Forms | None = None
-
-    @property
-    def light(self) -> FormChoice:
-        """Without what can be made again."""
-        return replace(self, forms=None)
 
 
 def choose_form(
     channel: Channel,
     passages: Passages,
     block_samples: int = BLOCK_SAMPLES,
-    like: FormChoice | None = None,
-) -> FormChoice | None:
+    like: EdgeForm | None = None,
+) -> EdgeForm | None:
     """The form of the passages of `channel` that roll freely; None if there are none to learn from.
 
-    `like`: that of another grating of the log, to start from: it has the same drive, so what was
-    settled there about passages that speed up and slow down holds here.
+    `like`: that of another grating of the log, to start from.
     """
-    if not len(passages):
-        return None
-    steady = np.abs(passages.acceleration_m_s2) < FREE_ROLLING_M_S2
-    # passages at steady speed are not all, and enough to learn a form from
-    enough = bool((~steady).mean() >= DRIVEN_SHARE and steady.sum() >= LEAST_OF_CLASS)
-    start, clearer = (None, None) if like is None else (like.learnt, like.clearer)
-    learnt = None
-    if clearer and enough:
-        learnt = learn_reference(channel, passages, block_samples, start, ~steady)
+    learnt = learn_reference(channel, passages, block_samples, like)
     if learnt is None:
-        learnt = learn_reference(channel, passages, block_samples, start)
-        if learnt is None:
-            return None
-        missed = learnt.reference.misfit - 1.0
-        if missed > MISSES and clearer is None and enough:
-            begin = learnt if missed < NO_START else None
-            freely = learn_reference(channel, passages, block_samples, begin, ~steady)
-            clearer = freely is not None and freely.reference.misfit - 1.0 <= CLEARER * missed
-            learnt = freely if clearer and freely is not None else learnt
-    left_out = ~steady if clearer else np.zeros(len(passages), bool)
-    settled = _undriven(channel, passages, block_samples, learnt, left_out)
-    settled = replace(settled, clearer=clearer)
+        return None
+    left_out = np.zeros(len(passages), bool)
+    unsteady = ~(np.abs(passages.acceleration_m_s2) < FREE_ROLLING_M_S2)
+    missed = learnt.reference.misfit - 1.0
+    # passages at steady speed are not all, and enough to learn a form from
+    if missed > MISSES and unsteady.mean() >= DRIVEN_SHARE and (~unsteady).sum() >= LEAST_OF_CLASS:
+        begin = learnt if missed < NO_START else None
+        freely = learn_reference(channel, passages, block_samples, begin, unsteady)
+        if freely is not None and freely.reference.misfit - 1.0 <= CLEARER * missed:
+            learnt, left_out = freely, unsteady
+    learnt = _undriven(channel, passages, block_samples, learnt, left_out)
     if like is None or like.chosen:
-        settled = _of_alike(channel, passages, block_samples, settled, like) or settled
-    own = learn_own(channel, passages, settled.learnt, block_samples)
-    if own.reference.family is settled.learnt.reference.family:
-        return replace(settled, learnt=own)
+        learnt = _of_alike(channel, passages, block_samples, learnt, like) or learnt
+    own = learn_own(channel, passages, learnt, block_samples)
+    if own.reference.family is learnt.reference.family:
+        return own
     # what free passages leave beside the tire's own form
-    rolls = ~own.without if settled.chosen and own.without is not None else None
-    return _beside(channel, passages, block_samples, replace(settled, learnt=own), rolls)
+    rolls = ~own.without if own.chosen and own.without is not None else None
+    look = PassageForms.of(channel, passages, own, block_samples)
+    return _looked_at(look, own, rolls)[1]
 
 
-def _beside(
-    channel: Channel,
-    passages: Passages,
-    block_samples: int,
-    settled: FormChoice,
-    rolls: BoolArray | None,
-) -> FormChoice:
-    """`settled` with what free passages leave beside its form; `rolls` (n,): those known to."""
-    look = PassageForms.of(channel, passages, settled.learnt, block_samples)
-    _, scatter, gain = look_at_some(look, LOOKED, rolls)
-    return replace(settled, scatter=scatter, gain=gain, forms=look.forms)
+def _looked_at(
+    look: PassageForms, learnt: EdgeForm, rolls: BoolArray | None = None
+) -> tuple[IntArray, EdgeForm]:
+    """Some passages, and `learnt` with what free ones of them leave; `rolls` as `look_at_some`."""
+    rows, scatter, gain = look_at_some(look, LOOKED, rolls)
+    return rows, replace(learnt, free_scatter=scatter, least_gain=gain, forms=look.forms)
 
 
 def _undriven(
@@ -171,45 +130,44 @@ def _undriven(
     block_samples: int,
     learnt: EdgeForm,
     left_out: BoolArray,
-) -> FormChoice:
+) -> EdgeForm:
     """The form without passages that show a traction, if the `learnt` one bends to them.
 
     `left_out` (n,): passages that it was not learnt from.
     """
-    for again in range(MOST_LEARNT + 1):
-        look = PassageForms.of(channel, passages, learnt, block_samples)
-        rows, scatter, gain = look_at_some(look, LOOKED)
-        settled = FormChoice(learnt, scatter, gain, forms=look.forms)
+    freed: EdgeForm | None = learnt
+    for _ in range(MOST_CHOSEN):
+        if freed is None:
+            break
+        look = PassageForms.of(channel, passages, freed, block_samples)
+        rows, learnt = _looked_at(look, freed)
         driven = look.work["driven"]
         # neither few of them nor nearly all show a traction, and the form missed both
         share = driven.sum() / rows.size
         bends = abs(share - 0.5) < 0.5 - DRIVEN_SHARE and bool((driven & ~left_out).any())
-        if again == MOST_LEARNT or not bends or learnt.reference.misfit <= REMARKABLE * scatter**2:
+        if not bends or learnt.reference.misfit <= REMARKABLE * learnt.free_scatter**2:
             break
         left_out = left_out | driven
         without = left_out.copy()
         without[np.setdiff1d(np.arange(len(passages)), rows)] = True  # who knows of the others
         freed = learn_reference(channel, passages, block_samples, learnt, without)
-        if freed is None:
-            break
-        learnt = freed
-    return settled
+    return learnt
 
 
 def _of_alike(
     channel: Channel,
     passages: Passages,
     block_samples: int,
-    settled: FormChoice,
-    like: FormChoice | None,
-) -> FormChoice | None:
+    first: EdgeForm,
+    like: EdgeForm | None,
+) -> EdgeForm | None:
     """The form of passages that are alike and that it fits, if it is much clearer.
 
     So it is where many passages pull at a steady speed: no form fits those that do, and that of all
-    fits none. Begun with those that the form of `settled`, or of `like`, fits best, which may be
+    fits none. Begun with those that the form `first`, or that of `like`, fits best, which may be
     those that pull: then it still misses them, and is learnt of the others.
     """
-    learnt, missed = (like or settled).learnt, settled.learnt.reference.misfit - 1.0
+    learnt, missed = like or first, first.reference.misfit - 1.0
     if missed < MISSES:
         return None
     kept = np.zeros(len(passages), bool)
@@ -242,8 +200,8 @@ def _of_alike(
         learnt, kept = found, those
     if learnt.reference.misfit - 1.0 > min(CLEARER * missed, NO_START):
         return None
-    settled = FormChoice(learnt, clearer=settled.clearer, chosen=True)
-    return _beside(channel, passages, block_samples, settled, kept)
+    look = PassageForms.of(channel, passages, learnt, block_samples)
+    return _looked_at(look, replace(learnt, chosen=True), kept)[1]
 
 
 @dataclass(frozen=True)
@@ -281,10 +239,10 @@ class Footprint:
     quality: QualityFlags
 
 
-def _asked_Hz(look: PassageForms, settled: FormChoice, cutoff: Cutoff) -> FloatArray:
+def _asked_Hz(look: PassageForms, learnt: EdgeForm, cutoff: Cutoff) -> FloatArray:
     """Cut-off of the low-pass of each passage (n,) [Hz], which may lie above what samples hold."""
     passages, rate = look.passages, look.channel.axis.rate_Hz
-    asked = cutoff.frequency(passages.speed_m_s, passages.radius_m, settled.learnt.wave_number_1_m)
+    asked = cutoff.frequency(passages.speed_m_s, passages.radius_m, learnt.wave_number_1_m)
     return np.minimum(asked, 0.9 * 0.5 * rate) if cutoff.unit == "auto" else asked
 
 
@@ -293,7 +251,7 @@ def footprint(
     passages: Passages,
     cutoff: Cutoff | None = None,
     block_samples: int = BLOCK_SAMPLES,
-    settled: FormChoice | None = None,
+    settled: EdgeForm | None = None,
     friction: FrictionRatio | None = None,
 ) -> Footprint:
     """The footprint at each of `passages` of the strain `channel`.
@@ -306,18 +264,18 @@ def footprint(
     if settled is None and not passages.doubt:
         settled = choose_form(channel, passages, block_samples)
     if settled is None:
-        work, learnt, asked = nothing_measured(n), None, np.full(n, np.nan)
+        work, asked = nothing_measured(n), np.full(n, np.nan)
     else:
-        learnt = settled.learnt
-        look = PassageForms.of(channel, passages, learnt, block_samples, settled.forms)
+        look = PassageForms.of(channel, passages, settled, block_samples, settled.forms)
         work, asked = look.work, _asked_Hz(look, settled, cutoff)
-        clear = ~learnt.unclear(passages.speed_m_s)
+        clear = ~settled.unclear(passages.speed_m_s)
         least_Hz = np.minimum(asked, 0.98 * 0.5 * channel.axis.rate_Hz)
-        measure_windows(look, least_Hz, clear, (settled.scatter, settled.gain), look.rows)
-        find_onsets(look, friction, settled.scatter)
+        usual = settled.free_scatter, settled.least_gain
+        measure_windows(look, least_Hz, clear, usual, look.rows)
+        find_onsets(look, friction, settled.free_scatter)
     return _assembled(
         passages,
-        learnt,
+        settled,
         work,
         asked,
         0.5 * channel.axis.rate_Hz,
@@ -526,7 +484,7 @@ def footprint_of_channel(
     channel: Channel,
     passages: Passages,
     cutoff: Cutoff,
-    settled: FormChoice | None,
+    settled: EdgeForm | None,
     block_samples: int = BLOCK_SAMPLES,
     friction_ratio: float | None = None,
 ) -> FootprintOfChannel:

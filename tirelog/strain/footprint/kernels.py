@@ -2,14 +2,13 @@
 
     a row of a window
         --distance of each sample--> the form's columns at the samples used, their values last
-        --all products--> gram (w + 1, w + 1), w columns
+        --all products--> gram (FITTED + 1, FITTED + 1)
             --scaled Cholesky--> inverse of the passage's own block --> solution
 
-Columns of a passage's own: height, offset, -shift, length, damping, tilt (OWN); of a fit then the
-quadratic ones by length and shift, of learning then the shared ones. They are an axis of linear
-algebra, over which sums run, so their places have names and no fields. A table (g, c) has the same
-columns without the offset, on an even GRID [m]; one of them, `follows`,
-times `by_speed2` x (the row's squared speed - the table's) is added to the height's.
+Columns of a passage's own: height, offset, -shift, length, damping, tilt (OWN); then the quadratic
+ones by length and shift. They are an axis of linear algebra, over which sums run, so their places
+have names and no fields. A table (g, FITTED) has the same columns without the offset, on an even
+GRID [m]; its last one times (the row's squared speed - the table's) is added to the height's.
 """
 
 from __future__ import annotations
@@ -73,22 +72,22 @@ MOST_BEND = 1.1e-4
 @compiled
 def look_up(
     values: FloatArray, motion: Record, table: FloatArray, grid: Record, shift: float,
-    by_speed2: float, follows: int, wide: int, columns: FloatArray, place: FloatArray,
+    columns: FloatArray, place: FloatArray,
 ) -> tuple[int, float]:  # fmt: skip
     """Fill `columns` and `place` of the samples of a row that are used; count and mean.
 
     Samples (m,) that are there and lie within the half window of the patch centre, shifted by
     `shift` [m]; their mean is subtracted. `motion`: one MOTION; `grid`: one GRID.
 
-    table    (g, c): the form's columns without the offset; number `follows` goes with the squared
-             speed. The last of c = `wide` columns is not kept, since the samples take its place
-    columns  (m + SPARE, wide + 1), filled: the form's columns with the offset, the samples last
+    table    (g, FITTED): the form's columns without the offset; the last one, which goes with the
+             squared speed, is not kept, since the samples take its place
+    columns  (m + SPARE, FITTED + 1), filled: the form's columns with the offset, the samples last
     place    (m,), filled: place on the grid [rows of the table]
     """
     centre, rate, speed = motion["centre"], motion["rate_Hz"], motion["speed_m_s"]
     acceleration, half_window = motion["acceleration_m_s2"], grid["half_window_m"]
     first, step, square = grid["first_m"], grid["step_m"], grid["speed2_m2_s2"]
-    faster, top = by_speed2 * (speed**2 - square), table.shape[0] - 1.001
+    faster, top = speed**2 - square, table.shape[0] - 1.001
     per_column, per_step, half = 1.0 / rate, 1.0 / step, 0.5 * acceleration
     used, total = 0, 0.0
     for k in range(values.size):
@@ -106,15 +105,13 @@ def look_up(
         row, below, above = columns[k], table[low], table[low + 1]
         for c in range(table.shape[1]):
             row[c + 1] = below[c] + share * (above[c] - below[c])
-        row[HEIGHT] = row[1] + faster * row[follows + 1]
-        row[OFFSET], row[wide] = 1.0, value - middle
+        row[HEIGHT] = row[1] + faster * row[FITTED]
+        row[OFFSET], row[FITTED] = 1.0, value - middle
     return used, middle
 
 
 @compiled
-def own_inverse(
-    gram: FloatArray, wide: int, sigma: float, odd_sd: float, inverse: FloatArray
-) -> float:
+def own_inverse(gram: FloatArray, sigma: float, odd_sd: float, inverse: FloatArray) -> float:
     """Inverse of a passage's own block, with what is known added; its rough height.
 
     What is known: damping and tilt (standard deviation `odd_sd`, in heights), beside values with
@@ -122,7 +119,7 @@ def own_inverse(
     that are alike share what there is. `gram` of `products`; `inverse` (OWN, OWN) is filled.
     """
     # oddness is a ratio to the height, whose rough size is the right side's
-    rough: float = max(abs(gram[HEIGHT, wide]) / max(gram[HEIGHT, HEIGHT], 1e-300), 1e-300)
+    rough: float = max(abs(gram[HEIGHT, FITTED]) / max(gram[HEIGHT, HEIGHT], 1e-300), 1e-300)
     scale = np.empty(OWN)
     for i in range(OWN):
         prior = (sigma / (odd_sd * rough)) ** 2 if i >= DAMPING else 0.0
@@ -148,36 +145,50 @@ def bend(moved: float, height: float, rough: float) -> float:
 
 
 @compiled
-def quadratic_form(gram: FloatArray, wide: int, whole: FloatArray) -> float:
-    """Squared residual that the coefficients `whole` (wide,) leave; `gram` of `products`."""
-    left: float = gram[wide, wide]
-    for i in range(wide):
-        left -= 2.0 * whole[i] * gram[i, wide]
-        for j in range(wide):
+def quadratic_form(gram: FloatArray, whole: FloatArray) -> float:
+    """Squared residual that the form's coefficients `whole` leave; `gram` of `products`."""
+    left: float = gram[FITTED, FITTED]
+    for i in range(FITTED):
+        left -= 2.0 * whole[i] * gram[i, FITTED]
+        for j in range(FITTED):
             left += whole[i] * gram[i, j] * whole[j]
     return left
 
 
 @compiled
-def fitted(
-    gram: FloatArray, inverse: FloatArray, rough: float, bends: FloatArray, whole: FloatArray
-) -> None:
-    """Fills `whole` with the solution (FITTED,) of a fit.
-
-    Linear about the form; what is quadratic in length and shift is subtracted in turns. `bends`
-    (3, OWN): the inverse times the right side, and times the two quadratic columns.
-    """
+def own_solutions(gram: FloatArray, inverse: FloatArray) -> FloatArray:
+    """The inverse times the right side, and times the two quadratic columns, (3, OWN)."""
+    solutions = np.empty((3, OWN))
     for k, column in enumerate((FITTED, OWN, OWN + 1)):
-        apply_inverse(inverse, gram[column], bends[k])
-    for turn in range(ROUNDS):
+        apply_inverse(inverse, gram[column], solutions[k])
+    return solutions
+
+
+@compiled
+def solve(
+    solutions: FloatArray, rough: float, beside: FloatArray, moved: FloatArray, free: float,
+    whole: FloatArray,
+) -> None:  # fmt: skip
+    """Fills `whole` (FITTED + 1,): coefficients of the form's columns, then of a wave beside them.
+
+    Linear about the form; what is quadratic in length and shift is subtracted in turns. `solutions`
+    (3, OWN) as of `own_solutions`; `rough` height. Of the wave (zeros and 1 without one): `beside`
+    (FITTED + 2,), its products with the columns, with the values and with itself; `moved` (OWN,),
+    the inverse times the first of these; `free`: what own columns leave of its square.
+    """
+    whole[:] = 0.0
+    for _ in range(ROUNDS):
+        size = beside[FITTED] - beside[OWN] * whole[OWN] - beside[OWN + 1] * whole[OWN + 1]
         for i in range(OWN):
-            whole[i] = bends[0, i] - (
-                bends[1, i] * whole[OWN] + bends[2, i] * whole[OWN + 1] if turn else 0.0
-            )
-        whole[OWN], whole[OWN + 1] = (
-            bend(whole[LENGTH], whole[HEIGHT], rough),
-            bend(whole[SHIFT], whole[HEIGHT], rough),
-        )
+            whole[i] = solutions[0, i] - solutions[1, i] * whole[OWN]
+            whole[i] -= solutions[2, i] * whole[OWN + 1]
+            size -= beside[i] * whole[i]
+        size /= free
+        for i in range(OWN):
+            whole[i] -= moved[i] * size
+        whole[OWN] = bend(whole[LENGTH], whole[HEIGHT], rough)
+        whole[OWN + 1] = bend(whole[SHIFT], whole[HEIGHT], rough)
+        whole[FITTED] = size
 
 
 @compiled
@@ -186,17 +197,16 @@ def _fit(
     odd_sd: float, columns: FloatArray, place: FloatArray, gram: FloatArray, inverse: FloatArray,
     whole: FloatArray,
 ) -> tuple[int, float]:  # fmt: skip
-    """Fills `whole` (FITTED,) with the fit of one row, if it has OWN samples.
+    """Fills `whole` (FITTED + 1,) with the fit of one row, if it has OWN samples.
 
     Samples used, and their mean, which is off. The rest is filled on the way.
     """
-    used, middle = look_up(
-        values, motion, table, grid, grid["shift_m"], 1.0, FITTED - 1, FITTED, columns, place
-    )  # fmt: skip
+    used, middle = look_up(values, motion, table, grid, grid["shift_m"], columns, place)
     if used >= OWN:
         products(columns, used, FITTED, gram)
-        rough = own_inverse(gram, FITTED, sigma, odd_sd, inverse)
-        fitted(gram, inverse, rough, np.empty((3, OWN)), whole)
+        rough = own_inverse(gram, sigma, odd_sd, inverse)
+        none = np.zeros(FITTED + 2)
+        solve(own_solutions(gram, inverse), rough, none, none, 1.0, whole)
     return used, middle
 
 
@@ -214,7 +224,7 @@ def fit_rows(
     """
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
     gram, inverse = np.empty((FITTED + 1, FITTED + 1)), np.empty((OWN, OWN))
-    whole, cells = np.empty(FITTED), left.shape[1]
+    whole, cells = np.empty(FITTED + 1), left.shape[1]
     # a form is learnt of passages with as many samples as they have numbers, if there are no others
     least = OWN if cells else FITTED
     for row in range(values.shape[0]):
@@ -230,7 +240,7 @@ def fit_rows(
         made["shift"], made["length"] = whole[SHIFT], whole[LENGTH]
         made["damping"], made["tilt"] = whole[DAMPING], whole[TILT]
         made["length_se"] = np.sqrt(inverse[LENGTH, LENGTH])
-        made["chi2"] = max(quadratic_form(gram, FITTED, whole), 0.0) / sigma**2
+        made["chi2"] = max(quadratic_form(gram, whole), 0.0) / sigma**2
         if cells:
             _add_residuals(columns, place, used, grids[k], whole, left)
 
@@ -311,24 +321,13 @@ def _beside(
 
 
 @compiled
-def _left_of(sums: FloatArray, inverse: FloatArray, moved: FloatArray, free: FloatArray) -> None:
-    """Fills `free` (t,): what a passage's own columns leave of each traction's square.
-
-    `sums` (FITTED + 2, t) as `_beside` fills them, `inverse` (OWN, OWN); also filled are the
-    inverse times the products of own columns and tractions, `moved` (OWN, t).
-    """
-    count = free.size
-    for t in range(count):
-        free[t] = sums[FITTED + 1, t]
+def _free_of(beside: FloatArray, inverse: FloatArray, moved: FloatArray) -> float:
+    """What a passage's own columns leave of a traction's square; fills `moved` as of `solve`."""
+    apply_inverse(inverse, beside, moved)
+    free = beside[FITTED + 1]
     for i in range(OWN):
-        for t in range(count):
-            moved[i, t] = 0.0
-        for j in range(OWN):
-            factor = inverse[i, j]
-            for t in range(count):
-                moved[i, t] += factor * sums[j, t]
-        for t in range(count):
-            free[t] -= sums[i, t] * moved[i, t]
+        free -= beside[i] * moved[i]
+    return free
 
 
 @compiled
@@ -342,11 +341,11 @@ def traction_gains(
     table's grid. `values` (n, m) move as `motion` (n,) says; `table` (g, FITTED) on `grid`, one
     GRID; `odd_sd`: of damping and tilt, in heights.
     """
-    out, whole = np.zeros(values.shape[0]), np.empty(FITTED)
+    out, whole = np.zeros(values.shape[0]), np.empty(FITTED + 1)
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
     lined, sums = np.empty(waves.shape[1]), np.empty((FITTED + 2, waves.shape[1]))
     gram, inverse = np.empty((FITTED + 1, FITTED + 1)), np.empty((OWN, OWN))
-    moved, free = np.empty((OWN, waves.shape[1])), np.empty(waves.shape[1])
+    moved = np.empty(OWN)
     for row in range(values.shape[0]):
         used, _ = _fit(
             values[row], motion[row], table, grid, sigma, odd_sd, columns, place, gram, inverse,
@@ -354,14 +353,14 @@ def traction_gains(
         )  # fmt: skip
         if used < FITTED:
             continue
-        for k in range(used):
-            for i in range(FITTED):
-                columns[k, FITTED] -= columns[k, i] * whole[i]
         _beside(columns, place, used, waves, 0, lined, sums)
-        _left_of(sums, inverse, moved, free)
-        for t in range(free.size):
-            if free[t] > LEAST_OWN * sums[FITTED + 1, t]:
-                out[row] = max(out[row], sums[FITTED, t] ** 2 / free[t] / sigma**2)
+        for t in range(lined.size):
+            beside = sums[:, t]
+            free, left = _free_of(beside, inverse, moved), beside[FITTED]
+            for i in range(FITTED):
+                left -= whole[i] * beside[i]
+            if free > LEAST_OWN * beside[FITTED + 1]:
+                out[row] = max(out[row], left**2 / free / sigma**2)
     return out
 
 
@@ -380,61 +379,30 @@ def _joint(
     waves    (g, c): the traction with each onset, on the table's grid
     """
     gram, inverse = np.empty((FITTED + 1, FITTED + 1)), np.empty((OWN, OWN))
-    count, wide, bends = told.size, FITTED, np.empty((3, OWN))
-    lined, sums = np.empty(count), np.empty((FITTED + 2, count))
-    whole, moved = np.zeros((FITTED, count)), np.empty((OWN, count))
-    free, size, left = np.empty(count), np.empty(count), np.empty(count)
-    products(columns, used, wide, gram)
-    own_inverse(gram, wide, sigma, odd_sd, inverse)
-    for k, column in enumerate((FITTED, OWN, OWN + 1)):
-        apply_inverse(inverse, gram[column], bends[k])
+    lined, sums = np.empty(told.size), np.empty((FITTED + 2, told.size))
+    whole, moved = np.empty(FITTED + 1), np.empty(OWN)
+    products(columns, used, FITTED, gram)
+    own_inverse(gram, sigma, odd_sd, inverse)
+    solutions = own_solutions(gram, inverse)
     _beside(columns, place, used, waves, first, lined, sums)
-    _left_of(sums, inverse, moved, free)
-    for t in range(count):
-        free[t] = max(free[t], LEAST_OWN * sums[FITTED + 1, t] + 1e-300)
-    rough = abs(bends[0, HEIGHT])
-    # onsets are innermost in all loops: what is the same for each of them is worked on at once
-    for _ in range(ROUNDS):
-        for t in range(count):
-            size[t] = sums[FITTED, t] - sums[OWN, t] * whole[OWN, t]
-            size[t] -= sums[OWN + 1, t] * whole[OWN + 1, t]
-        for i in range(OWN):
-            plain, by_length, by_shift = bends[0, i], bends[1, i], bends[2, i]
-            for t in range(count):
-                value = plain - by_length * whole[OWN, t] - by_shift * whole[OWN + 1, t]
-                whole[i, t] = value
-                size[t] -= sums[i, t] * value
-        for t in range(count):
-            size[t] /= free[t]
-        for i in range(OWN):
-            for t in range(count):
-                whole[i, t] -= moved[i, t] * size[t]
-        for t in range(count):
-            whole[OWN, t] = bend(whole[LENGTH, t], whole[HEIGHT, t], rough)
-            whole[OWN + 1, t] = bend(whole[SHIFT, t], whole[HEIGHT, t], rough)
-    for t in range(count):
-        left[t] = gram[wide, wide] + size[t] * (
-            size[t] * sums[FITTED + 1, t] - 2.0 * sums[FITTED, t]
-        )
-    for i in range(FITTED):
-        own = -2.0 * gram[i, wide]
-        for t in range(count):
-            left[t] += whole[i, t] * (own + 2.0 * size[t] * sums[i, t])
-        for j in range(FITTED):
-            factor = gram[i, j]
-            for t in range(count):
-                left[t] += factor * whole[i, t] * whole[j, t]
-    top, lowest, among = 0, np.inf, inverse[LENGTH, LENGTH]
-    for t in range(count):
-        one, height = told[t], whole[HEIGHT, t]
-        one["chi2"], one["length"] = left[t] / sigma**2, whole[LENGTH, t] / height
-        one["length_se"] = sigma / abs(height) * np.sqrt(among + moved[LENGTH, t] ** 2 / free[t])
-        cost = one["chi2"] * max(abs(whole[SHIFT, t] / height) / trust_m, 1.0) ** FAR
+    top, lowest = 0, np.inf
+    for t in range(told.size):
+        beside, one = sums[:, t], told[t]
+        free = _free_of(beside, inverse, moved)
+        free = max(free, LEAST_OWN * beside[FITTED + 1] + 1e-300)
+        solve(solutions, abs(solutions[0, HEIGHT]), beside, moved, free, whole)
+        size, height = whole[FITTED], whole[HEIGHT]
+        left = quadratic_form(gram, whole)
+        left += size * (size * beside[FITTED + 1] - 2.0 * beside[FITTED])
+        for i in range(FITTED):
+            left += 2.0 * size * whole[i] * beside[i]
+        variance = inverse[LENGTH, LENGTH] + moved[LENGTH] ** 2 / free
+        one["chi2"], one["length"] = left / sigma**2, whole[LENGTH] / height
+        one["length_se"] = sigma / abs(height) * np.sqrt(variance)
+        cost = one["chi2"] * max(abs(whole[SHIFT] / height) / trust_m, 1.0) ** FAR
         if t == 0 or cost < lowest:
             top, lowest = t, cost
-    for i in range(FITTED):
-        best[i] = whole[i, top]
-    best[FITTED] = size[top]
+            best[:] = whole
     return top
 
 
@@ -458,10 +426,7 @@ def _moved_on(
     """
     used, first, top = 0, 0, 0
     for turn in range(turns):
-        used, _ = look_up(
-            values, motion, table, grid, grid["shift_m"] + shift, 1.0, FITTED - 1, FITTED, columns,
-            place,
-        )  # fmt: skip
+        used, _ = look_up(values, motion, table, grid, grid["shift_m"] + shift, columns, place)
         if used <= FITTED:
             break
         first = min(max(onset - told.size // 2, 0), waves.shape[1] - told.size)

@@ -22,25 +22,31 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
-from tirelog.strain.footprint.family import HIGHEST, LOWEST, ComplexArray
+from tirelog.strain.footprint.family import (
+    HALF_LENGTH,
+    HIGHEST,
+    LOWEST,
+    TILT,
+    TREAD,
+    ComplexArray,
+    EdgeFamily,
+)
 from tirelog.strain.footprint.kernels import (
     FIT,
     GRID,
     OWN,
-    distance_along,
     fit_rows,
     motion_of,
 )
 from tirelog.strain.footprint.reference import (
     CELLS,
     HIGHEST_SHARE,
-    TREAD,
     Average,
     AverageFit,
     Reference,
+    cell_basis,
     cell_centres,
     descend,
-    fit_average,
     judged,
 )
 from tirelog.strain.passages.find import Passages
@@ -102,12 +108,6 @@ class PatchWindows:
         for key in np.unique(own):
             same = own == key
             yield int(key), self if same.all() else self.take(same)
-
-    def distance_m(self) -> FloatArray:
-        """Distance of each sample from the patch centre along the tread, shape (n, m)."""
-        rows = self.motion[:, None]
-        time = (np.arange(self.values.shape[1]) - rows["centre"]) / rows["rate_Hz"]
-        return distance_along(time, rows["speed_m_s"], rows["acceleration_m_s2"])
 
     def reduced(self, averaged: int) -> PatchWindows:
         """The same windows with `averaged` neighbouring columns as one, NaN if any is lost."""
@@ -191,12 +191,10 @@ def _cut(
     These start at sample `low` of the channel.
     """
     nearest = np.round(index).astype(np.int64)
-    begins, ends = np.full(nearest.size, low), np.full(nearest.size, low + samples.size)
-    first = channel.axis.first.astype(np.int64)
-    if channel.axis.explicit is None and first.size > 1:
-        part = np.searchsorted(first, nearest, side="right")
-        begins = np.maximum(begins, first[part - 1])
-        ends = np.minimum(ends, np.append(first, channel.size)[part])
+    first = np.append(0, channel.axis.first[1:])
+    part = np.searchsorted(first, nearest, side="right")
+    begins = np.maximum(low, first[part - 1])
+    ends = np.minimum(low + samples.size, np.append(first, channel.size)[part])
     place = (nearest - size)[:, None] + np.arange(2 * size)
     inside = (place >= begins[:, None]) & (place < ends[:, None])
     values = np.full(place.shape, np.nan)
@@ -256,10 +254,13 @@ def form_table(
     Height, -shift, length, damping, tilt | second by length, second by shift, by the squared speed.
     The height's wave holds what the form left of the learnt passages.
     """
-    family, shape = reference.family, reference.shapes[number]
-    spectra = family.jacobian(shape)
+    form = reference.forms[number]
+    family, longer = reference.family, form.copy()
+    nudge = 1e-3 * form[HALF_LENGTH]
+    longer[HALF_LENGTH] += nudge
+    spectra, nudged = family.spectra(np.stack([form, longer]))
     base, wave_number = spectra[:, 0], 1j * family.kappa_1_m
-    second = family.second_by_length(shape, spectra), wave_number**2 * base
+    second = (nudged[:, 1] - spectra[:, 1]) / nudge, wave_number**2 * base
     columns, grid = grid_of(
         reference,
         number,
@@ -275,10 +276,10 @@ def form_table(
         ),
         points,
     )
-    if reference.residuals is not None and reference.residual_xi_m is not None:
+    if reference.residuals is not None:
         xi = grid["first_m"] + grid["step_m"] * np.arange(columns.shape[0])
         columns[:, 0] += np.interp(
-            xi, reference.residual_xi_m, reference.residuals[number], 0.0, 0.0
+            xi, cell_centres(half_window_m), reference.residuals[number], 0.0, 0.0
         )
     return columns, grid
 
@@ -336,9 +337,13 @@ def _averages(
     `unlike`: what a mean misses, as a share of its height.
     """
     family, made = reference.family.up_to(HIGHEST_SHARE), []
-    basis, kappa = family.basis(cell_centres(half_window_m)), family.kappa_1_m
-    for shape, sample, (found, (left, counts)) in zip(reference.shapes, samples, fits, strict=True):
-        spectra, like = family.jacobian(shape), found[found["height"] > 0.0]
+    basis, kappa = (
+        cell_basis(family.radius_m, family.kappa_1_m.size, half_window_m),
+        family.kappa_1_m,
+    )
+    every = family.spectra(reference.forms)
+    for spectra, sample, (found, (left, counts)) in zip(every, samples, fits, strict=True):
+        like = found[found["height"] > 0.0]
         height = float(np.median(like["height"])) if like.size else 1.0
         # no passage is like the form: it stays there
         beside = [
@@ -346,7 +351,8 @@ def _averages(
             for name in ("shift", "length", "damping", "tilt")
         ]
         change = np.column_stack([-1j * kappa * spectra[:, 0], spectra[:, [1, 5, 6]]]) @ beside
-        plain, moved = (basis @ np.column_stack([spectra[:, 0], change])).real.T
+        both = np.column_stack([spectra[:, 0], change])
+        plain, moved = (basis @ np.vstack([both.real, both.imag])).T
         size, many = float(np.ptp(plain)), np.maximum(counts, 1.0)
         sigma2 = noise**2 / (sample.averaged * many)
         # weight of a cell without samples, so that a class without any is known to nothing and not
@@ -382,22 +388,16 @@ def refine_edges(
             break  # where a whole step does harm, shorter ones gain next to nothing
         gain = best.misfit / misfit - 1.0 if again else np.inf
         averages = _averages(trial, samples, fits, noise, half_window_m, 0.0)
-        problem = AverageFit(
-            trial.family, averages, half_window_m, trial.shapes[0].half_length_m, own=False
-        )
-        start = problem.start(trial)
-        found = descend(problem, start)
+        problem = AverageFit(trial, averages, half_window_m, own=False)
+        found = descend(problem, problem.start)
         left = np.array([total / np.maximum(counts, 1.0) for _, (total, counts) in fits])
         smooth = np.array([np.convolve(row, (0.25, 0.5, 0.25), "same") for row in left])
-        lengths = np.array([shape.half_length_m for shape in trial.shapes])
         errors = np.sqrt(np.diag(problem.lengths(found.normal)) * max(misfit, 1.0))
         best = replace(
             trial,
             heights=np.array([float(np.median(found["height"])) for found, _ in fits]),
-            length_se_m=2.0 * lengths * errors,
+            length_se_m=2.0 * trial.forms[:, HALF_LENGTH] * errors,
             misfit=misfit,
-            freedom=free,
-            residual_xi_m=cell_centres(half_window_m) if misfit > REMARKABLE else None,
             residuals=smooth if misfit > REMARKABLE else None,
         )
         # stay if the next round promises less than this of the whole chi-square, or the last one
@@ -442,10 +442,8 @@ def learn_form(
     fits = [_fits(reference, k, s, noise, half_window_m) for k, s in enumerate(samples)]
     samples, fits = _without_foreign(samples, fits, reference, noise, half_window_m)
     averages = _averages(reference, samples, fits, noise, half_window_m, UNLIKE)
-    problem = AverageFit(
-        reference.family, averages, half_window_m, reference.shapes[0].half_length_m, own=True
-    )
-    start = problem.start(reference)
+    problem = AverageFit(reference, averages, half_window_m, own=True)
+    start = problem.start.copy()
     here = [judged(problem, start, size) for size in SIZES]
     promised = np.array([one.evidence + one.promise for one in here])
     chances = np.exp(promised - promised.max())
@@ -516,8 +514,6 @@ LEAST_SPEED_M_S = 0.3
 #: as the noise of a sample may be overestimated; errors shrink to 0.77 at most; half as much would
 #: let them shrink to 0.55
 LEAST_SCATTER = 0.6
-#: its place among a form's parameters
-TILT = 5
 
 
 @dataclass(frozen=True)
@@ -526,7 +522,9 @@ class EdgeForm:
 
     `half_window_m`: what averages and fits look at; `wave_number_1_m`: where a passage's spectrum
     sinks into the noise, the `auto` cut-off; `free_rolling`: whether it was learnt from passages at
-    steady speed; `without` (n,): passages of the log that were left out.
+    steady speed; `without` (n,): passages of the log that were left out; `chosen`: whether the
+    others are alike. What passages that roll freely leave beside it (`measure.look_at_some`):
+    `free_scatter`, `least_gain`; `forms`: `measure.Forms` of it, None if they are to be made.
     """
 
     reference: Reference
@@ -534,13 +532,17 @@ class EdgeForm:
     wave_number_1_m: float
     free_rolling: bool
     without: BoolArray | None = None
+    chosen: bool = False
+    free_scatter: float = 1.0
+    least_gain: float = float("inf")
+    forms: Any = None
 
     def length_errors(self, speed_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Standard errors [m] of the full length at each speed that all rows share.
 
         From learning the form, and for what the tire's own form may be.
         """
-        lengths = 2.0 * np.array([shape.half_length_m for shape in self.reference.shapes])
+        lengths = 2.0 * self.reference.forms[:, HALF_LENGTH]
         errors = self.reference.length_se_m, self.reference.form_share * lengths
         learning, form = (np.interp(speed_m_s, self.reference.speed_m_s, one) for one in errors)
         return learning, form
@@ -550,7 +552,7 @@ class EdgeForm:
 
         It leaves too much, or is at a bound; lengths may be wrong by half.
         """
-        values = np.array([shape.array() for shape in self.reference.shapes])
+        values = self.reference.forms
         # a tread without stiffness, the lower bound, is the parabola of an honest beam
         at_bound = (values >= HIGHEST).any(axis=1) | (
             np.delete(values, TREAD, 1) <= np.delete(LOWEST, TREAD)
@@ -660,29 +662,18 @@ def _samples(
     return sorted(out, key=lambda sample: sample.speed_m_s)
 
 
-def _average(sample: PatchWindows, passages: Passages, half_window_m: float) -> Average:
-    """Mean passage of the rows of `sample`, scaled by height and offset of the template."""
-    height = np.maximum(np.abs(passages.height[sample.row]), 1e-300)[:, None]
-    values = (sample.values + passages.offset[sample.row][:, None]) / height
-    cell = (sample.distance_m() / half_window_m + 1.0) * (0.5 * CELLS)
-    inside = np.isfinite(values) & (cell > 0.0) & (cell < CELLS)
-    cells, each = cell[inside].astype(np.int64), np.broadcast_to(height**2, values.shape)[inside]
-    weight, total = (np.bincount(cells, w, CELLS) for w in (each, each * values[inside]))
-    mean = total / np.where(weight > 0.0, weight, 1.0)
-    sharp = np.asarray(weight * (sample.averaged / passages.noise**2), np.float64)
-    return Average(sample.speed_m_s, mean, sharp)
-
-
 def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noise: float) -> float:
     """The highest wave number [1/m] at which a passage is above the noise.
 
     Its spectrum above the `noise` of a sample, at the middle speed.
     """
-    number = len(reference.shapes) // 2
+    number = len(reference.forms) // 2
     speed = float(reference.speed_m_s[number])
     family = reference.family
-    spectrum = np.abs(family.spectrum(reference.shapes[number])) * abs(reference.heights[number])
-    signal = np.pi * family.radius_m * spectrum * rate_Hz / speed
+    spectrum = np.abs(family.spectra(reference.forms[number : number + 1])[0, :, 0]) * abs(
+        reference.heights[number]
+    )
+    signal = np.pi * family.radius_m * np.abs(spectrum) * rate_Hz / speed
     floor = noise * np.sqrt(2.0 * half_window_m * rate_Hz / speed)
     above = np.flatnonzero(signal > floor)
     return float(family.kappa_1_m[above[-1]]) if above.size else float(2.0 * np.pi / half_window_m)
@@ -690,27 +681,31 @@ def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noi
 
 def _at(reference: Reference, samples: list[PatchWindows]) -> Reference:
     """`reference`, as another grating has taught it, at the speeds of `samples`."""
-    return replace(
-        reference.at_speeds(np.array([s.speed_m_s for s in samples])),
-        residuals=None,
-        residual_xi_m=None,
-    )
+    speeds = np.array([sample.speed_m_s for sample in samples])
+    return replace(reference.at_speeds(speeds), residuals=None)
 
 
 def _from_a_start(
-    samples: list[PatchWindows], passages: Passages, half_window_m: float, rough_m: float
+    samples: list[PatchWindows], radius_m: float, noise: float, half_window_m: float, rough_m: float
 ) -> Reference:
-    """The form without anything known of it.
+    """The form without anything known of it but a rough half length [m].
 
-    It starts from the class of speed of which most roll freely, of these a middle one.
+    From the better of two starts, which are tried on the class of speed of which most roll freely,
+    of these a middle one.
     """
     free = [np.sum(np.abs(s.motion["acceleration_m_s2"]) < FREE_ROLLING_M_S2) for s in samples]
     middle = 0.5 * (len(samples) - 1)
-    first = max(range(len(samples)), key=lambda k: (free[k], -abs(k - middle)))
-    speeds = np.array([sample.speed_m_s for sample in samples])
-    mean = _average(samples[first], passages, half_window_m)
-    start = fit_average(mean, half_window_m, speeds, passages.radius_m, rough_m)
-    return refine_edges(start, samples, passages.noise, half_window_m)
+    first = samples[max(range(len(samples)), key=lambda k: (free[k], -abs(k - middle)))]
+    # highest wave number times half length that the family keeps
+    family, none, tried = EdgeFamily(radius_m, 42.0 / (0.8 * rough_m)), np.zeros(1), []
+    # starts: half length over the rough one, tension, tread
+    for length, tension, tread in ((1.0, 0.3, 0.1), (0.85, 3.0, 2.5)):
+        form = np.array([[length * rough_m, 0.75 * rough_m, tension, tread, 0.0, 0.0]])
+        start = Reference(family, np.array([first.speed_m_s]), form, none, 0.0, none, none)
+        if not tried or tried[0].misfit > REMARKABLE:
+            tried.append(refine_edges(start, [first], noise, half_window_m))
+    best = min(tried, key=lambda one: one.misfit)
+    return refine_edges(_at(best, samples), samples, noise, half_window_m)
 
 
 def learn_reference(
@@ -738,7 +733,7 @@ def learn_reference(
         # undercut
         if found.misfit > 1.5 * max(like.reference.misfit, 1.0):
             found = None
-    found = found or _from_a_start(samples, passages, window, rough)
+    found = found or _from_a_start(samples, passages.radius_m, passages.noise, window, rough)
     if not found.misfit > 0.0:  # no passage with more samples than unknowns
         return None
     highest = _wave_number(found, channel.axis.rate_Hz, window, passages.noise)

@@ -14,13 +14,13 @@ import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.dsp.filters import derivatives, window_spectra
+from tirelog.strain.footprint.family import HALF_LENGTH
 from tirelog.strain.footprint.kernels import (
     FIT,
     ONSET,
     OWN,
     distance_along,
     fit_rows,
-    motion_of,
     traction_gains,
 )
 from tirelog.strain.footprint.learn import (
@@ -99,28 +99,21 @@ def along_tread(
     acceleration_m_s2: FloatArray,
     cutoff_Hz: FloatArray,
     upsample: int = 2,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Low-passed derivatives along the tread, (n, m x upsample); arguments as of `find_edges`.
 
-    Abscissae from the patch centre [m], first and second derivative by them [1/m, 1/m^2].
+    Abscissae from the patch centre [m], first and second derivative by them [1/m, 1/m^2]; noises
+    (n, 2) as of `derivatives`.
     """
-    count = windows.shape[1]
-    derived = derivatives(window_spectra(windows), rate_Hz, cutoff_Hz, count, upsample)
-    motion = motion_of(centre, rate_Hz, speed_m_s, acceleration_m_s2)
-    return _by_distance(*derived[:2], motion, upsample)
-
-
-def _by_distance(
-    first_s: FloatArray, second_s: FloatArray, motion: Records, upsample: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Abscissae [m], first and second derivative along the tread out of those in time, (n, m)."""
-    rows = motion[:, None]
-    speed, acceleration = rows["speed_m_s"], rows["acceleration_m_s2"]
-    time = (np.arange(first_s.shape[1]) / upsample - rows["centre"]) / rows["rate_Hz"]
+    first_s, second_s, noises = derivatives(
+        window_spectra(windows), rate_Hz, cutoff_Hz, windows.shape[1], upsample
+    )
+    time = (np.arange(first_s.shape[1]) / upsample - centre[:, None]) / rate_Hz
+    speed, acceleration = speed_m_s[:, None], acceleration_m_s2[:, None]
     now = np.maximum(speed + acceleration * time, 0.05 * np.abs(speed) + 1e-9)
     first = first_s / now
     second = (second_s - acceleration * first) / now**2
-    return distance_along(time, speed, acceleration), first, second
+    return distance_along(time, speed, acceleration), first, second, noises
 
 
 def find_edges(
@@ -140,11 +133,9 @@ def find_edges(
     expected to be, to look for extrema; `noise`: standard deviation of a sample; `upsample`: points
     per sample, 2 unless samples are DENSE.
     """
-    first_s, second_s, noises = derivatives(
-        window_spectra(windows), rate_Hz, cutoff_Hz, windows.shape[1], upsample
+    _, first, second, noises = along_tread(
+        windows, rate_Hz, centre, speed_m_s, acceleration_m_s2, cutoff_Hz, upsample
     )
-    motion = motion_of(centre, rate_Hz, speed_m_s, acceleration_m_s2)
-    _, first, second = _by_distance(first_s, second_s, motion, upsample)
     rate, middle = rate_Hz * upsample, centre * upsample
     reach = SEARCH * half_length_m / speed_m_s * rate
     low, high = middle - reach, middle + reach
@@ -206,9 +197,6 @@ def least(
     return np.where(inner, safe + place, np.nan), height, curvature
 
 
-#: rows whose plain edges are worked on at once
-ROWS = 256
-
 #: the fit of a passage: height and offset (patch downward), shift of the patch's middle behind the
 #: passage's centre, full contact length with its standard error, damping and tilt beside the
 #: reference's, chi-square per degree of freedom, samples used
@@ -248,7 +236,7 @@ class Forms:
         self._half_window_m, self.form_error = learnt.half_window_m, form_error(learnt)
         made = [form_table(self.reference, k, learnt.half_window_m) for k in range(knots.size)]
         self.columns, self.grids = (np.stack(part) for part in zip(*made, strict=True))
-        self.half_length_m = np.array([shape.half_length_m for shape in self.reference.shapes])
+        self.half_length_m = self.reference.forms[:, HALF_LENGTH]
         self.shift_m = self.reference.shifts_m
         self._tractions: dict[tuple[int, int, float], FloatArray] = {}
 
@@ -467,21 +455,19 @@ def measure_windows(
             look.seek_driven(reduced.take(clear[part.row]), *usual)
         for key, part in windows.alike(8 * for_plain + upsample):
             plain = part.reduced(key // 8)
-            for low in range(0, len(plain.row), ROWS):
-                some = plain.take(slice(low, low + ROWS))
-                row, motion = some.row, some.motion
-                shift_s = np.nan_to_num(work["fits"]["shift_m"][row]) / speed[row]
-                work["edges"][row] = find_edges(
-                    some.values,
-                    some.rate_Hz,
-                    motion["centre"] + shift_s * some.rate_Hz,
-                    motion["speed_m_s"],
-                    motion["acceleration_m_s2"],
-                    cutoff_Hz[row],
-                    half_length[row],
-                    look.passages.noise / np.sqrt(some.averaged),
-                    key % 8,
-                )
+            row, motion = plain.row, plain.motion
+            shift_s = np.nan_to_num(work["fits"]["shift_m"][row]) / speed[row]
+            work["edges"][row] = find_edges(
+                plain.values,
+                plain.rate_Hz,
+                motion["centre"] + shift_s * plain.rate_Hz,
+                motion["speed_m_s"],
+                motion["acceleration_m_s2"],
+                cutoff_Hz[row],
+                half_length[row],
+                look.passages.noise / np.sqrt(plain.averaged),
+                key % 8,
+            )
     unsought = ~clear & (work["slip"]["reason"] == TOO_SMALL)
     work["slip"]["reason"][unsought] = NO_FORM
 
@@ -490,26 +476,21 @@ def find_onsets(look: PassageForms, friction: FrictionRatio, scatter: float) -> 
     """Slip onsets of the rows that are driven, by the brush of this `friction`.
 
     Some are looked for everywhere. Others start from that of a passage whose length is nearest to
-    theirs, as the fit without traction tells it; of those that are unlike theirs again some are
-    looked for everywhere and the others start from these, and so on.
+    theirs, as the fit without traction tells it; those that are unlike theirs are looked for
+    everywhere, too.
     """
-    rest, most = np.flatnonzero(look.work["driven"]), SEARCHED
-    while rest.size:
-        asked = _spread(rest, most)
-        found = _onsets(look, asked, None, friction, scatter)
-        starts = found[as_starts(found, look.work["slip"][asked], scatter)]
-        rest = np.setdiff1d(rest, asked, assume_unique=True)
-        if not starts.size:
-            most = max(rest.size, 1)
-        if not starts.size or not rest.size:
-            continue
+    driven = np.flatnonzero(look.work["driven"])
+    if not driven.size:
+        return
+    first = _spread(driven, SEARCHED)
+    found = _onsets(look, first, None, friction, scatter)
+    starts = found[as_starts(found, look.work["slip"][first], scatter)]
+    rest = np.setdiff1d(driven, first, assume_unique=True)
+    if starts.size and rest.size:
         found = _onsets(look, rest, starts, friction, scatter)
-        other = rest[np.isnan(found["best"])]
-        # onsets that start from others are given up if more than this share is unlike; what is then
-        # looked for everywhere takes five times as long
-        if other.size > 0.7 * rest.size:  # these are not alike
-            most = other.size
-        rest = other
+        rest = rest[np.isnan(found["best"])]
+    if rest.size:
+        _onsets(look, rest, None, friction, scatter)
 
 
 def _spread(rows: IntArray, most: int) -> IntArray:

@@ -1,14 +1,13 @@
 """The form of this log's passages, from averages.
 
-some passages of one speed, scaled by the template's height
-    --cells along xi--> Average
-    --damped Gauss-Newton with the physical family--> Reference, a start for all speeds
-mean passages by class of speed (`learn`) --> what they share, with or without the tire's own form
+mean passages by class of speed (`learn`)
+    --Gauss-Newton with the physical family--> what they share, with or without the tire's own form
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -16,12 +15,17 @@ import numpy as np
 from tirelog.data.setup import FORM_PRESSURE, FORM_STIFFNESS, share_of_degree
 from tirelog.strain.footprint.family import (
     BELLS,
+    BENDING,
+    DAMPING,
+    HALF_LENGTH,
     HIGHEST,
     LOWEST,
     OWN_FORM,
     SHAPES,
+    TENSION,
+    TILT,
+    TREAD,
     EdgeFamily,
-    EdgeShape,
 )
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -33,11 +37,10 @@ CELLS = 120
 GOOD_ENOUGH = 0.3
 #: averages are fitted up to this share of it; they hold nothing above their noise beyond
 HIGHEST_SHARE = 0.6
-#: what is weakly known of what averages share: mean and standard deviation of normal priors of the
-#: bending length (logarithm, over a rough half length), tension at rest, inertia x squared top
-#: speed, tread; behind them comes the tire's own form, whose numbers have a mean of zero
-_MEAN, _SD = np.array([-0.36, 1.0, 0.0, 1.0]), np.array([2.0, 30.0, 1e-3, 30.0])
-_SHARED, TREAD = 4 + OWN_FORM, 3
+#: what averages share: bending length (logarithm, over the half length of a reference), tension at
+#: rest, inertia x squared top speed, tread; behind them comes the tire's own form, whose numbers
+#: have a mean of zero
+_SHARED = 4 + OWN_FORM
 #: the same about a reference, without a form and beside one that takes what they would
 _WIDE_SD, _NEAR_SD = np.array([2.0, 30.0, 1.0, 30.0]), np.array([0.1, 0.3, 1.0, 30.0])
 #: ordinary sizes of a tire's own form, as the models have them: shapes of these degrees, then bells
@@ -85,29 +88,34 @@ def cell_centres(half_window_m: float) -> FloatArray:
     return (np.arange(float(CELLS)) + 0.5) * (2.0 * half_window_m / CELLS) - half_window_m
 
 
+@lru_cache(maxsize=8)
+def cell_basis(radius_m: float, waves: int, half_window_m: float) -> FloatArray:
+    """Waves at the CELLS of a window by real and imaginary spectrum, (CELLS, 2 waves)."""
+    angle = np.multiply.outer(cell_centres(half_window_m) / radius_m, np.arange(1.0, waves + 1.0))
+    return np.hstack([np.cos(angle), -np.sin(angle)])
+
+
 @dataclass(frozen=True)
 class Reference:
     """The log's form at some speeds.
 
-    `speed_m_s` (k,) ascending, `shapes` at each, `shifts_m` (k,) of the form behind the passages'
-    centres; `inertia`: fall of the tension with the squared speed [s^2/m^2]; `heights` (k,) of the
-    passages it was learnt from. After learning: `length_se_m` (k,), the error of a full length from
-    not knowing the form's parameters better; `misfit`, squared residual per degree of `freedom`;
-    `residuals` (k, cells) at `residual_xi_m`, what the form leaves of the passages in units of
+    `speed_m_s` (k,) ascending, `forms` (k, 6) at each, `shifts_m` (k,) of the form behind the
+    passages' centres; `inertia`: fall of the tension with the squared speed [s^2/m^2]; `heights`
+    (k,) of the passages it was learnt from. After learning: `length_se_m` (k,), the error of a full
+    length from not knowing the form's parameters better; `misfit`, squared residual per degree of
+    freedom; `residuals` (k, CELLS), what the form leaves of the passages over
     their height (None if that is noise); `form_share`: error of all lengths together by what the
     tire's own form may be (`learn.learn_form`), as a share.
     """
 
     family: EdgeFamily
     speed_m_s: FloatArray
-    shapes: tuple[EdgeShape, ...]
+    forms: FloatArray
     shifts_m: FloatArray
     inertia: float
     heights: FloatArray
     length_se_m: FloatArray
     misfit: float = float("nan")
-    freedom: float = 0.0
-    residual_xi_m: FloatArray | None = None
     residuals: FloatArray | None = None
     form_share: float = 0.0
 
@@ -116,16 +124,10 @@ class Reference:
 
         Tension by the inertia, the rest linear between its own speeds.
         """
-        own, values = self.speed_m_s, np.array([shape.array() for shape in self.shapes])
-        at_rest = values[:, 2] + self.inertia * own**2
-        columns = [
-            np.interp(speed_m_s, own, column)
-            for column in (values[:, 0], values[:, 1], at_rest, *values[:, 3:].T)
-        ]
-        columns[2] = columns[2] - self.inertia * speed_m_s**2
-        shapes = tuple(
-            EdgeShape.of(np.clip(row, LOWEST, HIGHEST)) for row in np.column_stack(columns)
-        )
+        own, at_rest = self.speed_m_s, self.forms.copy()
+        at_rest[:, TENSION] += self.inertia * own**2
+        forms = np.column_stack([np.interp(speed_m_s, own, column) for column in at_rest.T])
+        forms[:, TENSION] -= self.inertia * speed_m_s**2
         left = self.residuals
         if left is not None:
             left = np.column_stack([np.interp(speed_m_s, own, column) for column in left.T])
@@ -136,7 +138,7 @@ class Reference:
         return replace(
             self,
             speed_m_s=speed_m_s,
-            shapes=shapes,
+            forms=np.clip(forms, LOWEST, HIGHEST),
             shifts_m=shifts,
             residuals=left,
             heights=heights,
@@ -149,18 +151,14 @@ class Reference:
         Form and tension are straight in the squared speed from one to the next.
         """
         fall = abs(self.inertia) * (fastest_m_s**2 - slowest_m_s**2)
-        lengths = np.array(
-            [
-                shape.half_length_m
-                for shape in self.at_speeds(np.array([slowest_m_s, fastest_m_s])).shapes
-            ]
-        )
+        ends = self.at_speeds(np.array([slowest_m_s, fastest_m_s]))
+        longer = abs(float(np.diff(np.log(ends.forms[:, HALF_LENGTH]))[0]))
         # forms are tabled at speeds between which tension (over sqrt(EJ k)) and length (its
         # logarithm) change by no more than this, at so many speeds at most; twice as coarse, half
         # as many forms are tabled, and more lies between them
         count = int(
             np.clip(
-                np.ceil(max(fall / 0.08, np.abs(np.log(lengths[1] / lengths[0])) / 0.02)),
+                np.ceil(max(fall / 0.08, longer / 0.02)),
                 1,
                 16,
             )
@@ -174,55 +172,45 @@ class Reference:
 class AverageFit:
     """Averages of some speeds, which share a tire, against a vector of parameters.
 
-    The shared ones (_MEAN), and _APIECE for each average; lengths begin at `scale_m`. With
+    Those that are shared, and _APIECE for each average, beginning at those of `reference`. With
     `own` the tire's own form is free, and the tread, which it replaces, is not.
     """
 
     def __init__(
-        self,
-        family: EdgeFamily,
-        averages: list[Average],
-        half_window_m: float,
-        scale_m: float,
-        *,
-        own: bool,
+        self, reference: Reference, averages: list[Average], half_window_m: float, *, own: bool
     ) -> None:
-        family = family.up_to(HIGHEST_SHARE)
-        self.family, self.averages, self.scale_m, self.own = family, averages, scale_m, own
-        basis = family.basis(cell_centres(half_window_m))
-        self.basis = np.hstack([basis.real, -basis.imag])
+        self.family, self.averages, self.own = reference.family.up_to(HIGHEST_SHARE), averages, own
+        self.basis = cell_basis(self.family.radius_m, self.family.kappa_1_m.size, half_window_m)
         squares = np.array([one.speed_m_s**2 for one in averages])
-        self.relative = squares / squares[-1]
-        self.trust, self.near, self.shared = 1.0, False, (_MEAN, _SD)
+        self.relative, self.trust = squares / squares[-1], 1.0
         self._last: tuple[Any, tuple[float, FloatArray, FloatArray]] | None = None
+        forms, inertia = reference.forms, reference.inertia * reference.speed_m_s[-1] ** 2
+        self.scale_m = float(forms[0, HALF_LENGTH])
+        #: the parameters of the reference, whose speeds are those of the averages
+        self.start = np.zeros(_SHARED + _APIECE * len(averages))
+        at_rest = forms[0, TENSION] + inertia * self.relative[0]
+        self.start[:4] = np.log(forms[0, BENDING] / self.scale_m), at_rest, inertia, forms[0, TREAD]
+        self.start[4:_SHARED] = reference.family.own
+        apiece = self.start[_SHARED:].reshape(-1, _APIECE)
+        apiece[:, 0] = np.log(forms[:, HALF_LENGTH] / self.scale_m)
+        apiece[:, 1:3] = forms[:, [DAMPING, TILT]]
 
-    def shape(self, theta: FloatArray, number: int) -> EdgeShape:
-        """The form of average `number`."""
-        apiece = theta[_SHARED + number * _APIECE :]
-        tension = theta[1] - theta[2] * self.relative[number]
-        lengths = self.scale_m * np.exp([apiece[0], theta[0]])
-        values = np.array([*lengths, tension, theta[3], *apiece[1:3]])
-        return EdgeShape.of(np.minimum(np.maximum(values, LOWEST), HIGHEST))
-
-    def start(self, reference: Reference) -> FloatArray:
-        """The parameters of `reference`, whose speeds are those of the averages."""
-        shapes, top = reference.shapes, reference.speed_m_s[-1] ** 2
-        theta = np.zeros(_SHARED + _APIECE * len(shapes))
-        theta[0] = np.log(shapes[0].bending_length_m / self.scale_m)
-        theta[2] = reference.inertia * top
-        theta[1] = shapes[0].tension + theta[2] * self.relative[0]
-        theta[TREAD], theta[4:_SHARED] = shapes[0].tread, reference.family.own
-        for apiece, shape in zip(theta[_SHARED:].reshape(-1, _APIECE), shapes, strict=True):
-            apiece[:3] = np.log(shape.half_length_m / self.scale_m), shape.damping, shape.tilt
-        self.near, self.shared = True, (theta[:4].copy(), _NEAR_SD if self.own else _WIDE_SD)
-        return theta
+    def forms(self, theta: FloatArray) -> FloatArray:
+        """The forms of the averages, (k, 6)."""
+        apiece = theta[_SHARED:].reshape(-1, _APIECE)
+        forms = np.empty((len(apiece), HIGHEST.size))
+        forms[:, HALF_LENGTH] = self.scale_m * np.exp(apiece[:, 0])
+        forms[:, BENDING] = self.scale_m * np.exp(theta[0])
+        forms[:, TENSION] = theta[1] - theta[2] * self.relative
+        forms[:, TREAD], forms[:, [DAMPING, TILT]] = theta[3], apiece[:, 1:3]
+        return np.clip(forms, LOWEST, HIGHEST)
 
     def reference(self, theta: FloatArray, before: Reference) -> Reference:
         """`before` with the parameters `theta`, whose shifts are beside its own."""
         return replace(
             before,
             family=before.family.with_own(theta[4:_SHARED]) if self.own else before.family,
-            shapes=tuple(self.shape(theta, number) for number in range(len(self.averages))),
+            forms=self.forms(theta),
             shifts_m=before.shifts_m + theta[_SHARED + 3 :: _APIECE],
             inertia=float(theta[2]) / before.speed_m_s[-1] ** 2,
         )
@@ -239,8 +227,9 @@ class AverageFit:
     def known(self, size: float) -> tuple[FloatArray, FloatArray]:
         """Means and weights of what is known before; the form is of `size` times the ordinary."""
         odd = np.array([0.0, 0.4**-2.0, 0.5**-2.0, 0.0, 0.0, 0.0])  # weakly known
-        mean = np.r_[self.shared[0], np.zeros(OWN_FORM + _APIECE * len(self.averages))]
-        weights = self.shared[1] ** -2.0, (size * _OWN_SD) ** -2.0, np.tile(odd, len(self.averages))
+        mean = np.r_[self.start[:4], np.zeros(OWN_FORM + _APIECE * len(self.averages))]
+        shared = _NEAR_SD if self.own else _WIDE_SD
+        weights = shared**-2.0, (size * _OWN_SD) ** -2.0, np.tile(odd, len(self.averages))
         return mean, np.concatenate(weights)
 
     def sums(self, theta: FloatArray, length: float | None) -> tuple[float, FloatArray, FloatArray]:
@@ -262,11 +251,11 @@ class AverageFit:
         """
         family, turning = self.family.with_own(theta[4:_SHARED]), 1j * self.family.kappa_1_m
         left, slopes = [], []
+        forms = self.forms(theta)
+        every = family.spectra(forms)[:, :, : None if self.own else 7]
         for number, one in enumerate(self.averages):
-            first = _SHARED + number * _APIECE
-            shape, shift = self.shape(theta, number), theta[first + 3]
-            root = np.sqrt(self.trust * one.weight)
-            spectra = family.by_form(shape) if self.own else family.jacobian(shape)
+            first, spectra = _SHARED + number * _APIECE, every[number]
+            shift, root = theta[first + 3], np.sqrt(self.trust * one.weight)
             columns = np.column_stack([spectra, -turning * spectra[:, 0]])
             columns *= np.exp(-turning * shift)[:, None]
             waves = self.basis @ np.vstack([columns.real, columns.imag])
@@ -276,11 +265,11 @@ class AverageFit:
             left.append(root * one.values - design @ linear)
             block = np.zeros((root.size, theta.size))
             by_shared = waves[:, [2, 3, 3, 4]]
-            block[:, :4] = by_shared * [shape.bending_length_m, 1.0, -self.relative[number], 1.0]
+            block[:, :4] = by_shared * [forms[number, BENDING], 1.0, -self.relative[number], 1.0]
             if self.own:
                 block[:, 4:_SHARED] = waves[:, 7:-1]
             block[:, first : first + 4] = waves[:, [1, 5, 6, -1]]
-            block[:, first] *= shape.half_length_m
+            block[:, first] *= forms[number, HALF_LENGTH]
             block *= linear[0] * root[:, None]
             block[:, first + 4 : first + 6] = design
             slopes.append(block)
@@ -347,18 +336,16 @@ def descend(
 ) -> Descent:
     """A fit from `theta` with a form of `size` times the ordinary one, if one is free.
 
-    By Levenberg and Marquardt; from a reference by Gauss and Newton, with shorter steps where whole
-    ones do harm. `length`: mean of the logarithms of the half lengths (over the scale), if it is
-    held. Ends after `steps`, or with one that is GOOD_ENOUGH.
+    By Gauss and Newton, with shorter steps where whole ones do harm. `length`: mean of the
+    logarithms of the half lengths (over the scale), if it is held. Ends after `steps`, or with one
+    that is GOOD_ENOUGH.
     """
     first = here = judged(problem, theta.copy(), size, length)
     low, high = np.full(theta.size, -np.inf), np.full(theta.size, np.inf)
-    low[TREAD], high[TREAD] = theta[[TREAD] * 2] if problem.own else (LOWEST[3], HIGHEST[3])
-    least = 1e-3
+    low[TREAD], high[TREAD] = theta[[TREAD] * 2] if problem.own else (LOWEST[TREAD], HIGHEST[TREAD])
     for _ in range(steps):
         before = here
-        trials = TRIALS if problem.near else tuple((1.0, least * 6.0**k) for k in range(11))
-        for share, damping in trials:
+        for share, damping in TRIALS:
             damped = before.normal + np.diag(damping * np.diag(before.normal))
             step = np.linalg.solve(damped, before.gradient)
             out = (before.theta + step < low) | (before.theta + step > high)
@@ -367,46 +354,12 @@ def descend(
                 step[out] = (np.clip(before.theta + step, low, high) - before.theta)[out]
                 right = before.gradient[kept] - damped[np.ix_(kept, out)] @ step[out]
                 step[kept] = np.linalg.solve(damped[np.ix_(kept, kept)], right)
-            if problem.near:
-                share /= max(1.0, float(np.max(np.abs(step[:_SHARED]) / _MOST_STEP)))
+            share /= max(1.0, float(np.max(np.abs(step[:_SHARED]) / _MOST_STEP)))
             moved = np.clip(before.theta + share * step, low, high)
             trial = judged(problem, moved, size, length)
             if trial.cost < before.cost:
-                here, least = trial, max(0.2 * damping, 1e-9)
+                here = trial
                 break
         if before.cost - here.cost < GOOD_ENOUGH:
             break
     return replace(here, gain=first.cost - here.cost)
-
-
-def fit_average(
-    average: Average,
-    half_window_m: float,
-    speed_m_s: FloatArray,
-    radius_m: float,
-    start_length_m: float,
-) -> Reference:
-    """The family fitted to an average; alike at all of `speed_m_s` (k,).
-
-    The best of several starts; `start_length_m` is a rough half length.
-    """
-    # highest wave number times half length that the family keeps
-    family = EdgeFamily(radius_m, 42.0 / (0.8 * start_length_m))
-    problem = AverageFit(family, [average], half_window_m, start_length_m, own=False)
-    found = []
-    # starts: tread, and half length over the rough one
-    for tread, factor in ((0.1, 1.0), (2.5, 0.85)):
-        start = np.zeros(_SHARED + _APIECE)
-        start[[0, 1, 3, _SHARED]] = np.log(0.75), 0.3 if tread < 1 else 3.0, tread, np.log(factor)
-        found.append(descend(problem, start))
-    best = min(found, key=lambda one: one.cost).theta
-    alike = np.ones(speed_m_s.size)
-    return Reference(
-        family,
-        speed_m_s,
-        (problem.shape(best, 0),) * speed_m_s.size,
-        best[-3] * alike,
-        0.0,
-        best[-2] * alike,
-        0.0 * alike,
-    )

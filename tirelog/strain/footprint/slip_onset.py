@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tirelog.errors import UsageError
+from tirelog.strain.footprint.family import HALF_LENGTH, TREAD
 from tirelog.strain.footprint.kernels import (
     FITTED,
     follow_rows,
@@ -100,11 +101,11 @@ def traction_waves(
     A column per onset, every `every`-th of `onset_grid`; `ratio` of sliding to sticking friction.
     The size is of the order of one.
     """
-    family, shape = reference.family, reference.shapes[number]
-    L, turning = shape.half_length_m, 1j * family.kappa_1_m[:, None]
+    family, form = reference.family, reference.forms[number : number + 1]
+    L, turning = float(form[0, HALF_LENGTH]), 1j * family.kappa_1_m[:, None]
     onset = onset_grid(L)[::every]
     adhering, slide = (L - onset) / L, 2.0 * ratio / L
-    by_point = family.receptance(shape)[:, None] / L
+    by_point = family.receptance(form)[0, :, None] / L
     # loads as powers of xi that begin at the entry edge or at the onset, or end at the exit, and
     # the point load at the onset. Adhering: steps at both ends; sliding: the integral of xi
     # exp(-i kappa xi) from the onset to the exit is (1 + i kappa xi) exp(-i kappa xi) / kappa^2
@@ -273,7 +274,7 @@ def form_error(learnt: EdgeForm) -> float:
     # twice as much covers all but one in a hundred
     missed = 0.08 * float(np.sqrt(max(1.0 - REMARKABLE / learnt.reference.misfit, 0.0)))
     reference = learnt.reference
-    other = reference.family.own.any() or max(s.tread for s in reference.shapes) > STIFF_TREAD
+    other = reference.family.own.any() or (reference.forms[:, TREAD] > STIFF_TREAD).any()
     return float(np.hypot(missed, RING_ERROR if other else 0.0))
 
 

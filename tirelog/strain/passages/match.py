@@ -275,27 +275,17 @@ def screen(channel: Channel, pulses: Records) -> Records:
         return pulses
     # places as if no sample were missing, so that a gap counts
     place = channel.axis.at(pulses["middle"]) * channel.axis.rate_Hz
-    gapless = pulses.copy()
-    gapless["middle"] = place
-    kept = _screened(gapless)
+    kept = pulses.copy()
+    kept["middle"] = place
+    kept = _joined(kept)
+    for _ in range(3):  # each round leaves half of the strangers that stand side by side
+        kept = kept[~_strangers(kept)]
     kept["middle"] = np.interp(kept["middle"], place, pulses["middle"])
     return kept
 
 
-def _screened(pulses: Records) -> Records:
-    """`pulses`, their places on a gapless axis, without halves and strangers."""
-    pulses = _joined(pulses)
-    # rounds of dropping; each round leaves half of the strangers that stand side by side
-    for _ in range(3):
-        strange = _strangers(pulses)
-        if not strange.any():
-            break
-        pulses = pulses[~strange]
-    return pulses
-
-
 def _joined(pulses: Records) -> Records:
-    """The pulses with pairs that are too close made one.
+    """The pulses, their places on a gapless axis, with pairs that are too close made one.
 
     Their hull if that has the usual width, else the one whose width is more usual.
     """
