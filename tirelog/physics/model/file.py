@@ -22,7 +22,6 @@ from tirelog.errors import ModelError, choices
 from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS
 from tirelog.physics.effects import BY_ID, Effect
 from tirelog.physics.model import user_effects
-from tirelog.physics.model.expression import BASE, RESULT_UNITS, dimension_of, disagreement
 from tirelog.physics.model.model import (
     BY_NAME,
     FORM,
@@ -78,6 +77,8 @@ _NUMBER = Table(
         "fixed": FLAG,
     }
 )
+#: of a user's own, which brings its unit
+_OWN_NUMBER = Table({**_NUMBER.keys, "unit": TEXT})
 
 
 @dataclass(frozen=True)
@@ -88,18 +89,17 @@ class _Kind:
     read: Callable[[Any, FilePlace], Any]
 
 
-def _number(known: Parameter | None, own: bool = False) -> _Kind:
+def _number(known: Parameter | None, table: Table = _NUMBER) -> _Kind:
     """A parameter: a plain number is fixed, a table is free.
 
-    The user's `own` may bring their unit; one that nobody knows also has no bounds but those that
-    it brings.
+    One that nobody knows has no bounds but those that it brings.
     """
     allowed = "allowed is a finite number or { value, min, max }"
 
     def read(value: Any, place: FilePlace) -> Parameter:
         usual = _unknown(value, place) if known is None else known
         if isinstance(value, dict):
-            given = _NUMBER.read({k: v for k, v in value.items() if k != "unit" or not own}, place)
+            given = table.read(value, place)
         elif is_number(value):
             given = {"value": float(value), "fixed": True}
         else:
@@ -114,17 +114,14 @@ def _number(known: Parameter | None, own: bool = False) -> _Kind:
 
 
 def _unknown(value: Any, place: FilePlace) -> Parameter:
-    """A user's own parameter, with its unit and a probe of its size."""
+    """A user's own parameter, with a probe of its size."""
     brought = value if isinstance(value, dict) else {"value": value}
-    start, unit = brought.get("value", 0.0), brought.get("unit", "")
-    if not isinstance(unit, str) or (unit and dimension_of(unit) is None):
-        base = f"allowed are powers and products of {', '.join(BASE)}, such as N/m^2"
-        raise (place / "unit").wrong(unit, base, do="correct it, or leave it out")
+    start = brought.get("value", 0.0)
     most = 1e9 * max(1.0, abs(start) if is_number(start) else 1.0)
     ends = [brought.get(end, most) for end in ("min", "max")]
     size = max((abs(end) for end in ends if is_number(end)), default=most)
     probe = float(start) if is_number(start) and start else 0.01 * size
-    return Parameter(str(place.path[-1]), unit, "the user's own", 0.0, -most, most, probe=probe)
+    return Parameter(str(place.path[-1]), "", "the user's own", 0.0, -most, most, probe=probe)
 
 
 def _use(known: Nuisance) -> _Kind:
@@ -184,7 +181,7 @@ _BY_EXPRESSION = Table(
         "name": TEXT,
         "acts_on": words(*EXPRESSION_ACTS_ON),
         "expression": TEXT,
-        "parameters": Named(_number(None, own=True)),
+        "parameters": Named(_number(None, _OWN_NUMBER)),
     }
 )
 _BY_SHAPE = Table(
@@ -196,7 +193,7 @@ _BY_SHAPE = Table(
         "law": TEXT,
         "nodes": ANYTHING,
         "values": ANYTHING,
-        "parameters": Table({AMPLITUDE.name: _number(AMPLITUDE, own=True)}),
+        "parameters": Table({AMPLITUDE.name: _number(AMPLITUDE, _OWN_NUMBER)}),
     },
     needed=("frame",),
 )
@@ -377,26 +374,6 @@ def _own_effect(table: Mapping[str, Any], place: FilePlace) -> ModelEffect:
     return ModelEffect(
         effect, effect.parameters, source={key: given[key] for key in keys if key in given}
     )
-
-
-def unit_remarks(model: Model) -> list[str]:
-    """Sentences on the user's own formulas whose units do not agree, with file and line."""
-    document = Document(model.document or "", ModelError, "a model", model.path or "model")
-    named = [table["name"] for table in document.tables.get("effects", ())]
-    remarks = []
-    for entry in model.effects:
-        if "expression" not in entry.source:
-            continue
-        acts_on = entry.source.get("acts_on", "contact_pressure")
-        result = RESULT_UNITS.get(acts_on) or OBSERVABLES[model.observable].unit
-        units = {p.name: p.unit for p in entry.parameters}
-        wrong = disagreement(entry.source["expression"], units, result)
-        if wrong:
-            at = named.index(entry.id) if entry.id in named else -1
-            line = document.line(("effects", at, "expression"))
-            place = f"{document.file}{f':{line}' if line else ''}"
-            remarks.append(f"{place}: the units of effect {entry.id!r} do not agree: {wrong}")
-    return remarks
 
 
 # ---- The model file, written: Model to TOML, whole or not at all.
