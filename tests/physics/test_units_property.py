@@ -1,4 +1,4 @@
-"""Property: a formula of the grammar means the same in other units, and a parameter keeps its unit."""
+"""Property: formulas of the grammar mean the same in other units; a parameter keeps its unit."""
 
 import numpy as np
 import pytest

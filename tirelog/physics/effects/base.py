@@ -20,7 +20,7 @@ import numpy as np
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, refuse_unknown
 from tirelog.physics.pressure import legendre_modes
-from tirelog.physics.spectral import ComplexArray, Parameter, grid_angles, wave_numbers
+from tirelog.physics.spectral import MODES, ComplexArray, Parameter
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.conditions import CONDITIONS, ConditionValues, condition_named
 from tirelog.vocabulary.observables import OBSERVABLES, computed_from
@@ -118,12 +118,7 @@ class Site:
     @property
     def q(self) -> FloatArray:
         """Wave numbers [1/m], shape (K,)."""
-        return wave_numbers(self.radius_m)
-
-    @property
-    def xi_m(self) -> FloatArray:
-        """The tread coordinate on the grid, shape (GRID,)."""
-        return self.radius_m * grid_angles()
+        return np.arange(MODES) / self.radius_m
 
     @property
     def mean_pressure(self) -> FloatArray:
