@@ -148,20 +148,13 @@ def test_a_function_that_does_not_read_the_effect_s_numbers_is_refused(names):
         base.effect("baseline", **numbers)(mine)
 
 
-def text_effect(follows, **more):
+def following(follows, **more):
     return replace(CATALOGUE[0], id="mine", follows=follows, **more)
 
 
-def test_a_text_of_what_is_followed_is_read():
-    said = text_effect("Speed of sound, speed^2, water depth, inflation pressure, distance^x")
-    assert said.followed == (
-        ("speed_m_s", 2.0),
-        ("water_depth_mm", 1.0),
-        ("inflation_pressure_Pa", 1.0),
-    )
-    assert said.follows_said == said.follows
-    assert text_effect("").checked().follows_said == "nothing"
-    assert text_effect((("water_depth_mm", 1), ("speed_m_s", 1.5))).follows_said == (
+def test_what_is_followed_is_put_in_words():
+    assert following(()).checked().follows_said == "nothing"
+    assert following((("water_depth_mm", 1), ("speed_m_s", 1.5))).follows_said == (
         "water depth, speed^1.5"
     )
 
@@ -173,6 +166,7 @@ def test_a_text_of_what_is_followed_is_read():
         ({"follows": ("speed_m_s",)}, "pairs .condition, power."),
         ({"follows": (("speed_m_s", float("nan")),)}, "finite powers"),
         ({"follows": None}, "pairs .condition, power."),
+        ({"follows": "speed^2"}, "pairs .condition, power."),
         (
             {"follows": (), "valid_range": {"water": (0, 1)}},
             "'water' is not a condition or parameter",
@@ -183,7 +177,7 @@ def test_a_text_of_what_is_followed_is_read():
 )
 def test_data_that_say_nothing_are_refused(wrong, match):
     with pytest.raises(ModelError, match=match):
-        text_effect(**wrong).checked()
+        following(**wrong).checked()
 
 
 @by_id([e for e in CATALOGUE if e.needs])

@@ -256,7 +256,7 @@ def baseline(v, drive):
     return v["a"] * drive.speed_m_s
 
 EFFECT = Effect(
-    id="mine", mechanism="m", follows="speed", acts_on=("baseline",),
+    id="mine", mechanism="m", follows=(("speed_m_s", 1),), acts_on=("baseline",),
     parameters=(Parameter("a", "s/m", "a", 0.0, -1.0, 1.0, probe=1e-6),),
     strength=("a",), source="s", valid="v", signature="s", baseline=baseline,
 )

@@ -22,7 +22,7 @@ from tirelog.errors import ModelError, refuse_unknown
 from tirelog.physics.pressure import legendre_modes
 from tirelog.physics.spectral import MODES, ComplexArray, Parameter
 from tirelog.vocabulary.arrays import FloatArray, IntArray
-from tirelog.vocabulary.conditions import CONDITIONS, ConditionValues, condition_named
+from tirelog.vocabulary.conditions import CONDITIONS, ConditionValues
 from tirelog.vocabulary.observables import OBSERVABLES, computed_from
 
 #: numbers by name, and the words of options
@@ -179,7 +179,7 @@ class Effect:
 
     id, mechanism              as in the catalogue
     follows                    the conditions by which it grows, each (field, power of it), ()
-                               for none; a text ("speed^2, water depth") is read as such
+                               for none
     acts_on                    the stages it enters
     reads                      stages that it reads ("load" of a regressor): if nothing else reads
                                them, an effect on them acts through this one alone
@@ -213,7 +213,7 @@ class Effect:
 
     id: str
     mechanism: str
-    follows: Follows | str
+    follows: Follows
     acts_on: tuple[str, ...]
     parameters: tuple[Parameter, ...]
     strength: tuple[str, ...]
@@ -250,16 +250,12 @@ class Effect:
 
     @property
     def followed(self) -> Follows:
-        """The conditions that it follows as (field, power), also those that a text names."""
-        if isinstance(self.follows, str):
-            return _named_in(self.follows)
+        """The conditions that it follows as (field, power)."""
         return tuple((name, float(power)) for name, power in self.follows)
 
     @property
     def follows_said(self) -> str:
         """The conditions that it follows, in words: `speed^2, water depth`."""
-        if isinstance(self.follows, str):
-            return self.follows or "nothing"
         followed, parts = dict(self.followed), []
         for name, power in followed.items():
             other = CONDITIONS.get(self.instead.get(name, ""))
@@ -388,17 +384,6 @@ class Effect:
                 raise ModelError(f"effect {self.id}: {what}", allowed=allowed, do=do)
 
 
-def _named_in(text: str) -> Follows:
-    """The conditions that a text such as `speed^2, water depth` names; other words are left."""
-    found = []
-    for part in text.split(","):
-        name, _, power = part.partition("^")
-        condition = condition_named(name)
-        if condition is not None and re.fullmatch(r"\s*(\d+(\.\d*)?)?\s*", power):
-            found.append((condition.field, float(power) if power.strip() else 1.0))
-    return tuple(found)
-
-
 # ---- An effect from the function that computes it: `@effect`, with its numbers by `number`.
 #
 #     @effect(
@@ -473,7 +458,7 @@ def texts_of(function: Callable[..., Any]) -> dict[str, str]:
 
 
 def effect(
-    hook: str, *, follows: Follows | str = (), strength: tuple[str, ...] | None = None, **given: Any
+    hook: str, *, follows: Follows = (), strength: tuple[str, ...] | None = None, **given: Any
 ) -> Callable[[Callable[..., Any]], Effect]:
     """A decorator: the `Effect` whose `hook` the function computes.
 

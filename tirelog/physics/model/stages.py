@@ -64,6 +64,10 @@ class Task:
             a for a in self.active if any(getattr(a.effect, hook) is not None for hook in hooks)
         ]
 
+    def values_of(self, effect: str) -> Values | None:
+        """The values of the effect of this id if it is on."""
+        return next((a.values for a in self.active if a.effect.id == effect), None)
+
     def hooks(
         self, hook: Callable[[Effect], Callable[Concatenate[Values, Drive, More], Result] | None]
     ) -> dict[str, Callable[More, Result]]:
@@ -510,8 +514,7 @@ def waveform(
         if np.any(sheared):  # the cross-section turns by less than the slope
             modes = modes / (1.0 + sheared * q**2)
         modes = of_rows(modes, rows)
-        for lever in task.hooks(lambda effect: effect.lever).values():
-            modes = modes * lever()
+        modes = modes * lever_factor(task)
         for shorter in task.hooks(lambda effect: effect.shortening).values():
             modes = modes * (1.0 - shorter() / (abs(lever_m) or np.inf))
         pulled = pulled_along(few)
@@ -633,6 +636,11 @@ def accelerometer(task: Task, modes: ComplexArray) -> ComplexArray:
 def gain(task: Task) -> FloatArray | float:
     """What effects on the sensor multiply its whole reading by, (n or 1, 1)."""
     return math.prod(own() for own in task.hooks(lambda effect: effect.gain).values())
+
+
+def lever_factor(task: Task) -> FloatArray | float:
+    """What effects multiply the lever arm by, (n or 1, 1)."""
+    return math.prod(own() for own in task.hooks(lambda effect: effect.lever).values())
 
 
 def sensed(task: Task, modes: ComplexArray) -> ComplexArray:

@@ -30,7 +30,14 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.errors import ModelError, OutputError, TirelogError, nearest, refuse_unknown
+from tirelog.errors import (
+    ModelError,
+    OutputError,
+    TirelogError,
+    nearest,
+    or_refusal,
+    refuse_unknown,
+)
 from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure
 from tirelog.physics.effects.base import Values
 from tirelog.physics.model.expression import FUNCTIONS, Expression, parse_expression
@@ -205,14 +212,13 @@ def _strength(formula: Expression | Shape, parameters: tuple[Parameter, ...]) ->
     trial: dict[str, Any] = {name: rng.uniform(0.5, 1.5, size) for name in (*CONDITIONS, *PLACES)}
     trial |= {"xi": np.linspace(-2.0, 2.0, size), "phi": np.linspace(-2.0, 2.0, size)}
     trial |= {p.name: p.probe for p in parameters}
-    for p in parameters:
-        with np.errstate(all="ignore"):
-            try:
-                if not np.any(formula({**trial, p.name: 0.0})):
-                    return (p.name,)
-            except ModelError:
-                continue
-    return tuple(p.name for p in parameters)
+    tried = or_refusal(formula)
+    names = tuple(p.name for p in parameters)
+    for name in names:
+        found = tried({**trial, name: 0.0})
+        if not isinstance(found, ModelError) and not np.any(found):
+            return (name,)
+    return names
 
 
 def effects_of_file(path: Path, *, asked: bool = True) -> dict[str, Effect]:

@@ -29,8 +29,9 @@ from scipy.interpolate import CubicSpline
 from tirelog.data.recording import Conditions
 from tirelog.data.setup import RoadSetup
 from tirelog.errors import ModelError, UsageError
+from tirelog.physics.model.laws import lever_arm
 from tirelog.physics.model.model import Model
-from tirelog.physics.model.stages import Task, loaded_site, loads, structure
+from tirelog.physics.model.stages import Task, gain, lever_factor, loaded_site, loads, structure
 from tirelog.physics.moving.contact import RoadForces, RoadProfile, Tread, road_of, steady_rolling
 from tirelog.physics.moving.ring import CoupledRing, of_model
 from tirelog.physics.spectral import ComplexArray
@@ -166,16 +167,10 @@ class Transient:
             waves: FloatArray = (
                 2.0 * np.einsum("mn,mn->m", self._acceleration(when), turns).real + rigid
             )
-            return waves * self._gain("gain")
-        lever = (
-            self.model.values["lever_arm_m"]
-            * (1.0 if surface == "inner" else -1.0)
-            * self._gain("lever")
-        )
-        return np.asarray(
-            (2.0 * lever * self._gain("gain"))
-            * np.einsum("mn,mn->m", self._curvature(when), turns).real
-        )
+            return waves * np.asarray(gain(self.task)).item()
+        lever = lever_arm(self.task, surface) * lever_factor(self.task) * gain(self.task)
+        strain = np.einsum("mn,mn->m", self._curvature(when), turns).real
+        return np.asarray(2.0 * np.asarray(lever).item() * strain)
 
     @cached_property
     def _curvature(self) -> CubicSpline:
@@ -205,9 +200,9 @@ class Transient:
         A grating's length acts by wave number, lags by frequency on the belt.
         """
         m, n = self.motion, self.tire.n
-        for a in self.task.active:
-            if a.effect.id == "gauge_length":
-                modes = modes * np.sinc(n / self.tire.R * (a.values["length_m"] / (2.0 * np.pi)))
+        gauge = self.task.values_of("gauge_length")
+        if gauge is not None:
+            modes = modes * np.sinc(n / self.tire.R * (gauge["length_m"] / (2.0 * np.pi)))
         late = self.task.hooks(lambda effect: effect.transfer)
         late.pop("gauge_length", None)
         if late:
@@ -231,13 +226,6 @@ class Transient:
         smooth = CubicSpline(turns, transfer)(np.minimum(np.abs(frequency), turns[-1]))
         answer = np.where(frequency < 0.0, smooth.conj(), smooth)
         return np.fft.ifft(np.fft.fft(belt, 2 * size, axis=0) * answer[:, None], axis=0)[:size]
-
-    def _gain(self, hook: str) -> float:
-        """Product of what effects multiply by this hook, `gain` or `lever`."""
-        factor = 1.0
-        for a in self.task.having(hook):
-            factor *= np.asarray(getattr(a.effect, hook)(a.values, self.task.drive)).item()
-        return factor
 
 
 def driven(
