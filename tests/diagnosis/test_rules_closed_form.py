@@ -1,6 +1,5 @@
 """Closed form: the table of verdicts, each rule by hand, and sentences that go with them."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np

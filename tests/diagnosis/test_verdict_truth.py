@@ -27,8 +27,8 @@ from tirelog.diagnosis.diagnose import conclude
 from tirelog.inference.fit.cells import Problem, finish
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.stacks.cut import stacks_from_logs
+from tirelog.physics.model.from_setup import preset_model
 from tirelog.physics.model.model import Model
-from tirelog.physics.model.presets import preset_model
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import Road, TrueConditions
 

@@ -16,7 +16,7 @@ from tirelog.inference.floor import load_derivative
 from tirelog.inference.nuisances import shared_effects
 from tirelog.physics import Model
 from tirelog.physics.carcass.contact import solve_contact
-from tirelog.physics.model.presets import preset_model
+from tirelog.physics.model.from_setup import preset_model
 from tirelog.physics.moving.ring import natural_modes, of_model
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_columns

@@ -14,9 +14,13 @@ from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
 from tirelog.physics.model import user_effects
-from tirelog.physics.model.expression import LONGEST, parse_expression
 from tirelog.physics.model.file import as_toml, load_model, parse_model, save_model
-from tirelog.physics.model.user_effects import MOST_NODES, effects_of_file
+from tirelog.physics.model.user_effects import (
+    LONGEST,
+    MOST_NODES,
+    effects_of_file,
+    parse_expression,
+)
 
 PHI = np.linspace(-1.0, 1.0, 9)
 

@@ -6,8 +6,8 @@ import pytest
 from tests.physics.test_model_file_property import CONTRACT
 from tirelog.diagnosis.propose.grammar import LAW_UNITS, LAWS, forms
 from tirelog.errors import ModelError
-from tirelog.physics.model.expression import parse_expression
 from tirelog.physics.model.file import as_toml, parse_model
+from tirelog.physics.model.user_effects import parse_expression
 from tirelog.vocabulary.conditions import CONDITIONS
 
 #: the base units in others, and what follows from them
