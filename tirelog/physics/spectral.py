@@ -232,5 +232,6 @@ class Angles:
         """Values (n or 1, m) of waveforms on the grid (n or 1, GRID)."""
         rows = max(grid.shape[0], self._index.shape[0])
         out = np.empty((rows, self._index.shape[1]))
-        interpolated(grid, self._index, *self._weights, out)
+        before, here, after, beyond = self._weights
+        interpolated(grid, self._index, before, here, after, beyond, out)
         return out

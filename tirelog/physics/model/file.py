@@ -202,32 +202,20 @@ _BY_SHAPE = Table(
 # ---- the file
 
 
-def load_model(
-    path: str | Path,
-    *,
-    catalogue: Mapping[str, Effect] | None = None,
-    effects: Path | None = None,
-) -> Model:
+def load_model(path: str | Path, *, effects: Path | None = None) -> Model:
     """The model in the file (contract, "Model file").
 
-    Its effects are those of the `catalogue`, by default ours, installed ones, and the user's own
-    of the Python file `effects`, which is run; without one of that which the model names, if the
-    user has let it run before.
+    Its effects are ours, installed ones, and the user's own of the Python file `effects`, which is
+    run; without one of that which the model names, if the user has let it run before.
 
     ModelError names file, line and what is allowed.
     """
     path = Path(path)
     text = toml_text(path, ModelError, what="a model", advice="make one with `tirelog model new`")
-    return replace(parse_model(text, path, catalogue=catalogue, own=effects), path=path)
+    return replace(parse_model(text, path, own=effects), path=path)
 
 
-def parse_model(
-    text: str,
-    path: Path | None = None,
-    *,
-    catalogue: Mapping[str, Effect] | None = None,
-    own: Path | None = None,
-) -> Model:
+def parse_model(text: str, path: Path | None = None, *, own: Path | None = None) -> Model:
     """The model that the TOML text describes; `own` is the file with the user's own effects."""
     document = Document(text, ModelError, "a model", path or "model")
     data, place = document.read(_FILE), FilePlace(document)
@@ -239,12 +227,12 @@ def parse_model(
             document.file, line
         ) from None
     head, model = _carcass(data, place)
-    model = replace(model, nuisances=_nuisances(data, place), document=text)
-    if catalogue is None:
-        asked, folder = own is not None, path.parent if path is not None else Path()
-        own = own or (folder / head[EFFECTS_FILE] if EFFECTS_FILE in head else None)
-        catalogue = _catalogue(own, place / "model" / EFFECTS_FILE, asked=asked)
-        model = replace(model, effects_file=own if own is not None and own.is_file() else None)
+    asked, folder = own is not None, path.parent if path is not None else Path()
+    own = own or (folder / head[EFFECTS_FILE] if EFFECTS_FILE in head else None)
+    catalogue = _catalogue(own, place / "model" / EFFECTS_FILE, asked=asked)
+    file = own if own is not None and own.is_file() else None
+    nuisances = _nuisances(data, place)
+    model = replace(model, nuisances=nuisances, document=text, effects_file=file)
     own_numbers = {p.name for p in BY_ID[FORM].parameters}
     form = {name: x for name, x in data.get(FORM, {}).items() if name in own_numbers}
     tables = [(table, place / "effects" / i) for i, table in enumerate(data.get("effects", ()))]

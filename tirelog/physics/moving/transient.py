@@ -468,13 +468,11 @@ class State:
     V_rate: ComplexArray
 
     @classmethod
-    def rolling(
-        cls, tire: CoupledRing, load_N: float, speed_m_s: float, *, height_m: float = 0.0
-    ) -> State:
-        """Free, steady rolling on a flat road of that height, at x = 0 (`steady_rolling`)."""
+    def rolling(cls, tire: CoupledRing, load_N: float, speed_m_s: float) -> State:
+        """Free, steady rolling on a flat road, at x = 0 (`steady_rolling`)."""
         tire.check_speed(speed_m_s)
         V, centre_m, a, omega = steady_rolling(tire, load_N, speed_m_s)
-        centre = 1j * (centre_m + height_m)
+        centre = 1j * centre_m
         # what the sidewall's damping takes from the hub is held by the wind-up
         wound = tire.c_s * omega * abs(a) ** 2 / tire.k_theta
         rate = complex(-speed_m_s)
