@@ -169,9 +169,12 @@ def test_what_is_followed_is_put_in_words():
         ({"follows": "speed^2"}, "pairs .condition, power."),
         (
             {"follows": (), "valid_range": {"water": (0, 1)}},
-            "'water' is not a condition or parameter",
+            "'water' is not a condition",
         ),
-        ({"follows": (), "valid_range": {"speed_m_s": (40.0, 2.0)}}, "from 40 to 2"),
+        (
+            {"follows": (), "valid_range": {"speed_m_s": (40.0, 2.0)}},
+            "speed_m_s ends before it begins",
+        ),
         ({"follows": (), "valid_range": {"speed_m_s": ("slow", "fast")}}, "pair"),
     ],
 )
@@ -247,13 +250,6 @@ def test_stiffening_balances_the_hardened_foundation(law, size):
     rest = EJ * fourth + mu * 15.0**2 * second + k * (1 + k3 * w[3] ** 2) * w[3] - p
     assert np.abs(rest).max() < 2e-3 * p.max()
     assert abs(k3) * w[3].max() ** 2 > (0.2 if law == "hardens" else 0.09)
-
-
-def test_a_foundation_that_gives_way_is_refused():
-    entry = replace(ModelEffect.of(BY_ID["stiffening"]), options={"law": "softens"})
-    model = Model.new("beam").with_effect(entry, cubic_1_m2=2e4)
-    with pytest.raises(ModelError, match="gives way"):
-        model.predict(Conditions.of(1, speed_m_s=15.0), PHI)
 
 
 def test_thermal_drift_follows_temperature_where_it_varies_and_time_where_not():
@@ -366,13 +362,6 @@ def test_bins_without_a_sample_have_no_value_and_spoil_no_other(acts_on, q):
 
 
 # ---- numbers per revolution ----------------------------------------------------------------------
-
-
-def test_a_measured_force_winds_up_and_without_one_the_effect_says_what_it_needs():
-    model = Model.new("ring", "phase_shift").with_effect("wind_up", per_force_rad_N=1.2e-5)
-    assert np.allclose(model.predict(DRIVE)[:, 0], 1.2e-5 * DRIVE.longitudinal_force_N, rtol=1e-12)
-    with pytest.raises(ModelError, match=r"wind_up.*longitudinal_force_N"):
-        model.predict(replace(DRIVE, longitudinal_force_N=np.full(N, np.nan)))
 
 
 def test_regressors_add_their_terms():

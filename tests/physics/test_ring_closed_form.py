@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tirelog.api.models import forces
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
 
@@ -33,9 +34,9 @@ def test_no_speed_trend_without_damping():
 @pytest.mark.parametrize("speed", [0.0, 10.0, 60.0])
 def test_a_road_load_reaches_the_hub(speed):
     for model in (ring(), ring(radial_damping_N_s_m2=80.0, tangential_damping_N_s_m2=30.0)):
-        f_x, f_z = model.hub_forces(drive(speed, load_N=1000.0))
-        assert f_z[0] == pytest.approx(1000.0, rel=1e-9)
-        assert f_x[0] == pytest.approx(0.0, abs=1e-6)
+        told = forces(model, {"speed_m_s": speed, "load_N": 1000.0})
+        assert told["hub_vertical_N"][0] == pytest.approx(1000.0, rel=1e-9)
+        assert told["hub_longitudinal_N"][0] == pytest.approx(0.0, abs=1e-6)
 
 
 PATCH = {"load_N": F, "patch_half_length_m": L, "reference_load_N": F, "lever_arm_m": Y}

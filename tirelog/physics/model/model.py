@@ -30,7 +30,6 @@ from tirelog.physics.model.laws import Computed
 from tirelog.physics.model.stages import (
     Active,
     Task,
-    hub_forces,
     impedance,
     loaded_site,
     structure,
@@ -707,22 +706,6 @@ class Model:
         at_rest = replace(conditions.take(slice(0, 1)), speed_m_s=np.full(1, 1e-3))
         _, task = next(self._tasks(at_rest, self.values))
         return np.asarray(np.real(impedance(task, structure(task)))[0])
-
-    def hub_forces(self, conditions: Conditions) -> tuple[FloatArray, FloatArray]:
-        """(F_x, F_z) [N] on the hub, each (n,): F_x positive in braking, F_z up.
-
-        For rings (P3, errata).
-        """
-        if steady_carcass(self.carcass) != "ring":
-            raise ModelError(
-                "a beam has no hub",
-                allowed='hub forces are for carcass = "ring"',
-                do="make such a model",
-            )
-        out = np.empty((2, len(conditions)))
-        for rows, task in self._tasks(conditions, self.values):
-            out[:, rows] = hub_forces(task)
-        return out[0], out[1]
 
 
 def idle_effect(effect: Effect, observable: str) -> ModelError:

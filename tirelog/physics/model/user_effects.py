@@ -54,11 +54,9 @@ from tirelog.vocabulary.observables import OBSERVABLES
 # model is opened: it runs if the user has named the same bytes at a command before, on this
 # machine.
 # They are remembered in $XDG_STATE_HOME/tirelog/let_run (else ~/.local/state), a line per file, the
-# newest last; of a list that has grown too large the older half is forgotten.
+# newest last.
 
 
-#: bytes of the list that are kept: some 6,000 files
-_MOST_BYTES = 1 << 20
 #: of this process, if no list can be kept
 _now: set[str] = set()
 
@@ -75,8 +73,6 @@ def let_run(content: bytes, name: str) -> None:
         place.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         place.touch(0o600)
         lines = [*place.read_bytes().splitlines(), f"{digest}  {ascii(name)[1:-1]}".encode()]
-        if sum(map(len, lines)) + len(lines) > _MOST_BYTES:
-            lines = lines[len(lines) // 2 :]
         with whole_file(place) as part:
             part.write_bytes(b"\n".join([*lines, b""]))
 
@@ -245,7 +241,7 @@ def _refuse_other_node(node: ast.AST, text: str) -> None:
         )
 
 
-def _compute(node: ast.expr, values: Mapping[str, Any]) -> Any:
+def _compute(node: Any, values: Mapping[str, Any]) -> Any:
     """The value of a part that `_check` let through."""
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
         return node.value

@@ -167,7 +167,7 @@ class Transient:
             waves: FloatArray = (
                 2.0 * np.einsum("mn,mn->m", self._acceleration(when), turns).real + rigid
             )
-            return waves * np.asarray(gain(self.task)).item()
+            return np.asarray(waves * np.asarray(gain(self.task)).item())
         lever = lever_arm(self.task, surface) * lever_factor(self.task) * gain(self.task)
         strain = np.einsum("mn,mn->m", self._curvature(when), turns).real
         return np.asarray(2.0 * np.asarray(lever).item() * strain)
@@ -519,7 +519,6 @@ class Stepper:
             )
         self._belt_at = np.nan
         self._before = self._after = np.zeros_like(state.V)
-        self._damped = tire.c_w > 0.0 or tire.c_v > 0.0
         self._swing = tire.gamma_n / tire.m_n
         self._carried = 4.0 * np.pi * tire.R * tire.gamma_n * self._swing
         self._momentum = tire.J_r * state.omega + tire.gyroscopic_momentum(state.V, state.V_rate)
@@ -548,7 +547,7 @@ class Stepper:
 
     def _drag(self) -> float:
         s = self.state
-        return self.tire.belt_drag(s.V, s.V_rate, s.omega) if self._damped else 0.0
+        return self.tire.belt_drag(s.V, s.V_rate, s.omega)
 
     def _touch(self) -> RoadForces:
         s = self.state
@@ -602,12 +601,8 @@ class Stepper:
         What the sidewall's take from the ring they give to the hub.
         """
         s, tire = self.state, self.tire
-        if tire.c_h > 0.0:
-            s.hub_rate = complex(
-                s.hub_rate.real, s.hub_rate.imag * math.exp(-tire.c_h / tire.m_h * h)
-            )
-        if not self._damped:
-            return
+        kept = math.exp(-tire.c_h / tire.m_h * h)
+        s.hub_rate = complex(s.hub_rate.real, s.hub_rate.imag * kept)
         across = 1j * (s.centre - s.hub)
         sliding = s.centre_rate - s.hub_rate - s.omega_hub * across
         free = 1.0 / tire.m_r + 1.0 / tire.m_h
