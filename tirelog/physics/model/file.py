@@ -21,7 +21,6 @@ from tomlkit.exceptions import TOMLKitError
 from tirelog.errors import ModelError, choices
 from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS
 from tirelog.physics.effects import BY_ID, Effect
-from tirelog.physics.model import user_effects
 from tirelog.physics.model.model import (
     BY_NAME,
     FORM,
@@ -35,6 +34,9 @@ from tirelog.physics.model.model import (
 from tirelog.physics.model.user_effects import (
     AMPLITUDE,
     EXPRESSION_ACTS_ON,
+    FRAMES,
+    SHAPE_ACTS_ON,
+    SHAPE_KEYS,
     catalogue_with,
     effect_by_expression,
     effect_by_shape,
@@ -188,8 +190,8 @@ _BY_SHAPE = Table(
     {
         "name": TEXT,
         "shape": words("empirical"),
-        "acts_on": words(*user_effects.ACTS_ON),
-        "frame": words(*user_effects.FRAMES),
+        "acts_on": words(*SHAPE_ACTS_ON),
+        "frame": words(*FRAMES),
         "law": TEXT,
         "nodes": ANYTHING,
         "values": ANYTHING,
@@ -358,7 +360,7 @@ def _own_effect(table: Mapping[str, Any], place: FilePlace) -> ModelEffect:
             effect = effect_by_shape(name, acts_on, *law, amplitude)
     except ModelError as problem:
         raise (place / "name").moved(problem) from None
-    keys = ("acts_on", "expression") if by_formula else user_effects.KEYS
+    keys = ("acts_on", "expression") if by_formula else SHAPE_KEYS
     return ModelEffect(
         effect, effect.parameters, source={key: given[key] for key in keys if key in given}
     )

@@ -59,7 +59,6 @@ from tirelog.physics.model.stages import (
     structure,
     tangential,
 )
-from tirelog.physics.pressure import dry_length, filled_wedge
 from tirelog.physics.spectral import MODES, STEP, grid_angles, to_grid
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -271,8 +270,8 @@ def _dry_length(task: Task) -> FloatArray:
     if wedge is None:
         return 2.0 * site.half_length_m
     depth, film = 1e-3 * task.drive.water_depth_mm, 1e-3 * wedge["film_mm"]
-    wedged = filled_wedge(task.drive.speed_m_s, depth, wedge["width_m"], film, site.radius_m)
-    return dry_length(site.load_N, site.half_length_m, *wedged)
+    wedged = brush.filled_wedge(task.drive.speed_m_s, depth, wedge["width_m"], film, site.radius_m)
+    return brush.dry_length(site.load_N, site.half_length_m, *wedged)
 
 
 def _brush(task: Task) -> tuple[FloatArray, brush.Grip]:

@@ -23,10 +23,8 @@ from tirelog.physics.carcass.numbers import (
     carcass_parameters,
     steady_carcass,
 )
-from tirelog.physics.effects import BY_ID, Drive, Effect, readers, serves
-from tirelog.physics.effects.base import acting_on
+from tirelog.physics.effects import BY_ID, Drive, Effect, acting_on, readers, serves
 from tirelog.physics.model import laws
-from tirelog.physics.model.laws import Computed
 from tirelog.physics.model.stages import (
     Active,
     Task,
@@ -571,13 +569,13 @@ class Model:
         observable: str,
         surface: str,
         angles: Angles | None,
-        beside: Computed | None,
-    ) -> Computed:
+        beside: laws.Computed | None,
+    ) -> laws.Computed:
         """The derivative by one parameter, forward of what is computed `beside` it if given."""
         step = _STEP * max(abs(flat[name]), abs(self.parameters[name].probe) * 0.1)
 
         @or_refusal
-        def at(moved: float) -> Computed:
+        def at(moved: float) -> laws.Computed:
             """What is computed with the value moved by so many steps."""
             base, active = self._split({**flat, name: flat[name] + moved * step})
             end = replace(task, base=base, active=active, near=task)

@@ -19,7 +19,6 @@ import numpy as np
 from tirelog.errors import ModelError
 from tirelog.physics.carcass import contact, structures
 from tirelog.physics.carcass.numbers import FASTEST_HZ
-from tirelog.physics.carcass.structures import hardened_load
 from tirelog.physics.effects import conditions_read
 from tirelog.physics.effects.base import Drive, Effect, Site, Structure, Values
 from tirelog.physics.pressure import line, parabola, tilted_parabola
@@ -580,7 +579,7 @@ def hardened(task: Task) -> ComplexArray:
 
     def balanced() -> ComplexArray:
         # what was found last for these rows differs by a step of a fit: a quarter fewer turns
-        left, task.memo["balance"] = hardened_load(
+        left, task.memo["balance"] = structures.hardened_load(
             load, r.displacement, r.cubic, task.memo.get("balance")
         )
         return left

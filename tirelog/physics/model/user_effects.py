@@ -39,8 +39,7 @@ from tirelog.errors import (
     or_refusal,
     refuse_unknown,
 )
-from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure
-from tirelog.physics.effects.base import Values
+from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure, Values
 from tirelog.physics.spectral import GRID, Parameter, grid_angles, to_modes
 from tirelog.storage.remote import open_input
 from tirelog.storage.whole import LARGEST_BYTES, taken_as_input, whole_file
@@ -562,7 +561,7 @@ MOST_NODES = 720
 #: values and nodes are physical quantities in SI: what is larger is a fault of the file
 LARGEST = 1e12
 #: keys of a table in a model file, besides its name
-KEYS = ("shape", "acts_on", "frame", "law", "nodes", "values")
+SHAPE_KEYS = ("shape", "acts_on", "frame", "law", "nodes", "values")
 AMPLITUDE = Parameter("amplitude", "", "factor on the measured shape", 1.0, -10.0, 10.0, probe=1.0)
 
 
@@ -606,7 +605,7 @@ FRAMES: Mapping[str, ShapeFrame] = {
         ShapeFrame("speed", "speed", "m/s", "along the speed", ("load",)),
     )
 }  # fmt: skip
-ACTS_ON = tuple(dict.fromkeys(stage for frame in FRAMES.values() for stage in frame.acts_on))
+SHAPE_ACTS_ON = tuple(dict.fromkeys(stage for frame in FRAMES.values() for stage in frame.acts_on))
 
 
 @dataclass(frozen=True)
