@@ -1,6 +1,5 @@
 """Closed form: the table of verdicts, each rule by hand, and sentences that go with them."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -174,7 +173,6 @@ PUMPED = "Constant: inflation pressure 220000 Pa. Effects that follow them (infl
          FOLLOWING, ""),
         ({"load_N": [3400.0, 3410.0, 3420.0, 3434.0]}, FOLLOWING[:1], "Constant: load"),
         ({}, [BY_ID["inflation"]], PUMPED),
-        ({}, [replace(BY_ID["inflation"], follows="inflation pressure")], PUMPED),
     ],
 )  # fmt: skip
 def test_what_is_the_same_or_unknown_and_followed_is_said(known, effects, said):

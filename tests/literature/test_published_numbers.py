@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.planted import MODEL, stack
-from tirelog.data.recording import Channel, Conditions, TimeAxis
+from tirelog.data.recording import Channel, TimeAxis
 from tirelog.diagnosis.compare import start
 from tirelog.inference.floor import load_derivative
 from tirelog.inference.nuisances import shared_effects
 from tirelog.physics import Model
 from tirelog.physics.carcass.contact import solve_contact
-from tirelog.physics.model.presets import preset_model
 from tirelog.physics.moving.ring import natural_modes, of_model
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_columns
@@ -162,22 +161,3 @@ def test_the_wheel_s_force_variation_keeps_the_size_that_grows_in_a_tire():
     size = np.abs(shared.columns[..., force]).max(axis=(1, 2)) / np.abs(load).max(axis=1)
     assert np.ptp(base.cells.conditions.speed_m_s) > 10.0
     assert size == pytest.approx(np.full(len(size), size[0]), rel=0.02)
-
-
-def published_resistance(speed_m_s: float, pressure_bar: float) -> float:
-    """Rolling resistance over load of passenger tires, by engineering tables (facts)."""
-    return 0.005 + (0.01 + 0.0095 * (3.6 * speed_m_s / 100.0) ** 2) / pressure_bar
-
-
-def test_losses_rise_with_the_speed_as_tables_have_it():
-    """From 3 to 24 m/s by 1.33 at 2.2 bar; P1's beam dissipates 1.145 times as much, and P1 Fig. 11
-    measures less."""
-    assert published_resistance(24.0, 2.2) / published_resistance(3.0, 2.2) == pytest.approx(
-        1.33, abs=0.01
-    )
-    beam = preset_model("P1")
-    slow, fast = (
-        float(np.squeeze(beam.predict(Conditions.of(1, speed_m_s=v), np.zeros(1))))
-        for v in (3.0, 24.0)
-    )
-    assert 1.0 < fast / slow < published_resistance(24.0, 2.2) / published_resistance(3.0, 2.2)

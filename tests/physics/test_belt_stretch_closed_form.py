@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from tests.physics.brush_shear import traction
 from tirelog.api.models import StripSection, given_conditions, revolutions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
 from tirelog.physics.model.forces import force_columns
-from tirelog.physics.model.presets import preset_model
-from tirelog.physics.pressure import traction
+from tirelog.physics.model.from_setup import preset_model
 
 COMPLIANCE, K_V, SLIP, SPEED = 1e-6, 3e5, 0.3, 15.0
 DRIVEN = {"speed_m_s": SPEED, "load_N": 3400.0, "slip": SLIP}

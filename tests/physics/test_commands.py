@@ -67,25 +67,6 @@ def test_predict_gives_the_contracts_columns(here):
     assert table[:, 5].mean() * 2 * np.pi * 0.305 == pytest.approx(3434.0, rel=1e-5)
 
 
-@pytest.mark.parametrize(
-    "option",
-    [
-        ["--speed", "-5"],
-        ["--speed", "nan"],
-        ["--speed", "300"],
-        ["--speed", "9", "--acceleration", "inf"],
-        ["--speed", "9", "--time", "-1"],
-        ["--speed", "9", "--temperature", "2000"],
-        ["--speed", "9", "--slip", "1.5"],
-    ],
-)
-def test_conditions_that_no_tire_is_driven_under_are_refused(here, capsys, option):
-    status("model new --setup s.toml -o b.toml --quiet")
-    assert status("model predict b.toml", *option, "-o", "w.csv") == 2
-    assert f"{option[-2]} {float(option[-1]):g}; " in capsys.readouterr().err
-    assert not (here / "w.csv").exists()
-
-
 def test_bar_taken_for_pascal_is_refused(here, capsys):
     (here / "bar.toml").write_text(SETUP.replace("2.2e5", "2.2"))
     for given, says in (
@@ -136,25 +117,6 @@ def test_new_predicts_what_the_setups_channels_measure(here):
         "strain",
         "strain",
     ]
-
-
-def test_a_users_effect_on_nothing_is_refused_with_what_acts(here, capsys):
-    status("model new --observable radial_acceleration -o a.toml --quiet")
-    with (here / "a.toml").open("a") as text:
-        text.write(
-            '\n[[effects]]\nname = "mine"\nacts_on = "baseline"\nexpression = "q"\n'
-            "parameters = { q = 0.1 }\n"
-        )
-    assert status("model show a.toml") == 2
-    told = capsys.readouterr().err
-    assert "a.toml:" in told
-    assert (
-        "what acts on radial_acceleration: load, contact_pressure, structure "
-        "(foundation_stiffness), sensor, radial_acceleration" in told
-    )
-    status("model new --observable patch_length -o l.toml --quiet")
-    assert status("model add l.toml viscous_damping -o l2.toml") == 2
-    assert "does nothing to patch_length" in capsys.readouterr().err
 
 
 def test_effects_lists_the_catalogue(here, capsys):

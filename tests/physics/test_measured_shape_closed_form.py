@@ -37,14 +37,6 @@ def test_a_user_s_waveform_is_its_mean_over_a_bin() -> None:
     )
 
 
-def test_without_a_spread_a_waveform_is_its_value() -> None:
-    amplitude = Parameter("A", "1", "", 1e-4, -1.0, 1.0, 1e-4)
-    model = BEAM.with_effect(
-        effect_by_expression("wave", "strain", "A * cos(24 * phi)", (amplitude,))
-    )
-    np.testing.assert_array_equal(added(model), added(model, phi_variance=np.zeros(PHI.shape)))
-
-
 def coordinate(frame: str) -> np.ndarray:
     """Each frame's coordinate by plain arithmetic, (3, m)."""
     radius, half = 0.3, BEAM.half_length_m(AT)[:, None]

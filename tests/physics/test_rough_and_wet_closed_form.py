@@ -10,7 +10,7 @@ from tirelog.api.models import forces, revolutions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
 from tirelog.physics.model.forces import worn_model
-from tirelog.physics.model.presets import preset_model
+from tirelog.physics.model.from_setup import preset_model
 
 BEAM = preset_model("P2")
 R, L0 = (BEAM.values[name] for name in ("radius_m", "patch_half_length_m"))

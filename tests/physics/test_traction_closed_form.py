@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.physics.brush_shear import traction
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model, pressure
 
@@ -39,7 +40,7 @@ def test_pressure_and_shear_under_traction_are_told_apart(carcass, sigma, grip):
     )
     assert np.allclose(p, base.predict(one, phi, observable="contact_pressure")[0], rtol=1e-12)
     slip, half = np.array([sigma]), np.array([L])
-    wanted = pressure.traction(phi * R, np.array([F]), half, slip, grip)
+    wanted = traction(phi * R, np.array([F]), half, slip, grip)
     onset = pressure.transition(slip, half, grip.stiffness_ratio)  # the jump there ripples
     smooth = np.abs(phi * R - onset) > 0.06 * L
     assert np.abs(tau - wanted)[smooth].max() < 0.03 * np.abs(wanted).max()

@@ -7,11 +7,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.physics.brush_shear import traction
 from tests.strain.strain_truth import Beam
 from tirelog.data.recording import Channel, Recording, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.errors import UsageError
-from tirelog.physics.pressure import traction, transition
+from tirelog.physics.pressure import transition
 from tirelog.strain.slip import (
     EXPONENT_SD,
     friction_used,

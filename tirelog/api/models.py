@@ -20,6 +20,7 @@ from tirelog.physics.model import file
 from tirelog.physics.model.file import refuse_another
 from tirelog.physics.model.forces import StripSection, carcass_facts, force_columns, worn_model
 from tirelog.physics.model.from_setup import (
+    PRESETS,
     check_conditions,
     check_model,
     known_conditions,
@@ -28,7 +29,6 @@ from tirelog.physics.model.from_setup import (
 )
 from tirelog.physics.model.from_setup import new_model as made_model
 from tirelog.physics.model.model import Model, difference_rows, parameter_rows
-from tirelog.physics.model.presets import PRESETS
 from tirelog.physics.model.user_effects import catalogue_with, effect_called
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.columns import TABLES

@@ -58,7 +58,6 @@ from tirelog.inference.measured import without_motion_parameters
 from tirelog.inference.metric import per_group
 from tirelog.inference.nuisances import shared_by
 from tirelog.inference.stacks.cut import Stacks
-from tirelog.physics.model.file import unit_remarks
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.conditions import SETUP_KEYS
@@ -278,7 +277,7 @@ def remarks_of(base: Base) -> list[str]:
         of_all = {*base.cells.notes, *(remark for remark, n in counted.items() if n > 1)}
         said = [r if r in of_all else f"{name}: {r}" for name, remarks in each for r in remarks]
         return list(dict.fromkeys(said))
-    said = [*base.cells.notes, *unit_remarks(base.model), *of_rounding(base)]
+    said = [*base.cells.notes, *of_rounding(base)]
     if base.cells.manoeuvres < 2:
         said.append(
             "one manoeuvre: none can be held out from the fit, so there is no held-out error; "

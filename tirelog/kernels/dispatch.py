@@ -1,7 +1,7 @@
 """Kinds of arguments: what a kernel is compiled for, as a key, as text, and by an example.
 
 An array's kind is its type, its number of dimensions, its order in memory and whether it may be
-written; a tuple's the kinds of its parts, and a named tuple's its class beside them.
+written; a named tuple's its class and the kinds of its parts.
 """
 
 from __future__ import annotations
@@ -13,15 +13,16 @@ from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from functools import cache, update_wrapper
 from hashlib import blake2b
-from importlib import import_module
 from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from pkgutil import resolve_name
 from threading import Lock
 from types import FunctionType
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.lib.format import descr_to_dtype, dtype_to_descr
 
 from tirelog.runtime import notice_compiling
 
@@ -164,36 +165,13 @@ def _spelled(kind: Kind) -> Any:
     if isinstance(kind, type):
         return {"other": _name(kind)}
     first, *rest = kind
-    if first is tuple:
-        return {"tuple": [_spelled(part) for part in rest]}
     if isinstance(first, type):
         return {"named": _name(first), "parts": [_spelled(part) for part in rest]}
     if first == _BY_DTYPE and isinstance(first, str):
-        return {"scalar": _type(rest[0])}
+        return {"scalar": dtype_to_descr(rest[0])}
     dimensions, order, writeable = rest
-    return {"array": _type(first), "dimensions": dimensions, "order": order, "written": writeable}
-
-
-def _type(dtype: np.dtype[Any]) -> Any:
-    """An array's type as text, or that of its rows with the place of each field."""
-    if dtype.fields is None:
-        return dtype.str
-    return {
-        "names": list(dtype.fields),
-        "formats": [_type(field[0]) for field in dtype.fields.values()],
-        "offsets": [field[1] for field in dtype.fields.values()],
-        "itemsize": dtype.itemsize,
-        "aligned": dtype.isalignedstruct,
-    }
-
-
-def _dtype(told: Any) -> np.dtype[Any]:
-    if isinstance(told, str):
-        return np.dtype(told)
-    fields: Any = {**told, "formats": [_dtype(one) for one in told["formats"]]}
-    aligned = bool(fields.pop("aligned"))
-    made: np.dtype[Any] = np.dtype(fields, align=aligned)
-    return made
+    array = dtype_to_descr(first)
+    return {"array": array, "dimensions": dimensions, "order": order, "written": writeable}
 
 
 def _name(of: type) -> str:
@@ -211,19 +189,16 @@ def examples(text: str) -> tuple[Any, ...]:
 def _example(told: Any) -> Any:
     if isinstance(told, str):
         return _EXAMPLES[told]
-    if "tuple" in told:
-        return tuple(_example(part) for part in told["tuple"])
     if "named" in told:
-        module, _, name = told["named"].partition(":")
-        return getattr(import_module(module), name)(*(_example(part) for part in told["parts"]))
+        return resolve_name(told["named"])._make(map(_example, told["parts"]))
     if "scalar" in told:
-        return np.zeros(1, _dtype(told["scalar"]))[0]
+        return np.zeros(1, descr_to_dtype(told["scalar"]))[0]
     if "array" not in told:
         raise ValueError(f"no example of {told}")
     order, dimensions = told["order"], told["dimensions"]
     # every second of four, along each dimension, is in no order
     shape = (4,) * dimensions if order == "A" else (2,) * dimensions
-    array = np.zeros(shape, _dtype(told["array"]), order="F" if order == "F" else "C")
+    array = np.zeros(shape, descr_to_dtype(told["array"]), order="F" if order == "F" else "C")
     if order == "A":
         array = array[(slice(None, None, 2),) * dimensions]
     array.flags.writeable = told["written"]

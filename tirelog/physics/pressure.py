@@ -295,22 +295,6 @@ def transition(
     return half_length_m * np.maximum(1.0 - 2.0 * stiffness_ratio * np.abs(slip), -1.0)
 
 
-def traction(
-    xi_m: FloatArray,
-    load_N: FloatArray,
-    half_length_m: FloatArray,
-    slip: FloatArray,
-    grip: Grip = Grip(),
-) -> FloatArray:
-    """tau(xi) [N/m], positive in braking; P2 (13)."""
-    gamma = 0.75 * load_N / half_length_m**3
-    stiffness = grip.stiffness_ratio * slip_stiffness(load_N, half_length_m, grip.static_friction)
-    stick = slip * stiffness * (xi_m + half_length_m)
-    slide = np.sign(slip) * grip.sliding_friction * gamma * (half_length_m**2 - xi_m**2)
-    tau = np.where(xi_m < transition(slip, half_length_m, grip.stiffness_ratio), stick, slide)
-    return np.where(np.abs(xi_m) < half_length_m, tau, 0.0)
-
-
 def traction_modes(
     load_N: FloatArray,
     half_length_m: FloatArray,
@@ -361,7 +345,7 @@ def forces(
         d = ((xi + L) sigma, (xi + L) tan(slip angle) + sin(camber) (L^2 - xi^2) / (2 R))
 
     with C_x both ways up to f_s p; from there to the exit edge f_d p against the motion. The
-    carcass is taken to be stiff sideways. Without angles it is `traction`, summed.
+    carcass is taken to be stiff sideways. Without angles it is P2 (13), summed.
     """
     steps = 2000
     u = (np.arange(steps) + 0.5) * (2.0 / steps) - 1.0  # (xi / L), middles of the steps

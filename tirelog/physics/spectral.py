@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,20 +40,21 @@ def interpolated(
     beyond: FloatArray,
     out: FloatArray,
 ) -> None:
-    """Fills `out` (n, m) with rows of `grid` (n, points), which go round, at indices `at` (n, m).
+    """Fills `out` (n, m) with rows of `grid` (n or 1, points), which go round, at `at` (n or 1, m).
 
-    before, here, after, beyond: weights (n, m) of the point before each index, at it, and of the
-    next two.
+    before, here, after, beyond: weights (n or 1, m) of the point before each index, at it, and of
+    the next two.
     """
     points = grid.shape[1]
-    for i in range(at.shape[0]):
+    for row in range(out.shape[0]):
+        g, i = min(row, grid.shape[0] - 1), min(row, at.shape[0] - 1)
         for j in range(at.shape[1]):
             k = at[i, j]
-            total = before[i, j] * grid[i, k - 1 if k > 0 else points - 1]
-            total += here[i, j] * grid[i, k]
-            total += after[i, j] * grid[i, k + 1 if k + 1 < points else k + 1 - points]
-            total += beyond[i, j] * grid[i, k + 2 if k + 2 < points else k + 2 - points]
-            out[i, j] = total
+            total = before[i, j] * grid[g, k - 1 if k > 0 else points - 1]
+            total += here[i, j] * grid[g, k]
+            total += after[i, j] * grid[g, k + 1 if k + 1 < points else k + 1 - points]
+            total += beyond[i, j] * grid[g, k + 2 if k + 2 < points else k + 2 - points]
+            out[row, j] = total
 
 
 # ---- A number of a model: value, bounds, unit, and whether a fit may move it.
@@ -127,13 +128,7 @@ GRID = 3 * MODES
 STEP = 2.0 * np.pi / GRID
 #: Waveforms that are laid out at once: they stay in the processor's cache. Twice as many leave it.
 BLOCK = 96
-_HARMONIC = np.arange(MODES, dtype=np.float64)
 _BLOCK = 32
-
-
-def wave_numbers(radius_m: float) -> FloatArray:
-    """q_n = n / R [1/m], shape (K,)."""
-    return _HARMONIC / radius_m
 
 
 def grid_angles() -> FloatArray:
@@ -182,31 +177,32 @@ class Angles:
     variance.
     """
 
-    def __init__(self, phi_rad: FloatArray, phi_variance: FloatArray | None = None) -> None:
-        self.phi_rad = np.atleast_2d(np.ascontiguousarray(phi_rad, dtype=np.float64))
-        self._spread = None if phi_variance is None else np.sqrt(np.atleast_2d(phi_variance))
+    def __init__(self, phi_rad: FloatArray, phi_variance: FloatArray | float | None = None) -> None:
+        given = np.zeros((1, 1)) if phi_variance is None else phi_variance
+        phi, variance = np.broadcast_arrays(np.atleast_2d(phi_rad), np.atleast_2d(given))
+        self.phi_rad = np.ascontiguousarray(phi, dtype=np.float64)
+        self._spread = np.sqrt(variance)
         position = self.phi_rad / STEP
         floor = np.floor(position)
         t = position - floor
         u = 1.0 - t
         # cubic through four points: the chord, less the curvature that runs linearly from the first
         # to the second
-        bend = [-t * u * (1.0 + u) / 6.0, -t * u * (1.0 + t) / 6.0]
-        if phi_variance is not None:
-            spread = np.atleast_2d(phi_variance) * (0.5 / STEP**2)
-            bend = [bend[0] + spread * u, bend[1] + spread * t]
-        first, second = bend
-        self._weights = (first, u - 2.0 * first + second, t + first - 2.0 * second, second)
-        index = np.where(np.isfinite(floor), floor, 0.0).astype(np.int64)
-        self._index = [(index + shift) % GRID for shift in (-1, 0, 1, 2)]
+        curved = variance * (0.5 / STEP**2)
+        first = curved * u - t * u * (1.0 + u) / 6.0
+        second = curved * t - t * u * (1.0 + t) / 6.0
+        self._weights = np.stack(
+            [first, u - 2.0 * first + second, t + first - 2.0 * second, second]
+        )
+        self._index = np.where(np.isfinite(floor), floor, 0.0).astype(np.int64) % GRID
 
     def take(self, rows: slice) -> Angles:
         """The angles of some revolutions."""
-        part = Angles.__new__(Angles)
-        part.phi_rad = self._rows(self.phi_rad, rows)
-        part._spread = None if self._spread is None else self._rows(self._spread, rows)
-        part._weights = tuple(self._rows(w, rows) for w in self._weights)
-        part._index = [self._rows(i, rows) for i in self._index]
+        if self.phi_rad.shape[0] == 1:
+            return self
+        part = copy(self)
+        part.phi_rad, part._spread = self.phi_rad[rows], self._spread[rows]
+        part._weights, part._index = self._weights[:, rows], self._index[rows]
         return part
 
     def mean(self, function: Callable[[FloatArray], FloatArray]) -> FloatArray:
@@ -214,13 +210,9 @@ class Angles:
 
         At two angles a standard deviation to either side: f + f''/2 times the variance.
         """
-        if self._spread is None or not np.any(self._spread > 0.0):
+        if not np.any(self._spread > 0.0):
             return function(self.phi_rad)
         return 0.5 * (function(self.phi_rad - self._spread) + function(self.phi_rad + self._spread))
-
-    @staticmethod
-    def _rows(values: Any, rows: slice) -> Any:
-        return values if values.shape[0] == 1 else values[rows]
 
     def evaluate(self, coefficients: ComplexArray, shares: FloatArray | None = None) -> FloatArray:
         """Values (n or 1, m) of waveforms given by coefficients (n or 1, K).
@@ -238,16 +230,8 @@ class Angles:
 
     def _between(self, grid: FloatArray) -> FloatArray:
         """Values (n or 1, m) of waveforms on the grid (n or 1, GRID)."""
-        if grid.shape[0] > 1 and self._index[1].shape[0] > 1:
-            out = np.empty(self._index[1].shape)
-            interpolated(grid, self._index[1], *self._weights, out)
-            return out
-        total = self._weights[0] * _gather(grid, self._index[0])
-        for weight, index in zip(self._weights[1:], self._index[1:]):
-            total += weight * _gather(grid, index)
-        return total
-
-
-def _gather(grid: FloatArray, index: NDArray[np.int64]) -> FloatArray:
-    """grid (n or 1, GRID) at index (n or 1, m), either of which is one row -> (n, m)."""
-    return grid[0][index] if grid.shape[0] == 1 else grid[:, index[0]]
+        rows = max(grid.shape[0], self._index.shape[0])
+        out = np.empty((rows, self._index.shape[1]))
+        before, here, after, beyond = self._weights
+        interpolated(grid, self._index, before, here, after, beyond, out)
+        return out

@@ -166,11 +166,3 @@ CONDITIONS: Mapping[str, Condition] = {
 SETUP_KEYS: Mapping[str, SetupRange] = {
     name: condition.setup for name, condition in CONDITIONS.items() if condition.setup is not None
 }
-
-
-def condition_named(text: str) -> Condition | None:
-    """The condition that a text names by field, symbol, word or name; None if there is none."""
-    wanted = text.strip()
-    return next(
-        (c for c in CONDITIONS.values() if wanted in (c.field, c.symbol, c.word, c.name)), None
-    )

@@ -32,9 +32,13 @@ from tirelog.diagnosis.rules import CONTENDER, LEAST_SHARE_OF_FLOOR, QUIET_CHI2,
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, refit
 from tirelog.inference.floor import held_out_losses, steps_left_out
-from tirelog.physics.model.expression import parse_expression
 from tirelog.physics.model.model import Model, ModelEffect
-from tirelog.physics.model.user_effects import CONDITIONS, PLACES, effect_by_expression
+from tirelog.physics.model.user_effects import (
+    CONDITIONS,
+    PLACES,
+    effect_by_expression,
+    parse_expression,
+)
 from tirelog.physics.spectral import Parameter
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES

@@ -32,9 +32,14 @@ from tirelog.inference.cells.joint import predicted
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric import Whitener, side_by_side, stacked
 from tirelog.physics.effects import Effect
-from tirelog.physics.model.expression import parse_expression
 from tirelog.physics.model.model import ModelEffect
-from tirelog.physics.model.user_effects import CONDITIONS, FRAMES, PLACES, effect_by_shape
+from tirelog.physics.model.user_effects import (
+    CONDITIONS,
+    FRAMES,
+    PLACES,
+    effect_by_shape,
+    parse_expression,
+)
 from tirelog.vocabulary.arrays import FloatArray
 
 #: cells of which the coupling is kept as a low rank, and on which the grammar is scanned: the time

@@ -182,15 +182,9 @@ def check_load(load_N: float) -> None:
 def solve_contact(carcass: RingCarcass, load_N: float, losses: tuple[float, ...] = ()) -> Contact:
     """The contact at the load F [N] of a ring with these losses; without any it is even.
 
-    ModelError if load or the tread's stiffness are not above zero or the patch grows beyond REACH.
+    ModelError if the load is not above zero or the patch grows beyond REACH.
     """
     check_load(load_N)
-    if not carcass.k_t > 0.0:
-        raise ModelError(
-            f"a tread of stiffness {carcass.k_t:g} N/m^2 carries nothing",
-            allowed="a stiffness above zero is allowed",
-            do="correct tread_stiffness_N_m2",
-        )
     last = int(solve_contact(carcass, load_N).on[-1]) if losses else int(_BEGIN / STEP)
     farthest = last + max(_LEAST_MARGIN, int(_MARGIN * last))
     for wide in sorted({min(farthest << k, NODES) for k in range(NODES.bit_length())}):

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from tirelog.physics.effects import contact, form, structure, waveform
-from tirelog.physics.effects.base import Drive, Effect, Site, Structure
+from tirelog.physics.effects.base import Drive, Effect, Site, Structure, Values, acting_on
 
 #: Every effect of the catalogue, in the contract's order: that of the chapters and of their lines.
 CATALOGUE: tuple[Effect, ...] = tuple(
@@ -86,6 +86,8 @@ __all__ = [
     "Effect",
     "Site",
     "Structure",
+    "Values",
+    "acting_on",
     "conditions_read",
     "readers",
     "serves",

@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Conditions
-from tirelog.errors import ModelError, refuse_unknown
+from tirelog.errors import ModelError
 from tirelog.physics.pressure import legendre_modes
-from tirelog.physics.spectral import ComplexArray, Parameter, grid_angles, wave_numbers
+from tirelog.physics.spectral import MODES, ComplexArray, Parameter
 from tirelog.vocabulary.arrays import FloatArray, IntArray
-from tirelog.vocabulary.conditions import CONDITIONS, ConditionValues, condition_named
+from tirelog.vocabulary.conditions import CONDITIONS, ConditionValues
 from tirelog.vocabulary.observables import OBSERVABLES, computed_from
 
 #: numbers by name, and the words of options
@@ -118,12 +118,7 @@ class Site:
     @property
     def q(self) -> FloatArray:
         """Wave numbers [1/m], shape (K,)."""
-        return wave_numbers(self.radius_m)
-
-    @property
-    def xi_m(self) -> FloatArray:
-        """The tread coordinate on the grid, shape (GRID,)."""
-        return self.radius_m * grid_angles()
+        return np.arange(MODES) / self.radius_m
 
     @property
     def mean_pressure(self) -> FloatArray:
@@ -184,7 +179,7 @@ class Effect:
 
     id, mechanism              as in the catalogue
     follows                    the conditions by which it grows, each (field, power of it), ()
-                               for none; a text ("speed^2, water depth") is read as such
+                               for none
     acts_on                    the stages it enters
     reads                      stages that it reads ("load" of a regressor): if nothing else reads
                                them, an effect on them acts through this one alone
@@ -218,7 +213,7 @@ class Effect:
 
     id: str
     mechanism: str
-    follows: Follows | str
+    follows: Follows
     acts_on: tuple[str, ...]
     parameters: tuple[Parameter, ...]
     strength: tuple[str, ...]
@@ -255,16 +250,12 @@ class Effect:
 
     @property
     def followed(self) -> Follows:
-        """The conditions that it follows as (field, power), also those that a text names."""
-        if isinstance(self.follows, str):
-            return _named_in(self.follows)
+        """The conditions that it follows as (field, power)."""
         return tuple((name, float(power)) for name, power in self.follows)
 
     @property
     def follows_said(self) -> str:
         """The conditions that it follows, in words: `speed^2, water depth`."""
-        if isinstance(self.follows, str):
-            return self.follows or "nothing"
         followed, parts = dict(self.followed), []
         for name, power in followed.items():
             other = CONDITIONS.get(self.instead.get(name, ""))
@@ -324,7 +315,19 @@ class Effect:
         """Itself; ModelError if its description contradicts itself."""
         names = [parameter.name for parameter in self.parameters]
         stages = dict.fromkeys(stage for _, stage in ENTERS.values())
-        self._refuse(
+        try:
+            powers = dict(self.followed)
+            ranges = {k: (float(low), float(high)) for k, (low, high) in self.valid_range.items()}
+        except (AttributeError, TypeError, ValueError):
+            raise self._wrong(
+                f"follows {self.follows!r}, valid_range {self.valid_range!r}",
+                'allowed are pairs (condition, power) such as (("speed_m_s", 2),), and a pair '
+                '(lowest, highest) by name such as {"speed_m_s": (2.0, 40.0)}',
+            ) from None
+        unknown = [name for name in powers if name not in CONDITIONS]
+        unknown += [name for name in ranges if name not in (*CONDITIONS, *names)]
+        empty = [name for name, (low, high) in ranges.items() if not low <= high]
+        for wrong, what, allowed in (
             (
                 len(set(names)) != len(names)
                 or not set(self.strength) <= set(names)
@@ -337,71 +340,30 @@ class Effect:
                 f"reads {', '.join(map(str, self.reads))}",
                 f"allowed are {', '.join(stages)}",
             ),
-        )
-        for parameter in self.parameters:
-            parameter.checked(f"{self.id}.{parameter.name}")
-        self._refuse_unknown_conditions(names)
-        return self
-
-    def _refuse_unknown_conditions(self, parameters: list[str]) -> None:
-        """ModelError if `follows` or `valid_range` has unknown names or bad numbers."""
-        try:
-            followed = dict(self.followed)
-            ranges = {
-                name: (float(low), float(high)) for name, (low, high) in self.valid_range.items()
-            }
-        except (AttributeError, TypeError, ValueError):
-            raise ModelError(
-                f"effect {self.id}: follows {self.follows!r}, valid_range {self.valid_range!r}",
-                allowed='allowed are pairs (condition, power) such as (("speed_m_s", 2),), and a '
-                'pair (lowest, highest) by name such as {"speed_m_s": (2.0, 40.0)}',
-                do="correct the effect",
-            ) from None
-        for names, known, what in (
-            (followed, [*CONDITIONS], "condition"),
-            (ranges, [*CONDITIONS, *parameters], "condition or parameter"),
-        ):
-            for name in names:
-                refuse_unknown(
-                    name,
-                    known,
-                    f"effect {self.id}: {name!r} is not a {what}",
-                    do="correct the effect",
-                    error=ModelError,
-                )
-        self._refuse(
             (
-                not np.isfinite(list(followed.values())).all(),
+                unknown,
+                f"{', '.join(map(repr, unknown))} is not a condition",
+                f"allowed are {', '.join(CONDITIONS)}, and in valid_range its parameters",
+            ),
+            (
+                not np.isfinite(list(powers.values())).all(),
                 f"follows {self.follows!r}",
                 "allowed are finite powers",
             ),
-            *(
-                (
-                    not low <= high,
-                    f"valid_range of {name} is from {low:g} to {high:g}",
-                    "allowed is (lowest, highest)",
-                )
-                for name, (low, high) in ranges.items()
+            (
+                empty,
+                f"valid_range of {', '.join(empty)} ends before it begins",
+                "allowed is (lowest, highest)",
             ),
-        )
-
-    def _refuse(self, *checks: tuple[object, str, str]) -> None:
-        """ModelError of the first check (wrong, what, allowed) that is wrong."""
-        for wrong, what, allowed in checks:
+        ):
             if wrong:
-                do = "correct the effect"
-                raise ModelError(f"effect {self.id}: {what}", allowed=allowed, do=do)
+                raise self._wrong(what, allowed)
+        for parameter in self.parameters:
+            parameter.checked(f"{self.id}.{parameter.name}")
+        return self
 
-
-def _named_in(text: str) -> Follows:
-    """The conditions that a text such as `speed^2, water depth` names; other words are left."""
-    found = []
-    for part in text.split(","):
-        name, _, power = part.partition("^")
-        condition = condition_named(name)
-        if condition is not None and re.fullmatch(r"\s*(\d+(\.\d*)?)?\s*", power):
-            found.append((condition.field, float(power) if power.strip() else 1.0))
-    return tuple(found)
+    def _wrong(self, what: str, allowed: str) -> ModelError:
+        return ModelError(f"effect {self.id}: {what}", allowed=allowed, do="correct the effect")
 
 
 # ---- An effect from the function that computes it: `@effect`, with its numbers by `number`.
@@ -478,7 +440,7 @@ def texts_of(function: Callable[..., Any]) -> dict[str, str]:
 
 
 def effect(
-    hook: str, *, follows: Follows | str = (), strength: tuple[str, ...] | None = None, **given: Any
+    hook: str, *, follows: Follows = (), strength: tuple[str, ...] | None = None, **given: Any
 ) -> Callable[[Callable[..., Any]], Effect]:
     """A decorator: the `Effect` whose `hook` the function computes.
 

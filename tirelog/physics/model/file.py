@@ -21,8 +21,6 @@ from tomlkit.exceptions import TOMLKitError
 from tirelog.errors import ModelError, choices
 from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS
 from tirelog.physics.effects import BY_ID, Effect
-from tirelog.physics.model import user_effects
-from tirelog.physics.model.expression import BASE, RESULT_UNITS, dimension_of, disagreement
 from tirelog.physics.model.model import (
     BY_NAME,
     FORM,
@@ -36,6 +34,9 @@ from tirelog.physics.model.model import (
 from tirelog.physics.model.user_effects import (
     AMPLITUDE,
     EXPRESSION_ACTS_ON,
+    FRAMES,
+    SHAPE_ACTS_ON,
+    SHAPE_KEYS,
     catalogue_with,
     effect_by_expression,
     effect_by_shape,
@@ -78,6 +79,8 @@ _NUMBER = Table(
         "fixed": FLAG,
     }
 )
+#: of a user's own, which brings its unit
+_OWN_NUMBER = Table({**_NUMBER.keys, "unit": TEXT})
 
 
 @dataclass(frozen=True)
@@ -88,18 +91,17 @@ class _Kind:
     read: Callable[[Any, FilePlace], Any]
 
 
-def _number(known: Parameter | None, own: bool = False) -> _Kind:
+def _number(known: Parameter | None, table: Table = _NUMBER) -> _Kind:
     """A parameter: a plain number is fixed, a table is free.
 
-    The user's `own` may bring their unit; one that nobody knows also has no bounds but those that
-    it brings.
+    One that nobody knows has no bounds but those that it brings.
     """
     allowed = "allowed is a finite number or { value, min, max }"
 
     def read(value: Any, place: FilePlace) -> Parameter:
         usual = _unknown(value, place) if known is None else known
         if isinstance(value, dict):
-            given = _NUMBER.read({k: v for k, v in value.items() if k != "unit" or not own}, place)
+            given = table.read(value, place)
         elif is_number(value):
             given = {"value": float(value), "fixed": True}
         else:
@@ -114,17 +116,14 @@ def _number(known: Parameter | None, own: bool = False) -> _Kind:
 
 
 def _unknown(value: Any, place: FilePlace) -> Parameter:
-    """A user's own parameter, with its unit and a probe of its size."""
+    """A user's own parameter, with a probe of its size."""
     brought = value if isinstance(value, dict) else {"value": value}
-    start, unit = brought.get("value", 0.0), brought.get("unit", "")
-    if not isinstance(unit, str) or (unit and dimension_of(unit) is None):
-        base = f"allowed are powers and products of {', '.join(BASE)}, such as N/m^2"
-        raise (place / "unit").wrong(unit, base, do="correct it, or leave it out")
+    start = brought.get("value", 0.0)
     most = 1e9 * max(1.0, abs(start) if is_number(start) else 1.0)
     ends = [brought.get(end, most) for end in ("min", "max")]
     size = max((abs(end) for end in ends if is_number(end)), default=most)
     probe = float(start) if is_number(start) and start else 0.01 * size
-    return Parameter(str(place.path[-1]), unit, "the user's own", 0.0, -most, most, probe=probe)
+    return Parameter(str(place.path[-1]), "", "the user's own", 0.0, -most, most, probe=probe)
 
 
 def _use(known: Nuisance) -> _Kind:
@@ -184,19 +183,19 @@ _BY_EXPRESSION = Table(
         "name": TEXT,
         "acts_on": words(*EXPRESSION_ACTS_ON),
         "expression": TEXT,
-        "parameters": Named(_number(None, own=True)),
+        "parameters": Named(_number(None, _OWN_NUMBER)),
     }
 )
 _BY_SHAPE = Table(
     {
         "name": TEXT,
         "shape": words("empirical"),
-        "acts_on": words(*user_effects.ACTS_ON),
-        "frame": words(*user_effects.FRAMES),
+        "acts_on": words(*SHAPE_ACTS_ON),
+        "frame": words(*FRAMES),
         "law": TEXT,
         "nodes": ANYTHING,
         "values": ANYTHING,
-        "parameters": Table({AMPLITUDE.name: _number(AMPLITUDE, own=True)}),
+        "parameters": Table({AMPLITUDE.name: _number(AMPLITUDE, _OWN_NUMBER)}),
     },
     needed=("frame",),
 )
@@ -205,32 +204,20 @@ _BY_SHAPE = Table(
 # ---- the file
 
 
-def load_model(
-    path: str | Path,
-    *,
-    catalogue: Mapping[str, Effect] | None = None,
-    effects: Path | None = None,
-) -> Model:
+def load_model(path: str | Path, *, effects: Path | None = None) -> Model:
     """The model in the file (contract, "Model file").
 
-    Its effects are those of the `catalogue`, by default ours, installed ones, and the user's own
-    of the Python file `effects`, which is run; without one of that which the model names, if the
-    user has let it run before.
+    Its effects are ours, installed ones, and the user's own of the Python file `effects`, which is
+    run; without one of that which the model names, if the user has let it run before.
 
     ModelError names file, line and what is allowed.
     """
     path = Path(path)
     text = toml_text(path, ModelError, what="a model", advice="make one with `tirelog model new`")
-    return replace(parse_model(text, path, catalogue=catalogue, own=effects), path=path)
+    return replace(parse_model(text, path, own=effects), path=path)
 
 
-def parse_model(
-    text: str,
-    path: Path | None = None,
-    *,
-    catalogue: Mapping[str, Effect] | None = None,
-    own: Path | None = None,
-) -> Model:
+def parse_model(text: str, path: Path | None = None, *, own: Path | None = None) -> Model:
     """The model that the TOML text describes; `own` is the file with the user's own effects."""
     document = Document(text, ModelError, "a model", path or "model")
     data, place = document.read(_FILE), FilePlace(document)
@@ -242,12 +229,12 @@ def parse_model(
             document.file, line
         ) from None
     head, model = _carcass(data, place)
-    model = replace(model, nuisances=_nuisances(data, place), document=text)
-    if catalogue is None:
-        asked, folder = own is not None, path.parent if path is not None else Path()
-        own = own or (folder / head[EFFECTS_FILE] if EFFECTS_FILE in head else None)
-        catalogue = _catalogue(own, place / "model" / EFFECTS_FILE, asked=asked)
-        model = replace(model, effects_file=own if own is not None and own.is_file() else None)
+    asked, folder = own is not None, path.parent if path is not None else Path()
+    own = own or (folder / head[EFFECTS_FILE] if EFFECTS_FILE in head else None)
+    catalogue = _catalogue(own, place / "model" / EFFECTS_FILE, asked=asked)
+    file = own if own is not None and own.is_file() else None
+    nuisances = _nuisances(data, place)
+    model = replace(model, nuisances=nuisances, document=text, effects_file=file)
     own_numbers = {p.name for p in BY_ID[FORM].parameters}
     form = {name: x for name, x in data.get(FORM, {}).items() if name in own_numbers}
     tables = [(table, place / "effects" / i) for i, table in enumerate(data.get("effects", ()))]
@@ -373,30 +360,10 @@ def _own_effect(table: Mapping[str, Any], place: FilePlace) -> ModelEffect:
             effect = effect_by_shape(name, acts_on, *law, amplitude)
     except ModelError as problem:
         raise (place / "name").moved(problem) from None
-    keys = ("acts_on", "expression") if by_formula else user_effects.KEYS
+    keys = ("acts_on", "expression") if by_formula else SHAPE_KEYS
     return ModelEffect(
         effect, effect.parameters, source={key: given[key] for key in keys if key in given}
     )
-
-
-def unit_remarks(model: Model) -> list[str]:
-    """Sentences on the user's own formulas whose units do not agree, with file and line."""
-    document = Document(model.document or "", ModelError, "a model", model.path or "model")
-    named = [table["name"] for table in document.tables.get("effects", ())]
-    remarks = []
-    for entry in model.effects:
-        if "expression" not in entry.source:
-            continue
-        acts_on = entry.source.get("acts_on", "contact_pressure")
-        result = RESULT_UNITS.get(acts_on) or OBSERVABLES[model.observable].unit
-        units = {p.name: p.unit for p in entry.parameters}
-        wrong = disagreement(entry.source["expression"], units, result)
-        if wrong:
-            at = named.index(entry.id) if entry.id in named else -1
-            line = document.line(("effects", at, "expression"))
-            place = f"{document.file}{f':{line}' if line else ''}"
-            remarks.append(f"{place}: the units of effect {entry.id!r} do not agree: {wrong}")
-    return remarks
 
 
 # ---- The model file, written: Model to TOML, whole or not at all.

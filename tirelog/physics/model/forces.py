@@ -42,7 +42,6 @@ from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, UsageError
 from tirelog.physics import pressure as brush
 from tirelog.physics.carcass import structures
-from tirelog.physics.effects import BY_ID
 from tirelog.physics.effects.contact import NEUTRAL_AXIS_SHARE
 from tirelog.physics.effects.contact import slip as brush_slip
 from tirelog.physics.model.laws import between_half_levels
@@ -60,7 +59,6 @@ from tirelog.physics.model.stages import (
     structure,
     tangential,
 )
-from tirelog.physics.pressure import dry_length, filled_wedge
 from tirelog.physics.spectral import MODES, STEP, grid_angles, to_grid
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -119,12 +117,10 @@ def _of_task(
 ) -> dict[str, FloatArray]:
     """The columns of one block of revolutions, each (n,)."""
     site, R, speed = loaded_site(task)[0], task.base["radius_m"], task.drive.speed_m_s
-    slip = _slip(task)
+    slip, grip = _brush(task)
     carcass, moment = _balance(task)
     none = np.full((1, 1), np.nan)
     bending, stretching, strip = _section_power(task, section) if section else (none,) * 3
-    v = _traction(task)
-    grip = brush.Grip(v["static_friction"], v["sliding_friction"], v["slip_stiffness_ratio"])
     load, half, sigma = np.broadcast_arrays(site.load_N, site.half_length_m, slip)
     slipping, camber = np.radians(slip_angle_deg), np.radians(camber_deg)
     x, y, aligning = brush.forces(load, half, sigma, slipping, camber, R, grip)
@@ -270,29 +266,23 @@ def _section_power(task: Task, section: StripSection) -> tuple[FloatArray, ...]:
 
 def _dry_length(task: Task) -> FloatArray:
     """Length [m] of the patch that touches the road behind the effect `water_wedge`, else all."""
-    site = loaded_site(task)[0]
-    for active in task.active:
-        if active.effect.id == "water_wedge":
-            film, width = 1e-3 * active.values["film_mm"], active.values["width_m"]
-            depth = 1e-3 * task.drive.water_depth_mm
-            wedged = filled_wedge(task.drive.speed_m_s, depth, width, film, site.radius_m)
-            return dry_length(site.load_N, site.half_length_m, *wedged)
-    return 2.0 * site.half_length_m
+    site, wedge = loaded_site(task)[0], task.values_of("water_wedge")
+    if wedge is None:
+        return 2.0 * site.half_length_m
+    depth, film = 1e-3 * task.drive.water_depth_mm, 1e-3 * wedge["film_mm"]
+    wedged = brush.filled_wedge(task.drive.speed_m_s, depth, wedge["width_m"], film, site.radius_m)
+    return brush.dry_length(site.load_N, site.half_length_m, *wedged)
 
 
-def _traction(task: Task) -> dict[str, float]:
-    """The values of the effect `traction`; those that it starts with if the model has none."""
-    for active in task.active:
-        if active.effect.id == "traction":
-            return dict(active.values)
-    return {p.name: p.value for p in BY_ID["traction"].parameters}
-
-
-def _slip(task: Task) -> FloatArray:
-    """The brush's slip: measured, else that of the effect `traction`, else 0."""
-    if any(active.effect.id == "traction" for active in task.active):
-        return brush_slip(task.drive, _traction(task)["slip_per_g"])
-    return np.nan_to_num(task.drive.slip)
+def _brush(task: Task) -> tuple[FloatArray, brush.Grip]:
+    """(Slip, grip) of the effect `traction`; without it the slip that is measured, else 0, and P2's
+    grip.
+    """
+    v = task.values_of("traction")
+    if v is None:
+        return np.nan_to_num(task.drive.slip), brush.Grip()
+    grip = brush.Grip(v["static_friction"], v["sliding_friction"], v["slip_stiffness_ratio"])
+    return brush_slip(task.drive, v["slip_per_g"]), grip
 
 
 def carcass_facts(model: Model) -> dict[str, tuple[float, str, str]]:

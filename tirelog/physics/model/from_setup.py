@@ -1,20 +1,24 @@
-"""Models from what a setup knows of the tire and the drive."""
+"""Models from what a setup knows of the tire and the drive, and from the papers' tables."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.data.setup import Setup
-from tirelog.errors import ModelError, UsageError
+from tirelog.errors import ModelError, UsageError, refuse_unknown
+from tirelog.physics.model.file import load_model
 from tirelog.physics.model.model import Model
-from tirelog.physics.model.presets import preset_model
 from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.kinds import STRAIN_KINDS
 from tirelog.vocabulary.observables import ACCELERATION, waveform_of
 
+#: Models with the numbers of the papers' tables, in files below `presets`; each names its table and
+#: what was corrected.
+PRESETS = ("P1", "P2", "P3")
 #: numbers that are this tire's or this drive's own, so that a start value is a guess
 _OWN = ("load_N", "radius_m", "inflation_pressure_Pa", "width_m")
 
@@ -71,6 +75,23 @@ def new_model(
             "a ring does: --carcass ring"
         )
     return model, notes
+
+
+def preset_model(
+    name: str, *, observable: str | Sequence[str] | None = None, contact: str | None = None
+) -> Model:
+    """The model that a paper's table describes, without effects.
+
+    With another observable or contact than the paper's, the numbers that such a model has.
+
+    UsageError: no such preset.
+    """
+    refuse_unknown(name, PRESETS, f"unknown preset {name!r}", do="choose one of them")
+    printed = load_model(Path(__file__).parent / "presets" / f"{name}.toml")
+    if observable in (None, printed.observable) and contact in (None, printed.contact):
+        return printed
+    other = Model.new(printed.carcass, observable or printed.observable, contact or printed.contact)
+    return other.with_values({k: v for k, v in printed.values.items() if k in other.parameters})
 
 
 def measured_waveform(setup: Setup | None) -> str:

@@ -93,16 +93,27 @@ def between_half_levels(task: Task) -> FloatArray:
     circle; the level is the mean from BESIDE_RAD on behind the steepest places, as it is measured.
     """
     reading = 1.0 - task.base["radius_m"] * to_grid(bending(task))
+    ahead, behind = (side[:, : GRID // 2] for side in _ways(reading))
     angle = STEP * np.arange(GRID // 2)
-    widths = []
-    for row, steepest in zip(reading, _between_steepest(task)[:, 0], strict=True):
-        sides = np.stack([row[: GRID // 2], np.roll(row[::-1], 1)[: GRID // 2]])
-        near, far = (0.5 * steepest + edge for edge in BESIDE_RAD)
-        half = 0.5 * sides[:, (angle > near) & (angle < far)].mean()
-        after = np.maximum(np.argmax(sides > half, axis=1), 1)
-        outside, inside = (sides[[0, 1], after - k] for k in (0, 1))
-        widths.append(float(np.sum(after - (outside - half) / (outside - inside))) * STEP)
-    return np.array(widths)[:, None]
+    near, far = (0.5 * _between_steepest(task) + edge for edge in BESIDE_RAD)
+    beside = (angle > near) & (angle < far)
+    count = beside.sum(axis=1, keepdims=True)
+    half = 0.5 * ((ahead + behind) * beside).sum(axis=1, keepdims=True) / (2.0 * count)
+    return (_crossing(half - ahead) + _crossing(half - behind)) * STEP
+
+
+def _ways(wave: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A wave on the grid (n, GRID) from the patch's middle on, one way round and the other."""
+    return wave, np.concatenate([wave[:, :1], wave[:, :0:-1]], axis=1)
+
+
+def _crossing(above: FloatArray) -> FloatArray:
+    """Place (n, 1), in points, at which rows (n, m) first fall below zero, by a straight line."""
+    rows = np.arange(above.shape[0])
+    at = np.maximum(np.argmax(above < 0.0, axis=1), 1)
+    before, after = above[rows, at - 1], above[rows, at]
+    fall = np.where(after < before, before - after, np.inf)
+    return np.asarray((at - 1 + before / fall)[:, None])
 
 
 def _between_steepest(task: Task) -> FloatArray:
@@ -111,16 +122,14 @@ def _between_steepest(task: Task) -> FloatArray:
     By the parabola through three of the grid's slopes.
     """
     slope = to_grid(1j * np.arange(MODES) * bending(task))
-    rows = np.arange(slope.shape[0])
-    places = []
-    for way in (1, -1):
-        # grid points from the patch's middle on, one way round; the belt's curvature falls
-        fall = -way * np.concatenate([slope[:, :1], slope[:, 1:][:, ::way]], axis=1)
+    rows, between = np.arange(slope.shape[0]), np.zeros(slope.shape[0])
+    ahead, behind = _ways(slope)
+    for fall in (-ahead, behind):  # the belt's curvature falls
         at = np.clip(np.argmax(fall[:, : GRID // 2], axis=1), 1, GRID // 2)
         before, here, after = (fall[rows, at + k] for k in (-1, 0, 1))
         bend = before - 2.0 * here + after
-        places.append(at + 0.5 * (before - after) / np.where(bend < 0.0, bend, -np.inf))
-    return np.asarray((places[0] + places[1])[:, None] * STEP, dtype=np.float64)
+        between += at + 0.5 * (before - after) / np.where(bend < 0.0, bend, -np.inf)
+    return np.asarray(between[:, None] * STEP, dtype=np.float64)
 
 
 def _at_zero(task: Task) -> tuple[Task, IntArray]:
@@ -155,14 +164,10 @@ def _middle_of_fronts(task: Task) -> FloatArray:
     few, of_few = distinct(task)
     modes, half = bending(few), 0.5 / task.base["radius_m"]
     wave = to_grid(modes)
-    rows, middle = np.arange(wave.shape[0]), np.zeros((wave.shape[0], 1))
-    for way in (1, -1):
-        # grid points from the patch's middle on, one way round; the belt's curvature comes back
-        along = np.concatenate([wave[:, :1], wave[:, 1:][:, ::way]], axis=1)[:, : GRID // 2]
-        at = np.maximum(np.argmax(along < half, axis=1), 1)
-        before, after = along[rows, at - 1], along[rows, at]
-        fall = np.where(after < before, before - after, np.inf)
-        angle = way * STEP * (at - 1 + (before - half) / fall)[:, None]
+    middle = np.zeros((wave.shape[0], 1))
+    for way, along in zip((1, -1), _ways(wave)):
+        # the belt's curvature comes back
+        angle = way * STEP * _crossing(along[:, : GRID // 2] - half)
         turn = modes * powers(angle)  # one step of Newton's from between the grid's points
         level = 2.0 * turn.sum(axis=1, keepdims=True).real - modes[:, :1].real
         slope = -2.0 * (turn.imag * np.arange(MODES)).sum(axis=1, keepdims=True)

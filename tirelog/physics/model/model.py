@@ -23,14 +23,11 @@ from tirelog.physics.carcass.numbers import (
     carcass_parameters,
     steady_carcass,
 )
-from tirelog.physics.effects import BY_ID, Drive, Effect, readers, serves
-from tirelog.physics.effects.base import acting_on
+from tirelog.physics.effects import BY_ID, Drive, Effect, acting_on, readers, serves
 from tirelog.physics.model import laws
-from tirelog.physics.model.laws import Computed
 from tirelog.physics.model.stages import (
     Active,
     Task,
-    hub_forces,
     impedance,
     loaded_site,
     structure,
@@ -572,13 +569,13 @@ class Model:
         observable: str,
         surface: str,
         angles: Angles | None,
-        beside: Computed | None,
-    ) -> Computed:
+        beside: laws.Computed | None,
+    ) -> laws.Computed:
         """The derivative by one parameter, forward of what is computed `beside` it if given."""
         step = _STEP * max(abs(flat[name]), abs(self.parameters[name].probe) * 0.1)
 
         @or_refusal
-        def at(moved: float) -> Computed:
+        def at(moved: float) -> laws.Computed:
             """What is computed with the value moved by so many steps."""
             base, active = self._split({**flat, name: flat[name] + moved * step})
             end = replace(task, base=base, active=active, near=task)
@@ -707,22 +704,6 @@ class Model:
         at_rest = replace(conditions.take(slice(0, 1)), speed_m_s=np.full(1, 1e-3))
         _, task = next(self._tasks(at_rest, self.values))
         return np.asarray(np.real(impedance(task, structure(task)))[0])
-
-    def hub_forces(self, conditions: Conditions) -> tuple[FloatArray, FloatArray]:
-        """(F_x, F_z) [N] on the hub, each (n,): F_x positive in braking, F_z up.
-
-        For rings (P3, errata).
-        """
-        if steady_carcass(self.carcass) != "ring":
-            raise ModelError(
-                "a beam has no hub",
-                allowed='hub forces are for carcass = "ring"',
-                do="make such a model",
-            )
-        out = np.empty((2, len(conditions)))
-        for rows, task in self._tasks(conditions, self.values):
-            out[:, rows] = hub_forces(task)
-        return out[0], out[1]
 
 
 def idle_effect(effect: Effect, observable: str) -> ModelError:

@@ -19,7 +19,6 @@ import numpy as np
 from tirelog.errors import ModelError
 from tirelog.physics.carcass import contact, structures
 from tirelog.physics.carcass.numbers import FASTEST_HZ
-from tirelog.physics.carcass.structures import hardened_load
 from tirelog.physics.effects import conditions_read
 from tirelog.physics.effects.base import Drive, Effect, Site, Structure, Values
 from tirelog.physics.pressure import line, parabola, tilted_parabola
@@ -63,6 +62,10 @@ class Task:
         return [
             a for a in self.active if any(getattr(a.effect, hook) is not None for hook in hooks)
         ]
+
+    def values_of(self, effect: str) -> Values | None:
+        """The values of the effect of this id if it is on."""
+        return next((a.values for a in self.active if a.effect.id == effect), None)
 
     def hooks(
         self, hook: Callable[[Effect], Callable[Concatenate[Values, Drive, More], Result] | None]
@@ -510,8 +513,7 @@ def waveform(
         if np.any(sheared):  # the cross-section turns by less than the slope
             modes = modes / (1.0 + sheared * q**2)
         modes = of_rows(modes, rows)
-        for lever in task.hooks(lambda effect: effect.lever).values():
-            modes = modes * lever()
+        modes = modes * lever_factor(task)
         for shorter in task.hooks(lambda effect: effect.shortening).values():
             modes = modes * (1.0 - shorter() / (abs(lever_m) or np.inf))
         pulled = pulled_along(few)
@@ -577,7 +579,7 @@ def hardened(task: Task) -> ComplexArray:
 
     def balanced() -> ComplexArray:
         # what was found last for these rows differs by a step of a fit: a quarter fewer turns
-        left, task.memo["balance"] = hardened_load(
+        left, task.memo["balance"] = structures.hardened_load(
             load, r.displacement, r.cubic, task.memo.get("balance")
         )
         return left
@@ -633,6 +635,11 @@ def accelerometer(task: Task, modes: ComplexArray) -> ComplexArray:
 def gain(task: Task) -> FloatArray | float:
     """What effects on the sensor multiply its whole reading by, (n or 1, 1)."""
     return math.prod(own() for own in task.hooks(lambda effect: effect.gain).values())
+
+
+def lever_factor(task: Task) -> FloatArray | float:
+    """What effects multiply the lever arm by, (n or 1, 1)."""
+    return math.prod(own() for own in task.hooks(lambda effect: effect.lever).values())
 
 
 def sensed(task: Task, modes: ComplexArray) -> ComplexArray:

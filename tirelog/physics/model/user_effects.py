@@ -16,6 +16,7 @@ What an expression means depends on `acts_on`:
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import os
 import traceback
@@ -23,17 +24,22 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from errno import ENOENT
-from functools import partial
+from functools import partial, reduce
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tirelog.errors import ModelError, OutputError, TirelogError, nearest, refuse_unknown
-from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure
-from tirelog.physics.effects.base import Values
-from tirelog.physics.model.expression import FUNCTIONS, Expression, parse_expression
+from tirelog.errors import (
+    ModelError,
+    OutputError,
+    TirelogError,
+    nearest,
+    or_refusal,
+    refuse_unknown,
+)
+from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure, Values
 from tirelog.physics.spectral import GRID, Parameter, grid_angles, to_modes
 from tirelog.storage.remote import open_input
 from tirelog.storage.whole import LARGEST_BYTES, taken_as_input, whole_file
@@ -47,11 +53,9 @@ from tirelog.vocabulary.observables import OBSERVABLES
 # model is opened: it runs if the user has named the same bytes at a command before, on this
 # machine.
 # They are remembered in $XDG_STATE_HOME/tirelog/let_run (else ~/.local/state), a line per file, the
-# newest last; of a list that has grown too large the older half is forgotten.
+# newest last.
 
 
-#: bytes of the list that are kept: some 6,000 files
-_MOST_BYTES = 1 << 20
 #: of this process, if no list can be kept
 _now: set[str] = set()
 
@@ -68,8 +72,6 @@ def let_run(content: bytes, name: str) -> None:
         place.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         place.touch(0o600)
         lines = [*place.read_bytes().splitlines(), f"{digest}  {ascii(name)[1:-1]}".encode()]
-        if sum(map(len, lines)) + len(lines) > _MOST_BYTES:
-            lines = lines[len(lines) // 2 :]
         with whole_file(place) as part:
             part.write_bytes(b"\n".join([*lines, b""]))
 
@@ -90,6 +92,173 @@ def _list() -> Path:
     given = Path(os.environ.get("XDG_STATE_HOME", ""))
     folder = given if given.is_absolute() else Path.home() / ".local" / "state"
     return folder / "tirelog" / "let_run"
+
+
+# ---- A user's formula in a model file.
+#
+# It is parsed into a tree of allowed nodes and computed by walking it, never executed as Python.
+#
+# Allowed: numbers, names, + - * / ** %, comparisons, `and`/`or`/`not` (also & | ~), `a if c else
+# b`, and numpy's elementary functions by their plain names. Everything is computed in floating
+# point, so no exponent grows beyond it.
+
+
+#: letters of a formula, and how deep it may be nested: far above what a person writes, far below
+#: what the parser's own recursion takes
+LONGEST, DEEPEST = 1000, 40
+_ELEMENTARY: tuple[Callable[..., Any], ...] = (
+    np.sin, np.cos, np.tan, np.arcsin, np.arccos, np.arctan, np.arctan2, np.sinh, np.cosh, np.tanh,
+    np.arcsinh, np.arccosh, np.arctanh, np.exp, np.exp2, np.expm1, np.log, np.log2, np.log10,
+    np.log1p, np.sqrt, np.cbrt, np.square, np.abs, np.sign, np.floor, np.ceil, np.minimum,
+    np.maximum, np.where, np.clip, np.hypot, np.heaviside, np.sinc,
+)  # fmt: skip
+FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+    function.__name__: function for function in _ELEMENTARY
+} | {"abs": np.abs}
+#: how many arguments each takes; a third one of a function of two numbers would be numpy's array to
+#: write into
+ARGUMENTS = {name: (getattr(function, "nin", 1),) for name, function in FUNCTIONS.items()} | {
+    "where": (3,),
+    "clip": (3,),
+}
+CONSTANTS = {"pi": np.pi, "e": np.e}
+_OPERATORS: Mapping[type, Callable[..., Any]] = {
+    ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide,
+    ast.Pow: np.power, ast.Mod: np.mod, ast.USub: np.negative, ast.UAdd: np.positive,
+    ast.BitAnd: np.logical_and, ast.BitOr: np.logical_or, ast.Invert: np.logical_not,
+    ast.And: np.logical_and, ast.Or: np.logical_or, ast.Not: np.logical_not,
+    ast.Lt: np.less, ast.LtE: np.less_equal, ast.Gt: np.greater, ast.GtE: np.greater_equal,
+    ast.Eq: np.equal, ast.NotEq: np.not_equal,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A parsed formula: its text and the names that it reads."""
+
+    text: str
+    names: frozenset[str]
+    tree: ast.expr
+
+    def __call__(self, values: Mapping[str, Any]) -> np.ndarray:
+        """The formula's value if the names have these values (arrays that broadcast).
+
+        ModelError if it is not finite.
+        """
+        with np.errstate(all="ignore"):
+            result = np.asarray(_compute(self.tree, values), dtype=np.float64)
+        if not np.isfinite(result).all():
+            raise ModelError(
+                f"expression {self.text!r} is not finite everywhere",
+                allowed="a finite number at every angle and condition is allowed",
+                do="guard it with where(), clip() or a comparison",
+            )
+        return result
+
+
+def parse_expression(text: str, allowed: frozenset[str] | set[str]) -> Expression:
+    """The parsed formula `text` over the `allowed` names.
+
+    ModelError for anything else, with what is allowed.
+    """
+    if len(text) > LONGEST:
+        raise ModelError(
+            f"expression of {len(text)} characters",
+            allowed=f"up to {LONGEST} are allowed",
+            do="shorten it",
+        )
+    try:
+        tree = ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:
+        raise ModelError(
+            f"expression {text!r} is not a formula ({getattr(problem, 'msg', problem)})",
+            allowed="numbers, names, operators and calls are allowed",
+            do="correct it",
+        ) from None
+    names: set[str] = set()
+    _check(tree, text, allowed, names, 0)
+    return Expression(text, frozenset(names), tree)
+
+
+def _check(
+    node: ast.AST, text: str, allowed: frozenset[str] | set[str], names: set[str], depth: int
+) -> None:
+    """Refuses every node that is not on the list; collects names."""
+    if depth > DEEPEST:
+        raise ModelError(
+            f"expression {text!r} is nested deeper than {DEEPEST}",
+            allowed="a flatter one is allowed",
+            do="split it",
+        )
+    if isinstance(node, ast.Name):
+        if node.id not in allowed and node.id not in CONSTANTS:
+            raise ModelError(
+                f"expression {text!r} uses the name {node.id!r}{nearest(node.id, allowed)}",
+                allowed=f"allowed here are {', '.join(sorted(allowed))}, pi, e and the functions "
+                f"{', '.join(FUNCTIONS)}",
+                do="use one of them",
+            )
+        names.add(node.id)
+        return
+    _refuse_other_node(node, text)
+    for part in _operands(node):
+        _check(part, text, allowed, names, depth + 1)
+
+
+def _operands(node: ast.AST) -> list[ast.expr]:
+    """The operands of a node, in their order."""
+    parts = node.args if isinstance(node, ast.Call) else ast.iter_child_nodes(node)
+    return [part for part in parts if isinstance(part, ast.expr)]
+
+
+def _refuse_other_node(node: ast.AST, text: str) -> None:
+    """ModelError for any other node than numbers, operators, comparisons, choices, calls."""
+    called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
+    number = node.value if isinstance(node, ast.Constant) else None
+    operators = node.ops if isinstance(node, ast.Compare) else [getattr(node, "op", None)]
+    good = (
+        isinstance(node, ast.IfExp)
+        or (isinstance(number, int | float) and type(number) is not bool and abs(number) < 1e300)
+        or (isinstance(node, ast.Call) and called in FUNCTIONS and not node.keywords)
+        or all(type(operator) in _OPERATORS for operator in operators)
+    )
+    if not good:
+        what = called or type(node).__name__
+        raise ModelError(
+            f"expression {text!r} uses {what}, which is not allowed",
+            allowed="allowed are finite numbers, names, + - * / ** %, comparisons, and/or/not, a "
+            f"if c else b, and the functions {', '.join(FUNCTIONS)}",
+            do="write it with these",
+        )
+    # a starred argument is refused as a node of its own
+    if isinstance(node, ast.Call) and len(node.args) not in ARGUMENTS[called]:
+        many = " or ".join(map(str, ARGUMENTS[called]))
+        raise ModelError(
+            f"expression {text!r} gives {called}() {len(node.args)} arguments",
+            allowed=f"allowed are {many}",
+            do="correct it",
+        )
+
+
+def _compute(node: Any, values: Mapping[str, Any]) -> Any:
+    """The value of a part that `_check` let through."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        return node.value
+    if isinstance(node, ast.Name):
+        return values[node.id] if node.id in values else CONSTANTS[node.id]
+    terms = [np.asarray(_compute(part, values), dtype=np.float64) for part in _operands(node)]
+    if isinstance(node, ast.Compare):
+        pairs = zip(node.ops, terms, terms[1:])
+        return reduce(np.logical_and, (_OPERATORS[type(op)](a, b) for op, a, b in pairs))
+    if isinstance(node, ast.BoolOp):
+        return reduce(_OPERATORS[type(node.op)], terms)
+    if isinstance(node, ast.Call):
+        return FUNCTIONS[getattr(node.func, "id", "")](*terms)
+    operation = np.where if isinstance(node, ast.IfExp) else _OPERATORS[type(node.op)]
+    return operation(*terms)
+
+
+# ---- An effect by a formula.
 
 
 #: name in an expression -> field of the conditions
@@ -205,14 +374,13 @@ def _strength(formula: Expression | Shape, parameters: tuple[Parameter, ...]) ->
     trial: dict[str, Any] = {name: rng.uniform(0.5, 1.5, size) for name in (*CONDITIONS, *PLACES)}
     trial |= {"xi": np.linspace(-2.0, 2.0, size), "phi": np.linspace(-2.0, 2.0, size)}
     trial |= {p.name: p.probe for p in parameters}
-    for p in parameters:
-        with np.errstate(all="ignore"):
-            try:
-                if not np.any(formula({**trial, p.name: 0.0})):
-                    return (p.name,)
-            except ModelError:
-                continue
-    return tuple(p.name for p in parameters)
+    tried = or_refusal(formula)
+    names = tuple(p.name for p in parameters)
+    for name in names:
+        found = tried({**trial, name: 0.0})
+        if not isinstance(found, ModelError) and not np.any(found):
+            return (name,)
+    return names
 
 
 def effects_of_file(path: Path, *, asked: bool = True) -> dict[str, Effect]:
@@ -393,7 +561,7 @@ MOST_NODES = 720
 #: values and nodes are physical quantities in SI: what is larger is a fault of the file
 LARGEST = 1e12
 #: keys of a table in a model file, besides its name
-KEYS = ("shape", "acts_on", "frame", "law", "nodes", "values")
+SHAPE_KEYS = ("shape", "acts_on", "frame", "law", "nodes", "values")
 AMPLITUDE = Parameter("amplitude", "", "factor on the measured shape", 1.0, -10.0, 10.0, probe=1.0)
 
 
@@ -437,7 +605,7 @@ FRAMES: Mapping[str, ShapeFrame] = {
         ShapeFrame("speed", "speed", "m/s", "along the speed", ("load",)),
     )
 }  # fmt: skip
-ACTS_ON = tuple(dict.fromkeys(stage for frame in FRAMES.values() for stage in frame.acts_on))
+SHAPE_ACTS_ON = tuple(dict.fromkeys(stage for frame in FRAMES.values() for stage in frame.acts_on))
 
 
 @dataclass(frozen=True)

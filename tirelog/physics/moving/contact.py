@@ -64,32 +64,7 @@ class RoadProfile:
     spacing_m: float = 0.0
 
     def __post_init__(self) -> None:
-        x, h, wave = np.array(self.distance_m), np.array(self.height_m), self.wavelength_m
-        points = x.ndim == 1 and x.shape == h.shape and x.size != 1
-        waves = wave is None or (wave > 0.0 and np.isfinite(self.amplitude_m))
-        for right, what, allowed, do in (
-            (
-                points and np.isfinite(x).all() and np.isfinite(h).all(),
-                "road profile without two columns of finite numbers",
-                "two points or more are allowed",
-                "give distance and height",
-            ),
-            (
-                not np.any(np.diff(x) <= 0.0),
-                "road profile whose distance does not grow",
-                "growing distances are allowed",
-                "sort the rows, one height each",
-            ),
-            (
-                waves,
-                f"sine road of wavelength {wave or 0.0:g} m",
-                "above zero is allowed",
-                "correct wavelength_m",
-            ),
-        ):
-            if not right:
-                raise ModelError(what, allowed=allowed, do=do)
-        waving = abs(self.amplitude_m) * 2.0 * np.pi / (wave or np.inf)
+        waving = abs(self.amplitude_m) * 2.0 * np.pi / (self.wavelength_m or np.inf)
         slope = max(waving, np.abs(self._slopes).max())
         if slope > STEEPEST:
             raise ModelError(
@@ -200,10 +175,16 @@ def load_road(path: str | Path) -> RoadProfile:
 
     Two columns, distance [m] and height [m], comma or blanks between; `#` begins a remark.
     """
-    points = road_points(path, ModelError).tolist()
+    distance, height = road_points(path, ModelError)
+    if not (distance.size > 1 and np.all(np.diff(distance) > 0.0)):
+        raise ModelError(
+            "road profile without two points, or whose distance does not grow",
+            allowed="two points or more at growing distances are allowed",
+            do="sort the rows, one height each",
+            file=path,
+        )
     try:
-        distance, height = points if points[0] else ([0.0], [0.0])  # no points are no flat road
-        return RoadProfile(tuple(distance), tuple(height))
+        return RoadProfile(tuple(distance.tolist()), tuple(height.tolist()))
     except ModelError as problem:
         raise problem.at(path) from None
 
@@ -341,16 +322,13 @@ class RoadForces:
     """What the road does to the tire, totals and modes.
 
     force [N] as s + i z; torque [N m] that turns the ring, sum f . r'; modes E_n (N - 1,) [N/m];
-    energy [J] of the tread's springs (bristles included); angle phi [rad] of the nodes that were
-    looked at, and the springs' vertical force per length p [N/m] on them.
+    energy [J] of the tread's springs (bristles included).
     """
 
     force: complex
     torque: float
     modes: ComplexArray
     energy: float
-    phi: FloatArray
-    pressure: FloatArray
 
 
 @dataclass
@@ -428,8 +406,7 @@ class Tread:
         total = complex(f_s.sum(), f_z.sum()) * self._pitch
         torque = self._pitch * float(tire.R * f_t.sum() + np.sum(f_r * bend))
         energy = self._pitch * (sprung + clung)
-        pressing = np.maximum(height - z, 0.0) * tire.k_t
-        return RoadForces(total, torque, turn.conj() * (real + 1j * imag), energy, phi, pressing)
+        return RoadForces(total, torque, turn.conj() * (real + 1j * imag), energy)
 
     def _near(self, centre: complex, psi: float) -> tuple[int, FloatArray]:
         """First of the stretch of nodes that may touch, and their angles from the patch centre."""

@@ -112,12 +112,6 @@ class CoupledRing(RingCarcass):
                     "allowed",
                     do="correct it",
                 )
-        if self.modes < 2:
-            raise ModelError(
-                f"coupled ring with {self.modes} modes",
-                allowed="2 or more are allowed",
-                do="give the flexible ring some",
-            )
 
     # ---- constants -------------------------------------------------------------------------------
 

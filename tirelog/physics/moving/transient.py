@@ -29,8 +29,9 @@ from scipy.interpolate import CubicSpline
 from tirelog.data.recording import Conditions
 from tirelog.data.setup import RoadSetup
 from tirelog.errors import ModelError, UsageError
+from tirelog.physics.model.laws import lever_arm
 from tirelog.physics.model.model import Model
-from tirelog.physics.model.stages import Task, loaded_site, loads, structure
+from tirelog.physics.model.stages import Task, gain, lever_factor, loaded_site, loads, structure
 from tirelog.physics.moving.contact import RoadForces, RoadProfile, Tread, road_of, steady_rolling
 from tirelog.physics.moving.ring import CoupledRing, of_model
 from tirelog.physics.spectral import ComplexArray
@@ -166,16 +167,10 @@ class Transient:
             waves: FloatArray = (
                 2.0 * np.einsum("mn,mn->m", self._acceleration(when), turns).real + rigid
             )
-            return waves * self._gain("gain")
-        lever = (
-            self.model.values["lever_arm_m"]
-            * (1.0 if surface == "inner" else -1.0)
-            * self._gain("lever")
-        )
-        return np.asarray(
-            (2.0 * lever * self._gain("gain"))
-            * np.einsum("mn,mn->m", self._curvature(when), turns).real
-        )
+            return np.asarray(waves * np.asarray(gain(self.task)).item())
+        lever = lever_arm(self.task, surface) * lever_factor(self.task) * gain(self.task)
+        strain = np.einsum("mn,mn->m", self._curvature(when), turns).real
+        return np.asarray(2.0 * np.asarray(lever).item() * strain)
 
     @cached_property
     def _curvature(self) -> CubicSpline:
@@ -205,9 +200,9 @@ class Transient:
         A grating's length acts by wave number, lags by frequency on the belt.
         """
         m, n = self.motion, self.tire.n
-        for a in self.task.active:
-            if a.effect.id == "gauge_length":
-                modes = modes * np.sinc(n / self.tire.R * (a.values["length_m"] / (2.0 * np.pi)))
+        gauge = self.task.values_of("gauge_length")
+        if gauge is not None:
+            modes = modes * np.sinc(n / self.tire.R * (gauge["length_m"] / (2.0 * np.pi)))
         late = self.task.hooks(lambda effect: effect.transfer)
         late.pop("gauge_length", None)
         if late:
@@ -231,13 +226,6 @@ class Transient:
         smooth = CubicSpline(turns, transfer)(np.minimum(np.abs(frequency), turns[-1]))
         answer = np.where(frequency < 0.0, smooth.conj(), smooth)
         return np.fft.ifft(np.fft.fft(belt, 2 * size, axis=0) * answer[:, None], axis=0)[:size]
-
-    def _gain(self, hook: str) -> float:
-        """Product of what effects multiply by this hook, `gain` or `lever`."""
-        factor = 1.0
-        for a in self.task.having(hook):
-            factor *= np.asarray(getattr(a.effect, hook)(a.values, self.task.drive)).item()
-        return factor
 
 
 def driven(
@@ -480,13 +468,11 @@ class State:
     V_rate: ComplexArray
 
     @classmethod
-    def rolling(
-        cls, tire: CoupledRing, load_N: float, speed_m_s: float, *, height_m: float = 0.0
-    ) -> State:
-        """Free, steady rolling on a flat road of that height, at x = 0 (`steady_rolling`)."""
+    def rolling(cls, tire: CoupledRing, load_N: float, speed_m_s: float) -> State:
+        """Free, steady rolling on a flat road, at x = 0 (`steady_rolling`)."""
         tire.check_speed(speed_m_s)
         V, centre_m, a, omega = steady_rolling(tire, load_N, speed_m_s)
-        centre = 1j * (centre_m + height_m)
+        centre = 1j * centre_m
         # what the sidewall's damping takes from the hub is held by the wind-up
         wound = tire.c_s * omega * abs(a) ** 2 / tire.k_theta
         rate = complex(-speed_m_s)
@@ -533,7 +519,6 @@ class Stepper:
             )
         self._belt_at = np.nan
         self._before = self._after = np.zeros_like(state.V)
-        self._damped = tire.c_w > 0.0 or tire.c_v > 0.0
         self._swing = tire.gamma_n / tire.m_n
         self._carried = 4.0 * np.pi * tire.R * tire.gamma_n * self._swing
         self._momentum = tire.J_r * state.omega + tire.gyroscopic_momentum(state.V, state.V_rate)
@@ -562,7 +547,7 @@ class Stepper:
 
     def _drag(self) -> float:
         s = self.state
-        return self.tire.belt_drag(s.V, s.V_rate, s.omega) if self._damped else 0.0
+        return self.tire.belt_drag(s.V, s.V_rate, s.omega)
 
     def _touch(self) -> RoadForces:
         s = self.state
@@ -616,12 +601,8 @@ class Stepper:
         What the sidewall's take from the ring they give to the hub.
         """
         s, tire = self.state, self.tire
-        if tire.c_h > 0.0:
-            s.hub_rate = complex(
-                s.hub_rate.real, s.hub_rate.imag * math.exp(-tire.c_h / tire.m_h * h)
-            )
-        if not self._damped:
-            return
+        kept = math.exp(-tire.c_h / tire.m_h * h)
+        s.hub_rate = complex(s.hub_rate.real, s.hub_rate.imag * kept)
         across = 1j * (s.centre - s.hub)
         sliding = s.centre_rate - s.hub_rate - s.omega_hub * across
         free = 1.0 / tire.m_r + 1.0 / tire.m_h
