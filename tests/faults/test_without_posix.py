@@ -73,7 +73,7 @@ def outputs(folder: Path) -> dict[str, bytes]:
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a log, a scenario and a model of one free parameter, made the working one."""
     monkeypatch.chdir(tmp_path)
-    write_log(tmp_path / "log.csv", 3, "half_sine", manoeuvres=2, seconds=1.0)
+    write_log(tmp_path / "log.csv", 3, "box", manoeuvres=2, seconds=1.0)
     (tmp_path / "scenario.toml").write_text(SCENARIO.replace("duration_s = 2", "duration_s = 1"))
     assert run(["model", "new", "--setup", "log.toml", "-o", "beam.toml"]) == 0
     model = re.sub(r"\{value = ([^,]+),.*\}", r"\1", (tmp_path / "beam.toml").read_text())

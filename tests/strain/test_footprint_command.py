@@ -11,7 +11,7 @@ import pytest
 
 from tests.strain.conftest import make_drive
 from tests.strain.strain_truth import Beam
-from tirelog.plots import style
+from tirelog.plots import record
 
 SETUP = """[tire]
 rolling_radius_m = 0.305
@@ -148,7 +148,7 @@ def test_a_picture_without_matplotlib(command, rolling, monkeypatch):
             raise ImportError(name)
         return real(name, *more, **kwargs)
 
-    style._page.cache_clear()  # a page of another test has it
+    record._shown.cache_clear()  # a page of another test has it
     monkeypatch.setattr(builtins, "__import__", without)
     status, _, err = command(rolling, SETUP, "footprint", "--plot", "page.png")
     assert status == 2

@@ -187,7 +187,7 @@ class _Filled:
         if values.size == stop - start:
             return values
         filled = np.full(stop - start, np.nan)
-        filled[self.place(np.arange(low, high)).astype(np.int64) - start] = values
+        filled[self.place(np.arange(low, high, dtype=np.float64)).astype(np.int64) - start] = values
         return filled
 
     def _samples(self, place: int) -> int:

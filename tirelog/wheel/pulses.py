@@ -212,7 +212,7 @@ def decimate(
     for start in range(0, channel.size, step):
         read = channel.read(start - margin, start + step + margin)
         values = np.ascontiguousarray(read, dtype=np.float64)
-        own = medians[start // bucket : (start + step) // bucket]
+        own = medians[start // bucket : -(-(start + step) // bucket)]
         if bucket == 1:
             running_medians(values, min(start, 1), sign, own)
         else:

@@ -254,8 +254,9 @@ def _compute(node: Any, values: Mapping[str, Any]) -> Any:
         return reduce(_OPERATORS[type(node.op)], terms)
     if isinstance(node, ast.Call):
         return FUNCTIONS[getattr(node.func, "id", "")](*terms)
-    operation = np.where if isinstance(node, ast.IfExp) else _OPERATORS[type(node.op)]
-    return operation(*terms)
+    if isinstance(node, ast.BinOp | ast.UnaryOp):
+        return _OPERATORS[type(node.op)](*terms)
+    return np.where(*terms)
 
 
 # ---- An effect by a formula.

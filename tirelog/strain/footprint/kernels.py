@@ -324,7 +324,7 @@ def _beside(
 def _free_of(beside: FloatArray, inverse: FloatArray, moved: FloatArray) -> float:
     """What a passage's own columns leave of a traction's square; fills `moved` as of `solve`."""
     apply_inverse(inverse, beside, moved)
-    free = beside[FITTED + 1]
+    free: float = beside[FITTED + 1]
     for i in range(OWN):
         free -= beside[i] * moved[i]
     return free
