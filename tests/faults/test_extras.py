@@ -1,8 +1,8 @@
 """Faults: formats that a library reads: a sentence, bounded memory, no code of the file's."""
 
 import io
-import sys
 import struct
+import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path

@@ -697,7 +697,8 @@ def _from_a_start(
     middle = 0.5 * (len(samples) - 1)
     first = samples[max(range(len(samples)), key=lambda k: (free[k], -abs(k - middle)))]
     # highest wave number times half length that the family keeps
-    family, none, tried = EdgeFamily(radius_m, 42.0 / (0.8 * rough_m)), np.zeros(1), []
+    family, none = EdgeFamily(radius_m, 42.0 / (0.8 * rough_m)), np.zeros(1)
+    tried: list[Reference] = []
     # starts: half length over the rough one, tension, tread
     for length, tension, tread in ((1.0, 0.3, 0.1), (0.85, 3.0, 2.5)):
         form = np.array([[length * rough_m, 0.75 * rough_m, tension, tread, 0.0, 0.0]])
@@ -717,7 +718,8 @@ def learn_reference(
 ) -> EdgeForm | None:
     """The form of the passages of `channel`; None if there are none to learn from.
 
-    one; `without` (n,): passages that are left out.
+    `like`: a form that another channel has taught, tried first; `without` (n,): passages that are
+    left out.
     """
     if passages.template is None or not len(passages):
         return None
