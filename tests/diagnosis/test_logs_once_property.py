@@ -71,6 +71,16 @@ def test_a_copy_of_a_log_is_refused(folder: Path, tirelog: Command, model: str, 
     assert not (folder / "page.html").exists()
 
 
+def test_logs_of_two_tires_are_noticed(folder: Path, tirelog: Command, model: str) -> None:
+    setup = (folder / "other.toml").read_text()
+    (folder / "wider.toml").write_text(setup.replace("0.305", "0.295").replace("0.3126", "0.3"))
+    (folder / "wider.csv").write_text((folder / "other.csv").read_text())
+    outcome = tirelog("compare", "a.csv", "wider.csv", "--model", model)
+    assert "wider.csv: a radius of 0.295 m, and of 0.305 m in a.csv" in outcome.err + outcome.out
+    alike = tirelog("compare", "a.csv", "other.csv", "--model", model)
+    assert "a radius of" not in alike.err + alike.out
+
+
 @pytest.mark.parametrize("again", ["a.csv", "./a.csv", "copy.csv", "run.h5"])
 def test_the_name_does_not_matter(folder: Path, tirelog: Command, model: str, again: str) -> None:
     if again == "run.h5":

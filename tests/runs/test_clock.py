@@ -220,10 +220,7 @@ def test_stamps_that_are_all_equal_tell_no_rate():
 def test_stamps_that_fall_throughout_are_no_clock(jitter):
     stamps = row[::-1] / 1000 + jitter * noise(2)
     with pytest.raises(ReadError, match=r"the rows run backwards in time; .*; sort them"):
-        fit(stamps, resolution_s=1e-6)
-    clock = fit(stamps, resolution_s=1e-6, setup_rate_Hz=1000.0)
-    assert "backwards in time" in clock.remarks[0]
-    np.testing.assert_allclose(clock.axis.time(), row / 1000, rtol=0, atol=1e-9)
+        fit(stamps, resolution_s=1e-6, setup_rate_Hz=1000.0)
 
 
 @pytest.mark.parametrize(
@@ -243,6 +240,7 @@ def test_a_clock_runs_on_through_wrong_stamps(wrong, repairs, flags):
     made = fit(np.round(row / 2500.0, 4) + wrong, resolution_s=1e-4)
     tells(made, row / 2500.0, **repairs)
     assert made.flags == flags
+    assert ["go back by 5 s at sample 3000" in one for one in made.remarks] == [True] * len(flags)
 
 
 def test_a_repeated_row_stands_between_its_neighbours():

@@ -30,7 +30,9 @@ def once_each(
     channel: str | None,
     notes: list[str],
 ) -> Iterator[Recording]:
-    """The recordings as they come; what they share with earlier ones is added to `notes`.
+    """The recordings as they come.
+
+    Added to `notes`: what they share with earlier ones, and that they are of another tire.
 
     Judged by the samples of the `channel`, or of the first that measures one of the observables.
 
@@ -38,8 +40,19 @@ def once_each(
     """
     kinds = [kind for name in observables for kind in OBSERVABLES[name].kinds]
     whole: dict[str, str] = {}
+    first: Recording | None = None
     parts: dict[str, np.ndarray] = {}
     for recording in recordings:
+        first = first or recording
+        tires = recording.setup.tire, first.setup.tire
+        radii = [(tire.rolling_radius_m, tire.unloaded_radius_m) for tire in tires]
+        for own, other in zip(*radii, strict=True):
+            # loads and pressures move the rolling radius of one tire by less
+            if own and other and abs(own - other) > 0.02 * other:
+                notes.append(
+                    f"{recording.log}: a radius of {own:.4g} m, and of {other:.4g} m in "
+                    f"{first.log}: a model is of one tire; give logs of one, or mend a setup"
+                )
         named = recording.channels.get(channel or "")
         for source in ([named] if named is not None else recording.of_kind(*kinds))[:1]:
             digest, windows = fingerprint(source)

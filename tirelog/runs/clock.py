@@ -306,18 +306,11 @@ class ClockFit:
             return self._by_rate(declared)
         (first, start), (last, end) = ends
         if end < start and stamps.rough_period() <= 0.0:
-            what, do = (
-                "the rows run backwards in time",
-                "sort them by their stamps, the oldest first",
+            raise ReadError(
+                "the stamps fall: the rows run backwards in time",
+                allowed="allowed are rising ones",
+                do="sort them by their stamps, the oldest first",
             )
-            if not declared:
-                raise ReadError(
-                    f"the stamps fall: {what}", allowed="allowed are rising ones", do=do
-                )
-            self.remarks.append(
-                f"the stamps fall; the declared rate was used for the time axis; if {what}, {do}"
-            )
-            return self._by_rate(declared)
         if self.edges:
             return self._explicit(stamps)
         least_s, tick_s = stamps.ticks()
@@ -488,6 +481,11 @@ class ClockFit:
             else:
                 shift -= step
                 shifted = replace(piece, mean_stamp_s=piece.mean_stamp_s + shift)
+                if "clock_set_back" not in self.repairs:
+                    self.remarks.append(
+                        f"the stamps go back by {-step:.4g} s at sample {piece.first}, and times "
+                        "go on from there; are these two recordings in one file?"
+                    )
                 self._count("clock_set_back", 1)
                 self.flags.append((piece.first - 1, piece.first + 1, Quality.CLOCK_SET_BACK))
             out.append(shifted)

@@ -431,12 +431,12 @@ _TOO_DOTTED = re.compile(
 #: what a file of ours is by one of its tables or keys, the first that it has, and where it goes
 _ROLES = {
     "campaign": ("a manifest", "`tirelog campaign run {file}` runs it"),
-    "model": ("a model", "give it with --model, or see `tirelog model show {file}`"),
+    "model": ("a model", "a model goes with --model; see `tirelog model show {file}`"),
     "manoeuvres": ("a scenario", "`tirelog simulate {file} -o LOG.csv` makes its log"),
     "ramp": ("a scenario", "`tirelog simulate {file} -o LOG.csv` makes its log"),
     "channels": (
         "a setup",
-        "give it with --setup; `tirelog model new --setup {file} -o MODEL.toml` makes a model",
+        "a setup goes with --setup; `tirelog model new --setup {file} -o MODEL.toml` makes a model",
     ),
 }
 
