@@ -208,6 +208,15 @@ def test_a_rate_that_stamps_tell_to_more_than_a_hundredth_is_refused():
     assert fit(stamps, resolution_s=1.0, setup_rate_Hz=30.0).axis.rate_Hz == 30.0
 
 
+@pytest.mark.parametrize(
+    ("rate_Hz", "digit_s", "size"), [(49.37, 0.01, 300), (10.37, 0.1, 50), (1234.56, 1e-3, 900)]
+)
+def test_a_round_rate_near_any_other_is_none_that_is_known(rate_Hz, digit_s, size):
+    stamps = np.round(np.arange(size) / rate_Hz / digit_s) * digit_s
+    axis = fit(stamps, resolution_s=digit_s).axis
+    assert abs(axis.rate_Hz / rate_Hz - 1.0) < axis.rate_error
+
+
 def test_stamps_that_are_all_equal_tell_no_rate():
     made = fit(np.full(N, 1.0), setup_rate_Hz=2500.0, resolution_s=0.1)
     np.testing.assert_allclose(made.axis.time(), row / 2500.0, rtol=0, atol=1e-9)
