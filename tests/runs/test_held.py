@@ -172,3 +172,9 @@ def test_a_log_of_any_format_and_its_run(tmp_path: Path, make) -> None:
             said = [remark for remark in recording.remarks if "repeats each value" in remark]
             assert len(said) == 1
             assert said[0].startswith("slow: the log repeats each value 2 times")
+
+
+def test_values_further_apart_than_a_block_have_no_rate_of_their_own() -> None:
+    """As of a slow grating of coarse steps."""
+    rows = 140_000 + np.random.default_rng(5).integers(0, 50, 110)
+    assert held_in(np.repeat(np.arange(110, dtype=np.int16), rows)) is None

@@ -51,7 +51,7 @@ def test_irregular_stamps_come_back_however_few(tmp_path: Path, size: int) -> No
         np.testing.assert_array_equal(run.channels["v"].axis.time(0, size), times)
 
 
-@pytest.mark.parametrize("late", [1550.00001, 5e5, 1550 + 1 / 3])
+@pytest.mark.parametrize("late", [1550.0000001, 5e5, 1550 + 1 / 3])
 def test_a_value_that_no_count_can_hold_promotes_the_channel(tmp_path: Path, late: float) -> None:
     values = source()
     values["s"][-1] = late
@@ -82,17 +82,19 @@ def test_another_setup_changes_the_conversion_and_not_the_counts(tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("late", "dtype"),
+    ("late", "dtype", "decimals"),
     [
-        (np.zeros(0), "i4"),
-        (np.array([0.25, np.nan]), "i4"),
-        (np.array([0.125]), "f8"),
-        (np.array([1.0, 1e-9]), "f8"),
+        (np.zeros(0), "i4", 2),
+        (np.array([0.25, np.nan]), "i4", 2),
+        (np.array([0.125]), "i4", 3),
+        (np.array([1.0, 1e-9]), "f8", 0),
     ],
 )
-def test_counts_and_floats_of_one_channel(tmp_path: Path, late: np.ndarray, dtype: str) -> None:
-    """Decimals are counts behind any number of lost samples; a number of more decimals makes floats
-    of all, to the bit.
+def test_counts_and_floats_of_one_channel(
+    tmp_path: Path, late: np.ndarray, dtype: str, decimals: int
+) -> None:
+    """Decimals are counts behind lost samples and behind zeros; a number of more of them makes more
+    of all, or floats, to the bit.
     """
     counts = np.arange(300_000, dtype=np.int32)
     counts[::1000] = LOST_COUNT
@@ -101,7 +103,7 @@ def test_counts_and_floats_of_one_channel(tmp_path: Path, late: np.ndarray, dtyp
         '[tire]\nunloaded_radius_m = 0.3\n[channels.t]\nkind = "temperature"\nsource = "a"\n'
     )
     writer = RunWriter(tmp_path, setup, (Group("g", ("t",)),))
-    parts = [np.full(70, np.nan), values[:1000], values[1000:], late, values[:10]]
+    parts = [np.full(70, np.nan), np.zeros(900), values[:1000], values[1000:], late, values[:10]]
     for part in parts:
         writer.append(RawBlock("g", {"t": part}))
     whole = np.concatenate(parts)
@@ -111,5 +113,5 @@ def test_counts_and_floats_of_one_channel(tmp_path: Path, late: np.ndarray, dtyp
     with h5py.File(tmp_path / "r.h5") as file:
         stored = file["channels/t"]
         assert stored.dtype == dtype
-        read = counted_floats(stored[:], 2) if dtype == "i4" else stored[:]
+        read = counted_floats(stored[:], decimals) if dtype == "i4" else stored[:]
         np.testing.assert_array_equal(read, whole)

@@ -386,9 +386,8 @@ def running_mean_of(channel: Channel) -> int:
     # a hum comes back again and again
     other = np.abs(np.delete(totals, slice(most - 3, most + 4)))[SHORTEST_MEAN:]
     alone = -totals[most] > 2.0 * other.max(initial=0.0)
-    # noise that a filter has made smooth is no mean of white noise
-    # share of the third differences of a running mean that come back the other way after as many
-    # samples is a half, of white noise none
+    # of a running mean half of the third differences come back the other way after as many samples,
+    # of white noise none; noise that a filter has made smooth does so at the next sample too
     opposite = -0.3 * totals[0]
     return most if alone and max(totals[1], totals[most]) < opposite else 1
 

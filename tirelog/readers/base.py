@@ -160,7 +160,7 @@ RATES = {
 #: "Samples per Second<tab>1", "sampled at 1024", "Delta_X<tab>0.001"
 _BEHIND = (
     r"\s*(?:[\[(][^\])]*[\])])?\s*(?:[A-Za-z ]{0,40}[:=]|\bis\b|\bof\b)?[\s,;]*"
-    r"\"?(\d+(?:[.,]\d*)?(?:e[+-]?\d+)?)(?![\d.]|,\d)"
+    r"\"?(\d+(?:[.,]\d*)?(?:e[+-]?\d+)?)(?![\d.]|,\d|e[+-]?\d)"
 )
 _IN_WORDS = (
     re.compile(

@@ -315,16 +315,18 @@ class ClockFit:
         if self.edges:
             return self._explicit(stamps)
         least_s, tick_s = stamps.ticks()
-        if tick_s > self.resolution_s:
+        coarser = tick_s > self.resolution_s
+        self.resolution_s, self._grown_s = max(self.resolution_s, tick_s), tick_s - least_s
+        ticks = int(stamps.clock_index(last) - stamps.clock_index(first))
+        # few stamps, some of them unknown, are no stretch that tells a period: their ends do
+        known = sum(index.size for index, _ in stamps.known())
+        axis = self._fitted(stamps, declared, (end - start) / ticks if known < _FEW else 0.0)
+        if coarser and axis.explicit is None:
             self.remarks.append(
                 f"the stamps are whole steps of {tick_s:g} s; they count as rounded times of even "
                 "samples"
             )
-        self.resolution_s, self._grown_s = max(self.resolution_s, tick_s), tick_s - least_s
-        ticks = int(stamps.clock_index(last) - stamps.clock_index(first))
-        # with a stamp unknown, fewer than three are no stretch that tells a period
-        few = (end - start) / ticks if self.size < _FEW else 0.0
-        return self._fitted(stamps, declared, few)
+        return axis
 
     def _by_rate(self, declared: float | None, seen: str = "no stamps") -> TimeAxis:
         """The axis if no stamps tell it; `seen` says what there is of them."""

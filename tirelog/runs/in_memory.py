@@ -342,7 +342,7 @@ def clipped_ranges(channel: Channel, cells: tuple[FloatArray, FloatArray]) -> In
         ranges = ranges[np.diff(ranges)[:, 0] >= FEWEST_ALIKE]
         samples = int(np.diff(ranges).sum())
         many = len(ranges) >= FEWEST_ALIKE
-        # share of the samples that are the level between passages, and no limit
+        # a quarter of all samples is the level between passages, and no limit
         if many and 4 * beside < samples < 0.25 * channel.size:
             found = np.concatenate([found, ranges])
     return found
@@ -538,7 +538,7 @@ def sample_and_hold(
             for (first, end), some in zip(segments, own, strict=True)
         ]
         return np.concatenate(parts), _axis(axis, parts, float(every)), every, every
-    usual = int(np.bincount(steps[steps < BLOCK_SAMPLES]).argmax())
+    usual = int(np.bincount(np.minimum(steps, BLOCK_SAMPLES)).argmax())
     near = steps[np.abs(steps - usual) <= 1]
     # share of a channel's samples that must lie between changes as far apart as usual, or a sample
     # nearer or further; a rounded signal stands still for most of a turn; with more, values that

@@ -117,6 +117,7 @@ class SamplesWriter:
 
     def __init__(self, path: Path) -> None:
         self.path, self.lost, self.size, self.decimals = path, 0, 0, 0
+        self._largest = 0.0  # of what is written
         self._file: FlatFile | None = None
 
     def append(self, samples: FloatArray) -> None:
@@ -125,16 +126,20 @@ class SamplesWriter:
         lost = samples.size - int(np.count_nonzero(finite))
         if lost:  # text cannot hold what is infinite, other formats can
             samples = np.where(finite, samples, np.nan)
+        file, decimals = self._file, self.decimals
         stored = self._encode(samples)
         self.lost += lost
-        if self._file is None:
+        self._largest = max(self._largest, float(np.nanmax(np.abs(samples), initial=0.0)))
+        if file is None:
             self._file = FlatFile(self.path, stored.dtype)
-        elif stored.dtype != self._file.dtype:
-            # what is there becomes float64
-            wide = FlatFile(self.path.with_suffix(".wide"), np.dtype(np.float64))
+        elif (stored.dtype, self.decimals) != (file.dtype, decimals):
+            # what is there becomes counts of more decimals, or float64
+            wide = FlatFile(self.path.with_suffix(".wide"), stored.dtype)
             for start in range(0, max(self.size, 1), CHUNK):
-                part = self._file(start, min(start + CHUNK, self.size))
-                wide.append(counted_floats(part, self.decimals) if part.dtype.kind == "i" else part)
+                part = file(start, min(start + CHUNK, self.size))
+                values = counted_floats(part, decimals) if part.dtype.kind == "i" else part
+                counts = counts_of(values, self.decimals) if stored.dtype.kind == "i" else None
+                wide.append(values if counts is None else counts)
             wide.path.replace(self.path)
             self._file = FlatFile(self.path, wide.dtype)
         self._file.append(stored)
@@ -143,13 +148,14 @@ class SamplesWriter:
     def _encode(self, samples: FloatArray) -> NDArray[Any]:
         """`samples` as counts, float32 or float64.
 
-        The smallest that this channel's blocks so far and this one fit exactly.
+        The smallest that this channel's blocks so far and this one fit exactly; float64 if counts
+        are followed by what is none.
         """
         kind = None if self._file is None else self._file.dtype.str[1:]
         if kind in (None, "i4"):
-            # of lost samples alone any decimals are right
-            all_lost = self.lost == self.size
-            for decimals in range(_MOST_DECIMALS + 1) if all_lost else [self.decimals]:
+            for decimals in range(self.decimals, _MOST_DECIMALS + 1):
+                if self._largest * 10.0**decimals >= -LOST_COUNT - 1.0:
+                    break  # what is written would be no counts
                 likely = counts_of(samples[:_LOOKED_AT], decimals) is not None
                 if likely and (counts := counts_of(samples, decimals)) is not None:
                     self.decimals = decimals

@@ -398,7 +398,7 @@ def fill_fronts(
     # errors are as large as what is left of the signal says over so many passages; twice as many
     # follow a change of road half as soon
     around, smooth = (sliding_median(misfit, min(size, misfit.size)) for size in (9, 101))
-    # of clean logs it is twice at most
+    # what the form leaves over beside the usual near it; of clean logs it is twice at most
     rows["quality"] |= marked(misfit > 4.0 * around, Quality.UNLIKE_NEIGHBOURS)
     wider = np.maximum(smooth, 1.0) * of_noise * nan
     inverse = np.linalg.inv(found["normal"][:, :2, :2])

@@ -231,13 +231,13 @@ def off_clock(axis: TimeAxis, begin_s: FloatArray, end_s: FloatArray) -> BoolArr
     # beside a change of the clock a turn has some of both: the turns before and after it are held
     # against each other
     at = np.flatnonzero(far[2:] != far[:-2])
-    at = at[(at >= 2) & (at + 4 < known.size)]
-    # less the trend of the turns around: a wheel that gains speed changes both
+    # less the trend of the turns around, at an end of the log on its one side: a wheel that gains
+    # speed changes both
+    before = np.where(at < 2, np.minimum(at + 2, known.size - 3), at - 2)
+    after = np.where(at + 4 < known.size, at + 2, np.maximum(at - 2, 0))
     logs = (np.log(one) for one in (time, np.maximum(samples, 1.0)))
-    times, counts = (
-        np.abs(one[at + 2] - one[at] - 0.5 * (one[at] - one[at - 2] + one[at + 4] - one[at + 2]))
-        for one in logs
-    )
+    moves = (one[2:] - one[:-2] for one in logs)
+    times, counts = (np.abs(one[at] - 0.5 * (one[before] + one[after])) for one in moves)
     if far.any() and float(np.sum(times)) > float(np.sum(counts)):
         # share of a log's turns beyond which nobody knows which of them have the right clock
         off[known] = of_the_log(far, 0.3)

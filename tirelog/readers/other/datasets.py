@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import datetime as dt
 import io
+import lzma
 import re
 import warnings
 import zipfile
@@ -186,7 +187,7 @@ def convert_zip(source: Path, target: Path, answer: ReadReport) -> None:
             try:
                 while part := member.read(_PIECE_BYTES):
                     made.write(part)
-            except (zipfile.BadZipFile, zlib.error, EOFError) as problem:
+            except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError) as problem:
                 answer.losses.append(
                     f"the archive is damaged ({one_line(problem)}); copy the log again"
                 )

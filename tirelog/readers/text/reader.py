@@ -113,7 +113,7 @@ class TextReader:
         self.columns = assign_columns(self.layout, setup, name)
         setup, said = with_stated_units(setup, stated_units(self.layout, self.columns))
         self.setup = setup
-        self._plan = _plan(self.layout, self.columns, setup)
+        self._plan = _plan(self.layout, self.columns)
         self.report = ReadReport(
             format="text" if source.kind == "plain" else f"text, {source.kind}"
         )
@@ -435,7 +435,7 @@ def cut_off(layout: Layout, line: str) -> bool:
     return len(lengths) == 1 and most_decimals([last], layout.decimal) < lengths.pop()
 
 
-def _plan(layout: Layout, columns: Columns, setup: Setup) -> RowPlan:
+def _plan(layout: Layout, columns: Columns) -> RowPlan:
     own = {f"{_CLOCK} {time + 1}": time for time in columns.clocks}
     columns = replace(columns, values=columns.values | own)
     time = columns.time or 0  # a form of stamp is there only with a column of stamps
