@@ -36,7 +36,7 @@ FOLDERS = {
     "plots": (5, 970),
     "readers": (24, 4570),
     "report": (6, 1050),
-    "runs": (7, 1600),
+    "runs": (7, 1620),
     "simulation": (14, 2310),
     "storage": (4, 630),
     "strain": (19, 3270),
