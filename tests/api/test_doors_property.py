@@ -99,3 +99,16 @@ def test_a_ladder_is_kept_beside_its_model(folder: Path) -> None:
     kept = json.loads((folder / "m.ladder.json").read_text())["ladders"]
     assert len(kept) == 1
     assert kept[0]["steps"]
+
+
+def test_tables_that_differ_are_told(folder: Path, command: Command) -> None:
+    table = tirelog.speed("log.csv")
+    table.to_csv("old.csv", index=False)
+    table.assign(speed_m_s=table.speed_m_s * 1.01).to_csv("new.csv", index=False)
+    found = tirelog.check("new.csv", "old.csv")
+    assert {one.column for one in found.differences} == {"speed_m_s"}
+    assert tirelog.check("old.csv", "old.csv").differences == ()
+    outcome = command("check", "new.csv", "--against", "old.csv", "-o", "moved.parquet")
+    assert outcome.status == 1
+    moved = pd.DataFrame(found.columns)
+    assert read_table("moved.parquet")["column"].tolist() == moved["column"].tolist()

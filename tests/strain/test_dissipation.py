@@ -262,3 +262,21 @@ def test_a_smooth_low_pass_of_the_instrument_is_no_running_mean(radius_m, cutoff
     passed = sosfiltfilt(butter(4, cutoff_Hz, fs=2500.0, output="sos"), drive.values)
     found = energy_of(drive.with_values(passed), radius_m, 1.0)[1]
     assert good(found.quality)[1:-1].all()
+
+
+def test_a_disturbance_in_the_patch_is_no_change_of_load(radius_m):
+    """Loads scatter by 4 % from turn to turn, and change the patch as a whole."""
+    drive, random = make_drive([0, 20], [10, 10], seed=5), np.random.default_rng(3)
+    time = np.arange(drive.values.size) / 2500.0
+    loads = 1.0 + 0.04 * random.standard_normal(drive.time_s.size)
+    turn = np.argmin(np.abs(time[:, None] - drive.time_s), axis=1)
+    level = np.median(drive.values)
+    values = level + (drive.values - level) * loads[turn]
+    hit = random.choice(np.arange(12, drive.time_s.size - 12), 10, replace=False)
+    at = drive.time_s[hit, None] + 0.018
+    changed = values + np.sum(160e-6 * np.exp(-0.5 * ((time - at) / 0.003) ** 2), axis=0)
+    passages, found, *_ = energy_of(drive.with_values(changed), radius_m, 1.0)
+    rows = [int(np.argmin(np.abs(passages.time_s - t))) for t in drive.time_s[hit]]
+    assert not good(found.quality)[rows].any()
+    calm = np.setdiff1d(np.arange(1, found.quality.size - 1), np.add.outer(rows, [-1, 0, 1]))
+    assert good(found.quality)[calm].mean() > 0.9

@@ -7,10 +7,12 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import eval_legendre
 
+from tirelog.data.recording import Channel, TimeAxis
 from tirelog.strain.footprint.family import (
     SHAPES,
     EdgeFamily,
 )
+from tirelog.strain.footprint.measure import gather_windows
 
 
 def test_a_spectrum_fulfils_the_contact():
@@ -74,3 +76,17 @@ def test_a_tire_s_own_pressure_and_stiffness():
         )
         slope = spectra[:, 7 + number]
         np.testing.assert_allclose((ahead - behind) / 2e-6, slope, atol=2e-6 * np.abs(slope).max())
+
+
+def test_windows_are_the_samples_around_and_end_at_gaps():
+    values = np.arange(1000.0)
+    axis = TimeAxis(1000, 2500.0, np.array([0, 600]), np.array([0.0, 9.0]), np.array([4e-4, 4e-4]))
+    channel = Channel.of_array("s", "strain", values, axis)
+    index = np.array([3.2, 300.4, 597.0, 603.0, 998.0])
+    (found,) = gather_windows(channel, 1.0, index, (index, index), np.full(5, 16.0), np.arange(5))
+    for row, at in enumerate(np.round(index).astype(int)):
+        own = np.arange(at - 16, at + 16)
+        inside = (own >= 0) & (own < 1000) & ((own < 600) == (at < 600))
+        expected = np.where(inside, -own.astype(float), np.nan)
+        np.testing.assert_array_equal(found.values[row], expected)
+        assert found.motion["centre"][row] == pytest.approx(index[row] - at + 16)

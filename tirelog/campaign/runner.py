@@ -233,7 +233,7 @@ def _on_cluster(
             try:
                 client.wait_for_workers(1, timeout=_WORKERLESS_S)
             except TimeoutError:
-                remark("the cluster has no worker; start one, or interrupt")
+                remark("the cluster has no worker yet; start one, or interrupt")
             suspects = []
             for task, future in _finished(client, tasks, "all"):
                 if future.status != "finished" and isinstance(future.exception(), KilledWorker):

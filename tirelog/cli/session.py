@@ -224,18 +224,18 @@ def summary(output: Path | str, rows: int, logs: int, began: float) -> None:
         )
 
 
-def campaign_progress(quiet: bool, of: int) -> Callable[[api.campaigns.Entry, int, int], None]:
-    """A callable for each finished log, `of` so many: it prints a line with the remaining time."""
+def campaign_progress(quiet: bool, logs: int) -> Callable[[api.campaigns.Entry, int, int], None]:
+    """A callable for each finished one of so many `logs`: it prints a line with the time left."""
     begun = time.monotonic()
 
-    def finished(entry: api.campaigns.Entry, done: int, of: int) -> None:
-        left = (time.monotonic() - begun) / done * (of - done)
+    def finished(entry: api.campaigns.Entry, done: int, _: int) -> None:
+        left = (time.monotonic() - begun) / done * (logs - done)
         made = f"{sum(entry.rows.values())} rows" if entry.rows else "kept for models"
         outcome = f"{made}, {entry.seconds:.1f} s, {entry.peak_memory_MB:.0f} MB"
         if entry.error:
             outcome = "stays open" if entry.fault == "machine" else "failed"
         if not quiet:
-            say(f"{done}/{of} {entry.log}: {outcome}; {left:.0f} s left")
+            say(f"{done}/{logs} {entry.log}: {outcome}; {left:.0f} s left")
 
     return finished
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from tirelog.data.recording import Channel, Recording
+from tirelog.data.setup import Tire
 from tirelog.errors import UsageError
 from tirelog.vocabulary.observables import OBSERVABLES
 
@@ -40,18 +41,18 @@ def once_each(
     """
     kinds = [kind for name in observables for kind in OBSERVABLES[name].kinds]
     whole: dict[str, str] = {}
-    first: Recording | None = None
+    first: tuple[str, Tire] | None = None  # a recording would keep its samples in memory
     parts: dict[str, np.ndarray] = {}
     for recording in recordings:
-        first = first or recording
-        tires = recording.setup.tire, first.setup.tire
+        first = first or (recording.log, recording.setup.tire)
+        tires = recording.setup.tire, first[1]
         radii = [(tire.rolling_radius_m, tire.unloaded_radius_m) for tire in tires]
         for own, other in zip(*radii, strict=True):
             # loads and pressures move the rolling radius of one tire by less
             if own and other and abs(own - other) > 0.02 * other:
                 notes.append(
                     f"{recording.log}: a radius of {own:.4g} m, and of {other:.4g} m in "
-                    f"{first.log}: a model is of one tire; give logs of one, or mend a setup"
+                    f"{first[0]}: a model is of one tire; give logs of one, or mend a setup"
                 )
         named = recording.channels.get(channel or "")
         for source in ([named] if named is not None else recording.of_kind(*kinds))[:1]:

@@ -261,9 +261,7 @@ def shape(result: Proposal) -> Panel | None:
         return None
     best = result.shapes[0]
     frame = FRAMES[best.frame]
-    own = best.acts_on == result.observable
-    factor, unit = drawn(result.observable, result.unit) if own else (1.0, "1")
-    unit = {"contact_pressure": "mean pressures", "load": "N"}.get(best.acts_on, unit)
+    factor, unit = drawn(result.observable, result.unit)
     values, error = best.values * factor, 2.0 * best.band * factor
     seen = np.abs(best.values) > 3.0 * best.band
     reach: tuple[Any, Any] = (None, None)

@@ -101,9 +101,11 @@ def rows_of_parts(parts: Sequence[tuple[Recording, Mapping[str, Any]]]) -> list[
 
 
 def undrawn(parts: Iterable[tuple[Recording, Mapping[str, Any]]]) -> str:
-    """How many rows are flagged, which a picture leaves out; empty if none is."""
-    flagged = sum(int((~good_rows(columns["quality"])).sum()) for _, columns in parts)
-    return f"{flagged} flagged rows are not drawn" if flagged else ""
+    """How many flagged rows and further channels a picture leaves out; empty if none."""
+    rows = [int((~good_rows(columns["quality"])).sum()) for _, columns in parts]
+    left_out = ((sum(rows[:MOST]), "flagged rows"), (len(rows) - MOST, "more channels"))
+    said = "; ".join(f"{number} {what}" for number, what in left_out if number > 0)
+    return f"{said} are not drawn" if said else ""
 
 
 def ways(
@@ -261,11 +263,13 @@ def _footprint_page(sketches: Sequence[Sketch]) -> Page:
         for length in statics
         if length is not None
     ]
+    levels = [np.full(1 + p.time_s.size, 1e3 * length) for length in statics if length]
     by_time, by_speed = (
         replace(
             panel,
             marks=[*panel.marks, *known],
-            limits=(None, robust_range(*(np.atleast_1d(mark.y) for mark in panel.marks))),
+            # levels by themselves are in sight, whatever share of the rows they are
+            limits=(None, robust_range(*(np.atleast_1d(mark.y) for mark in panel.marks), *levels)),
         )
         for panel in (lengths(found, x) for x in AXES)
     )
@@ -645,7 +649,7 @@ def _fronts(logs: Sequence[EdgeTimes]) -> Panel:
     marks = [level(0.5, "", "0.8", width=0.8)]
     for number, p in enumerate(logs):
         if p.example.size:
-            name, colour = f"{p.channel}, {Path(p.log).name}", f"C{number}"
+            name, colour = f"{p.channel}, {Path(p.log).name}", COLOURS[number]
             marks.append(
                 line(p.example[0], p.example[1], name, colour, symbol=".", width=0.7, size=2)
             )

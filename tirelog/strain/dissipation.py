@@ -98,9 +98,9 @@ BRIDGED_MEANS, BRIDGED_TURNS = 2.0, 0.25
 #: parts of a revolution, each judged beside the same part of the turns around
 PARTS = 24
 #: so many turns are those around; a part is far off by FAR of its usual distances and LEAST_OFF of
-#: the usual factor; a turn is unlike those around if its patch, or the parts that are far off, are
-#: off by UNLIKE of it at least
-TURNS, FAR, LEAST_OFF, UNLIKE = 9, 12.0, 0.005, 0.02
+#: the usual factor; a turn is unlike those around if its patch is off by UNLIKE of it at least, or
+#: the parts that are far off by PARTS_UNLIKE
+TURNS, FAR, LEAST_OFF, UNLIKE, PARTS_UNLIKE = 9, 12.0, 0.0025, 0.02, 0.01
 #: a patch that its form leaves over by so many times the usual; of clean logs it is 1.5 at most
 FAR_MISFIT = 4.0
 #: step in the height (logarithm) that no road, load or speed makes from one turn to the next
@@ -305,8 +305,8 @@ def _factors(
     `parts` (n, PARTS) of each revolution's factor with its noise [1/m], their `sizes` (n, PARTS) to
     which noise is proportional, by `white` at least; `near` (PARTS,): the parts of the patch with
     its shoulders. The half of the revolution that is opposite to the patch does not bend: its
-    median is the noise. A part away from the patch may be far above the same part of the
-    turns around: that is a disturbance, or a hit of the road.
+    median is the noise. A part that is far off the same part of the turns around holds a
+    disturbance, or a hit of the road; away from the patch only if it is above it.
     """
     if not parts.shape[0]:
         return np.zeros(0), np.zeros(0), np.zeros(0, bool)
@@ -318,10 +318,13 @@ def _factors(
     parts = parts - floors
     usual = _medians_over_turns(parts)
     middle = float(np.median(parts.sum(axis=1)))
-    above = parts - usual
-    far = (above > FAR * _medians_over_turns(np.abs(above)) + LEAST_OFF * middle) & ~near
-    unlike = outliers(parts[:, near].sum(axis=1), UNLIKE * middle)
-    unlike |= np.where(far, above, 0.0).sum(axis=1) > UNLIKE * middle
+    of_patch = parts[:, near].sum(axis=1)
+    unlike = outliers(of_patch, UNLIKE * middle)
+    # a load changes the patch as a whole, and what is no tire's a part of it
+    load = of_patch / np.maximum(usual[:, near].sum(axis=1), 1e-300)
+    off = np.abs(parts - usual * np.where(near, load[:, None], 1.0))
+    far = off > FAR * _medians_over_turns(off) + LEAST_OFF * middle
+    unlike |= np.where(far & (near | (parts > usual)), off, 0.0).sum(axis=1) > PARTS_UNLIKE * middle
     return parts.sum(axis=1), floors.sum(axis=1), unlike
 
 

@@ -508,10 +508,9 @@ def scatter_sentences(base: Base) -> list[str]:
 
 
 def held_by_form(base: Base) -> dict[str, list[str]]:
-    """Effects that the form of a base may hold, and the conditions whose change would part them.
+    """Effects that the form of a base may hold, and the conditions that each follows.
 
-    Those that an effect follows and a form does not. Of several observables as the first waveform
-    shows it.
+    A form follows none of them. Of several observables as the first waveform shows it.
     """
     base = max(bases_by_observable(base), key=lambda part: part.cells.phi.shape[1])
     if FORM not in groups_of(base):
@@ -535,16 +534,15 @@ def held_by_form(base: Base) -> dict[str, list[str]]:
 
 
 def held_sentences(held: Mapping[str, Sequence[str]]) -> list[str]:
-    """What the form may hold beside the tire's own, and what would part it; none if nothing."""
+    """What the form may hold beside the tire's own, and what may part it; none if nothing."""
     alone = [name for name, by in held.items() if not by]
     return [
-        f"The tire's own form may hold {name}: logs that differ more in {' or '.join(by)} part "
-        "them."
+        f"The tire's own form may hold {name}, which follows {' and '.join(by)}: logs that differ "
+        "more in that may part them."
         for name, by in held.items()
         if by
     ] + [
-        f"The tire's own form may hold {', '.join(alone)}: no drive parts them. Add what is "
-        "known of them to the model."
+        f"The tire's own form may hold {', '.join(alone)}. Add what is known of them to the model."
     ] * bool(alone)
 
 

@@ -363,6 +363,9 @@ def _left_to_one(
         # leave those of a short log in place
         made = np.abs(share) * length > 0.1 * np.linalg.norm(main)
         replaced = [own[i] for i in np.flatnonzero(made)]
+        change = held.columns[..., replaced] @ rival.fit.amplitudes[replaced]
+        if float((rival.plain(change) ** 2).sum()) / rival.plain.weight < least:
+            continue
         gone = {held.names[i] for i in replaced}
         less = [
             mine and mine.of([i for i, own_name in enumerate(mine.names) if own_name not in gone])

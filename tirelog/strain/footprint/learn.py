@@ -670,9 +670,7 @@ def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noi
     number = len(reference.forms) // 2
     speed = float(reference.speed_m_s[number])
     family = reference.family
-    spectrum = np.abs(family.spectra(reference.forms[number : number + 1])[0, :, 0]) * abs(
-        reference.heights[number]
-    )
+    spectrum = family.spectra(reference.forms[[number]])[0, :, 0] * reference.heights[number]
     signal = np.pi * family.radius_m * np.abs(spectrum) * rate_Hz / speed
     floor = noise * np.sqrt(2.0 * half_window_m * rate_Hz / speed)
     above = np.flatnonzero(signal > floor)
