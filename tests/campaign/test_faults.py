@@ -233,7 +233,7 @@ def test_a_file_of_ours_that_was_damaged_is_an_empty_one(data: bytes) -> None:
 
 
 def test_a_log_s_name_does_not_reach_the_terminal_as_it_is(capsys):
-    campaign_progress(quiet=False, of=2)(
+    campaign_progress(quiet=False, logs=2)(
         Entry("a\x1b[31m\n.csv", "a", "key", rows={"speed": 3}), 1, 2
     )
     assert capsys.readouterr().err.startswith("tirelog: 1/2 a\\x1b[31m\\n.csv: 3 rows")

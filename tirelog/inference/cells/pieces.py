@@ -295,10 +295,10 @@ def _curve(
         return nearest_curve(x, y, n, knots)
     # samples that lock to the bins' edges give neighbours nearly one angle: their noise over the
     # gap is a slope, and over 0.3 bins three times what a whole bin makes
-    first = int(np.argmax(np.diff(x, prepend=x[-1] - 2.0 * np.pi)))
-    x = np.append(x[first:], x[:first] + 2.0 * np.pi)
-    y, n = np.roll(y, -first), np.roll(n, -first)
-    group = np.cumsum(np.diff(x, prepend=-np.inf) >= 0.3 * 2.0 * np.pi / phi.size) - 1
+    apart = np.diff(x, prepend=x[-1] - 2.0 * np.pi) >= 0.3 * 2.0 * np.pi / phi.size
+    group = np.cumsum(apart) - 1
+    x = np.where(group < 0, x + 2.0 * np.pi, x)  # the first bins are one with the last
+    group = np.where(group < 0, group[-1], group)
     x, y = (np.bincount(group, n * one) / np.bincount(group, n) for one in (x, y))
     return CubicSpline(np.append(x, x[0] + 2.0 * np.pi), np.append(y, y[0]), bc_type="periodic")
 
