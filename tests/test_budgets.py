@@ -30,7 +30,7 @@ FOLDERS = {
     "diagnosis": (24, 4830),
     "drafts": (2, 400),
     "dsp": (4, 930),
-    "inference": (18, 3140),
+    "inference": (18, 3150),
     "kernels": (3, 240),
     "physics": (25, 3440),
     "plots": (5, 970),
