@@ -421,14 +421,14 @@ class ClockFit:
                     "was made of it, and times may be off by as many samples"
                 )
         # stamps that are but rounded may be off alike for long
-        by_digit = 1.02 * rounding / ticks if rounding else 0.0
-        off = max(tolerance if period != fitted else error, by_digit)
+        of_digits = 1.02 * rounding / ticks if rounding else 0.0
+        off = max(tolerance if period != fitted else error, of_digits)
         # a rate that was declared has no error, nor has a round number of three digits, unless one
         # lies near any rate that the stamps allow
-        rounded = float(f"{1.0 / period:.3g}")
-        digit_Hz = 10.0 ** (math.floor(math.log10(rounded)) - 2)
+        round_Hz = float(f"{1.0 / period:.3g}")
+        digit_Hz = 10.0 ** (math.floor(math.log10(round_Hz)) - 2)
         rates = [self.setup_rate_Hz, self.file_rate_Hz]
-        rates += [rounded] if off * rounded < 0.25 * period * digit_Hz else []
+        rates += [round_Hz] if off * round_Hz < 0.25 * period * digit_Hz else []
         known = any(rate and period == 1.0 / rate for rate in rates)
         vague = off > _VAGUE * period and not known
         return replace(axis, rate_error=off / period if vague else 0.0)

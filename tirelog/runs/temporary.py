@@ -131,7 +131,7 @@ class SamplesWriter:
         self.lost += lost
         self._largest = max(self._largest, float(np.nanmax(np.abs(samples), initial=0.0)))
         if file is None:
-            self._file = FlatFile(self.path, stored.dtype)
+            file = FlatFile(self.path, stored.dtype)
         elif (stored.dtype, self.decimals) != (file.dtype, decimals):
             # what is there becomes counts of more decimals, or float64
             wide = FlatFile(self.path.with_suffix(".wide"), stored.dtype)
@@ -141,8 +141,9 @@ class SamplesWriter:
                 counts = counts_of(values, self.decimals) if stored.dtype.kind == "i" else None
                 wide.append(values if counts is None else counts)
             wide.path.replace(self.path)
-            self._file = FlatFile(self.path, wide.dtype)
-        self._file.append(stored)
+            file = FlatFile(self.path, wide.dtype)
+        file.append(stored)
+        self._file = file
         self.size += stored.size
 
     def _encode(self, samples: FloatArray) -> NDArray[Any]:
