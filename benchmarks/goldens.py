@@ -195,7 +195,6 @@ compare drive.csv.gz --model model.toml --by tyre
 compare drive.csv.gz --model model.toml --plot picture.bmp
 compare drive.csv.gz --model model.toml --plot-kind pie
 compare drive.csv.gz --model model.toml --effects none.py
-diagnose drive.csv.gz --model model.toml --bootstrap many
 diagnose drive.csv.gz --model model.toml --leave-one-out wheel
 diagnose drive.csv.gz --model model.toml --format xml
 propose drive.csv.gz --model carcass.toml

@@ -69,17 +69,6 @@ def stuck(task: LogTask) -> Entry:
             time.sleep(1.0)
 
 
-def dying_once(task: LogTask) -> Entry:
-    """A worker's task; whoever finishes one first dies before it can say so."""
-    entry = patient(task)
-    try:
-        (Path(os.environ[_GATE]) / "died").touch(exist_ok=False)
-    except FileExistsError:
-        return entry
-    os.kill(os.getpid(), signal.SIGKILL)
-    raise AssertionError("killed")
-
-
 def dying_on_the_first(task: LogTask) -> Entry:
     """A worker's task; whoever gets the first log dies of it, while its neighbours are at work."""
     if task.name.endswith("run_0.csv"):

@@ -14,7 +14,6 @@ from tirelog.diagnosis.certainty import (
     GroupVerdict,
     benjamini_hochberg,
     each_alone,
-    inclusion_sentences,
     stability,
 )
 from tirelog.errors import ModelError, UsageError
@@ -146,19 +145,3 @@ def test_each_log_is_left_out_once_and_of_one_none_can_be(monkeypatch):
     assert result.notes[-1] == result.each["sentence"]
     with pytest.raises(UsageError, match="one log alone: none can be left out"):
         diagnosing.with_groups(whole, {"a": ("a",)}, some, None)
-
-
-@pytest.mark.parametrize(
-    ("shares", "none", "said"),
-    [
-        ({"wear": 0.6, "hysteresis": 0.1}, 0.3, "wear in 60 %, hysteresis in 10 %, nothing in 30 %"
-         ": wear hangs on some manoeuvres"),
-        ({"wear": 1.0}, 0.0, "wear in 100 %"),
-    ],
-)  # fmt: skip
-def test_names_that_hang_on_some_manoeuvres_are_said_to(shares, none, said):
-    step = {"step": 1, "named": "wear", "shares": shares, "none": none}
-    drawn = {"draws": 500, "manoeuvres": 16, "steps": [step]}
-    assert inclusion_sentences(drawn) == [
-        f"Of 500 draws of the 16 manoeuvres the search names {said}."
-    ]

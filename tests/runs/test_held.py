@@ -178,3 +178,21 @@ def test_values_further_apart_than_a_block_have_no_rate_of_their_own() -> None:
     """As of a slow grating of coarse steps."""
     rows = 140_000 + np.random.default_rng(5).integers(0, 50, 110)
     assert held_in(np.repeat(np.arange(110, dtype=np.int16), rows)) is None
+
+
+@pytest.mark.parametrize("levels", ["sine", "square"])
+def test_an_encoder_s_held_values_are_taken_once_and_two_levels_are_none(tmp_path, levels) -> None:
+    """A square wave of ten samples at a constant speed changes as evenly as a value that is held."""
+    teeth = np.sin(2.0 * np.pi * (np.arange(3000) + 0.5) / (37.3 if levels == "sine" else 20.0))
+    values = np.repeat(np.round(teeth, 4), 4) if levels == "sine" else np.sign(teeth)
+    log = tmp_path / "log.csv"
+    log.write_text(
+        "\n".join(["time_s,encoder", *(f"{i / RATE},{v}" for i, v in enumerate(values))])
+    )
+    setup = parse_setup(
+        "[tire]\nrolling_radius_m = 0.3\n"
+        '[channels.encoder]\nkind = "wheel_encoder"\nsource = "encoder"\nunit = "V"\nsteps = 48\n[log]\ntime = "time_s"\n'
+    )
+    with open_recording(str(log), setup) as recording:
+        rate = recording.channels["encoder"].axis.rate_Hz
+    assert rate == pytest.approx(RATE / 4 if levels == "sine" else RATE)

@@ -23,7 +23,6 @@ from tirelog.diagnosis import diagnose as diagnosing
 from tirelog.diagnosis import fitted as forming
 from tirelog.diagnosis import ladder as climbing
 from tirelog.diagnosis.answer import AnswerTable
-from tirelog.diagnosis.certainty import MOST_DRAWS
 from tirelog.diagnosis.diagnose import Diagnosis
 from tirelog.diagnosis.fitted import FitOfLogs, TireForm, fit_channels_measured
 from tirelog.diagnosis.gratings import GratingsFound
@@ -274,7 +273,6 @@ def diagnose(
     model: ModelLike,
     *,
     effects: Iterable[Effect] = (),
-    bootstrap: int = 0,
     leave_one_out: bool | Mapping[str, Sequence[str]] = False,
     progress: Progress | None = None,
 ) -> Diagnosis:
@@ -289,8 +287,6 @@ def diagnose(
     effects : iterable of Effect
         Candidates of your own beside the catalogue, those of installed packages, and those of the
         file that the model was read with.
-    bootstrap : int
-        Draw the manoeuvres anew so many times: ``inclusion`` says how often each effect is named.
     leave_one_out : bool or mapping
         Diagnose without each log in turn, or without the logs of each tire by its name:
         ``stability`` says where the verdict changes.
@@ -308,10 +304,6 @@ def diagnose(
     UsageError
         Model and revolutions do not fit together.
     """
-    if not 0 <= bootstrap <= MOST_DRAWS:
-        raise UsageError(
-            f"bootstrap {bootstrap}", allowed=f"allowed is 0 to {MOST_DRAWS}", do="correct it"
-        )
     asked, model = _known(measured).revolutions, as_model(model)
     candidates = _candidates(model, effects)
     progress = progress or _silent
@@ -323,9 +315,6 @@ def diagnose(
         groups = known if isinstance(leave_one_out, bool) else _of_these(leave_one_out, known)
         diagnosing.refuse_one(groups, by)
     result = diagnosing.diagnose(asked, model, effects=candidates, progress=progress)
-    if bootstrap:
-        progress(f"drawing the manoeuvres {bootstrap} times")
-        result = diagnosing.with_draws(result, bootstrap, candidates)
     if pieces is not None:
         some = partial(diagnosing.of_logs, pieces)
         result = diagnosing.with_groups(

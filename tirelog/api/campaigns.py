@@ -53,7 +53,7 @@ class CampaignOutcome:
     summary   the file with a row per log
     worked    logs that were worked on; the others were done before
     failed    sentences on logs and models that failed, and on logs that stay open after a fault of
-              a store, the cluster or the machine
+              a store or the machine
     lost      sentences on logs whose input was lost in part
     """
 
@@ -126,7 +126,6 @@ def run_campaign(
     manifest: Path,
     *,
     workers: int = 1,
-    scheduler: str | None = None,
     only: str | None = None,
     retry_failed: bool = False,
     began: Callable[[int], Callable[[Entry, int, int], None]] | None = None,
@@ -141,8 +140,6 @@ def run_campaign(
         The campaign's manifest (TOML).
     workers : int
         Processes on this machine.
-    scheduler : str, optional
-        A Dask scheduler in their place, ``"tcp://HOST:PORT"``.
     only, retry_failed
         As for `campaign_status`; models are over all logs, and left out with `only`.
     began : callable, optional
@@ -178,9 +175,7 @@ def run_campaign(
             ledger,
             left,
             workers=workers,
-            scheduler=scheduler,
             report=report,
-            remark=progress,
         )
         summary = write_summary(campaign, ledger)
         for remark in campaign.remarks:

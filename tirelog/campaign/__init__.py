@@ -6,7 +6,7 @@
                         time
         --plan------> one Task per log, with a key made of bytes, setup, options and version
         --ledger----> which tasks are done under that key (skipped) and which are not
-        --runner----> processes, or a Dask cluster, that carry out `runner.make_tables`:
+        --runner----> processes that carry out `runner.make_tables`:
                       log -> table=NAME/log=NAME/part.parquet
         --summary---> summary.csv: every log, what was made, how long, quality counts, errors
         --models----> compare, diagnose, ladder over all logs that could be read, from the means

@@ -267,7 +267,7 @@ class Entry:
 
     `error` is empty if the tables were made; `pieces`: observable -> '' if what models need
     of the log was kept, or why it could not be. `fault`: whose the error is, "log" (recorded), or
-    "output" (a full disk) or "machine" (also a store or cluster), after which the log stays open.
+    "output" (a full disk) or "machine" (also a store), after which the log stays open.
     """
 
     log: str

@@ -1,7 +1,6 @@
 """A campaign carried out.
 
-All open tasks are done, on processes of this machine or a Dask cluster, and the outcome is added
-up.
+All open tasks are done, on processes of this machine, and the outcome is added up.
 
 Tasks do not depend on one another, and each writes its own files. So neither order nor place of
 work changes a byte of the result.
@@ -11,20 +10,19 @@ from __future__ import annotations
 
 import csv
 import io
-import logging
 import os
 import sys
 import tempfile
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -43,15 +41,9 @@ from tirelog.process_pool import ending_pool
 from tirelog.products import OF_A_DRIVE, tables_of
 from tirelog.runs.ingest import open_recording
 from tirelog.runtime import end_with_parent, one_heap, one_thread
-from tirelog.storage.remote import ANSWER_S
 from tirelog.storage.whole import whole_file
 from tirelog.tables.writer import TableWriter
 from tirelog.version import __version__
-
-if TYPE_CHECKING:
-    from distributed import Client
-    from distributed import Future as DaskFuture
-
 
 # ---- One log's task, carried out in a worker.
 #
@@ -202,86 +194,9 @@ def _keep_pieces(recording: Recording, task: LogTask, entry: Entry) -> None:
         entry.pieces[observable] = ""
 
 
-#: so many logs in a row that fail for a reason outside of them end the run: a store or scheduler
-#: that is gone would be asked for every log, 8 s each
+#: so many logs in a row that fail for a reason outside of them end the run: a store that is gone
+#: would be asked for every log, 8 s each
 _MOST_IN_A_ROW = 5
-#: a cluster without workers is reported after this time [s]
-_WORKERLESS_S = 10.0
-
-
-def _on_cluster(
-    tasks: list[LogTask], scheduler: str, remark: Callable[[str], None]
-) -> Generator[Entry, None, None]:
-    """The entries of tasks on a cluster, as they are finished.
-
-    A scheduler holds the death of a worker against all that it had been given: what it gives up is
-    tried again, each alone.
-
-    UsageError: dask.distributed is missing, or the scheduler does not answer, or no more.
-    """
-    try:
-        from distributed import Client, KilledWorker
-    except ImportError:
-        raise UsageError(
-            "--scheduler needs dask.distributed",
-            do="it comes with the extra: pip install 'tirelog[cluster]'",
-        ) from None
-    for name in ("distributed", "distributed.client"):  # they print tracebacks of this error
-        logging.getLogger(name).setLevel(logging.CRITICAL)
-    try:
-        with Client(scheduler, timeout=ANSWER_S) as client:
-            try:
-                client.wait_for_workers(1, timeout=_WORKERLESS_S)
-            except TimeoutError:
-                remark("the cluster has no worker yet; start one, or interrupt")
-            suspects = []
-            for task, future in _finished(client, tasks, "all"):
-                if future.status != "finished" and isinstance(future.exception(), KilledWorker):
-                    suspects.append(task)
-                else:
-                    yield _outcome(task, future)
-            for task in suspects:
-                for _, future in _finished(client, [task], "alone"):
-                    yield _outcome(task, future)
-    except (OSError, ValueError, TypeError) as problem:
-        raise UsageError(
-            f"--scheduler {scheduler} does not answer ({type(problem).__name__})",
-            allowed="allowed is tcp://HOST:PORT",
-            do="start it, then run this again: finished logs are kept",
-        ) from None
-
-
-def _finished(
-    client: Client, tasks: list[LogTask], attempt: str
-) -> Iterator[tuple[LogTask, DaskFuture[Any]]]:
-    """Each task with its future, as they are finished; `attempt` tells keys of two apart."""
-    from distributed import as_completed
-
-    futures = {
-        client.submit(
-            make_tables, task, key=f"tirelog-{task.key}-{task.name}-{attempt}", pure=False
-        ): task
-        for task in tasks
-    }
-    for future in as_completed(list(futures)):
-        yield futures[future], future
-
-
-def _outcome(task: LogTask, future: DaskFuture[Any]) -> Entry:
-    """The entry by a worker of the cluster, or one that no worker finished it.
-
-    ConnectionError: the scheduler is gone, which cancels what was left to do.
-    """
-    if future.cancelled():
-        raise ConnectionError
-    if future.status == "finished":
-        entry: Entry = future.result()
-        return entry
-    return _of_the_machine(
-        task,
-        f"{task.log}: no worker of the cluster finished it "
-        f"({future.exception()}); look at the cluster's own log",
-    )
 
 
 def _of_the_machine(task: LogTask, error: str) -> Entry:
@@ -395,15 +310,12 @@ def run_tasks(
     tasks: list[LogTask],
     *,
     workers: int,
-    scheduler: str | None,
     report: Callable[[Entry, int, int], None],
-    remark: Callable[[str], None],
 ) -> list[str]:
     """Sentences on the logs that stay open after the `tasks`, since not the log was at fault.
 
-    `report(entry, number, of)` is called after each, `remark` with a sentence on waiting. An open
-    log is not recorded. A log that fails leaves no part of an older outcome behind; one that cannot
-    be reached keeps it.
+    `report(entry, number, of)` is called after each. An open log is not recorded. A log that fails
+    leaves no part of an older outcome behind; one that cannot be reached keeps it.
 
     UsageError: several in a row stay open.
 
@@ -417,12 +329,9 @@ def run_tasks(
     if again := {name for name, task in by_name.items() if task.tables}:
         ledger.forget(again)
     tasks, in_a_row = list(by_name.values()), 0
-    finished = (
+    with closing(
         _on_processes(tasks, workers)
-        if scheduler is None
-        else _on_cluster(tasks, scheduler, remark)
-    )
-    with closing(finished):  # at once, also when what follows fails: nobody works on after this
+    ) as finished:  # at once, also when what follows fails: nobody works on after this
         for number, entry in enumerate(finished, 1):
             if entry.fault == "output":
                 raise OutputError(entry.error)

@@ -154,15 +154,6 @@ def compare(
 @with_question
 def diagnose(
     asked: Question,
-    bootstrap: Annotated[
-        int,
-        typer.Option(
-            metavar="DRAWS",
-            help="Resample the manoeuvres (segments) this often: how often is each effect named?",
-            min=0,
-            max=10000,
-        ),
-    ] = 0,
     leave_one_out: Annotated[
         str | None,
         typer.Option(
@@ -178,7 +169,6 @@ def diagnose(
         )
     ask = partial(
         api.answers.diagnose,
-        bootstrap=bootstrap,
         leave_one_out=asked.session.tires if leave_one_out == "tire" else bool(leave_one_out),
         progress=asked.session.say,
     )
@@ -338,9 +328,6 @@ def run(
     workers: Annotated[
         int, typer.Option("--workers", min=1, max=256, help="Processes on this machine.")
     ] = 1,
-    scheduler: Annotated[
-        str | None, typer.Option("--scheduler", help="Dask scheduler, tcp://HOST:PORT.")
-    ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print what would be made.")] = False,
     only: Only = None,
     retry_failed: Annotated[
@@ -360,7 +347,6 @@ def run(
     done = api.campaigns.run_campaign(
         manifest,
         workers=workers,
-        scheduler=scheduler,
         only=only,
         retry_failed=retry_failed,
         began=partial(campaign_progress, quiet),

@@ -276,9 +276,8 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("tirelog diagnose hidden_*.csv.gz --model model.toml", "which effect is missing"),
         ("tirelog diagnose hidden_*.csv.gz --model model.toml --format json", "for a script"),
         (
-            "tirelog diagnose hidden_*.csv.gz --model model.toml --leave-one-out log "
-            "--bootstrap 500",
-            "does the verdict hang on one log, or on some manoeuvres?",
+            "tirelog diagnose hidden_*.csv.gz --model model.toml --leave-one-out log",
+            "does the verdict hang on one log?",
         ),
     ),
     "propose": (
@@ -349,7 +348,6 @@ METAVARS: Mapping[str, str] = {
     "changes": "NAME=VALUE",
     "only": "PATTERN",
     "manifest": "CAMPAIGN",
-    "scheduler": "ADDRESS",
     "road": "ROAD",
     "zero": "ZERO",
     "acceleration": "M_PER_S2",

@@ -28,25 +28,7 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.special import betaincinv
 
-from tirelog.diagnosis.candidates.assessment import (
-    all_signatures,
-    best_variants,
-    candidate_effects,
-    flip_signs,
-    scores_of,
-    statistics,
-)
-from tirelog.diagnosis.candidates.naming import Step
-from tirelog.diagnosis.candidates.search import SearchResult
-from tirelog.diagnosis.rules import (
-    ALARM_P,
-    BEYOND_DOUBT_P,
-    GAIN_SIGMAS,
-    LEAST_SHARE_OF_FLOOR,
-    SECOND_LEAST,
-)
-from tirelog.inference.base import Base
-from tirelog.physics.effects import BY_ID, Effect
+from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import BY_NAME, FORM, Model
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import STRAIN
@@ -112,11 +94,10 @@ class Certainty:
         )
 
 
-#: what each number on the sureness of a verdict measures, and which to go by
+#: what the numbers on the sureness of a verdict measure, and which to go by
 SURENESS = (
-    "These numbers measure different things. The simulated cases count how often such verdicts are "
-    "right on other tires: go by them. Draws of manoeuvres, and logs left out, show whether a few "
-    "of them decide here: if so, drive more."
+    "The simulated cases count how often such verdicts are right on other tires: go by them. Logs "
+    "left out show whether one of them decides here: if so, drive more."
 )
 
 
@@ -180,112 +161,6 @@ def unlike_cases(model: Model, selected: Iterable[str], gratings: bool) -> str:
 def calibration() -> dict[str, Any]:
     """The table that the package comes with (see `benchmarks.calibration`)."""
     return tomllib.loads((resources.files("tirelog.diagnosis") / TABLE).read_text("utf-8"))
-
-
-# ---- How often each effect is named when manoeuvres are drawn anew: does a few of them decide?
-#
-#     Found -> each step's scores, linear gains and refits, manoeuvre by manoeuvre
-#         -> manoeuvres drawn with replacement, so many times
-#         -> each time: which candidates alarm, and which of those refitted loses least held out
-#
-# Held fixed: the fit before each step and its metric, the nuisances, each candidate's form, which
-# candidates were refitted and their refits, and the steps before. So it tells what chance in the
-# choice of manoeuvres does, not what a new search would; and since what was measured once is drawn
-# again, what is near an alarm alarms more often than it would on new logs. Frequencies are no
-# probabilities of being right: `certainty` is.
-
-
-#: share of the draws below which a name is said to hang on some manoeuvres; at half of it, it would
-#: be said only of what loses
-STEADY = 0.8
-#: draws that are asked for at most: shares are known to 0.5 % then
-MOST_DRAWS = 10000
-_BLOCK = 256
-
-
-def inclusion(
-    found: SearchResult, draws: int, extra: Iterable[Effect] = (), seed: int = 0
-) -> dict[str, Any]:
-    """How often each step of a search names each effect, over draws of its manoeuvres.
-
-    The keys are `draws`, `manoeuvres` and `steps`. Each step has what it `named`, the `shares` of
-    the draws that named each effect, and the share that named `none`.
-    """
-    extra, count, steps = tuple(extra), found.before.cells.manoeuvres, []
-    even = np.full(count, 1.0 / count)
-    times = np.random.default_rng(seed).multinomial(count, even, size=draws).astype(float)
-    for i, step in enumerate(found.steps, start=1):
-        shares, named = _shares(step, i, times, extra), step.named.id if step.named else None
-        none = max(1.0 - sum(shares.values()), 0.0)
-        steps.append({"step": i, "named": named, "shares": shares, "none": none})
-    return {"draws": draws, "manoeuvres": count, "steps": steps}
-
-
-def inclusion_sentences(drawn: Mapping[str, Any]) -> list[str]:
-    """A sentence for each step; it warns if a name hangs on some manoeuvres."""
-    said = []
-    for step in drawn["steps"]:
-        shares, none, named = step["shares"], step["none"], step["named"]
-        often = [*sorted(shares.items(), key=lambda item: -item[1]), ("nothing", none)]
-        parts = [f"{name} in {100.0 * share:.0f} %" for name, share in often if share > 0.0]
-        which = f"step {step['step']} of the search" if len(drawn["steps"]) > 1 else "the search"
-        hangs = ""
-        if (shares.get(named, 0.0) if named else none) < STEADY:
-            hangs = f": {named or 'that nothing is named'} hangs on some manoeuvres"
-        said.append(
-            f"Of {drawn['draws']} draws of the {drawn['manoeuvres']} manoeuvres {which} names "
-            f"{', '.join(parts)}{hangs}."
-        )
-    return said
-
-
-def _shares(
-    step: Step, number: int, times: FloatArray, extra: tuple[Effect, ...]
-) -> dict[str, float]:
-    """The share of the draws (D, M) that named each effect at this step, if any did."""
-    tried = {a.id for a in step.assessed} - {effect.id for effect in step.before.model.effects}
-    effects = [e for e in candidate_effects(step.before.model, extra) if e.id in tried]
-    alarms = _alarms(step.before, effects, times, first=number == 1)
-    refitted = [r for r in step.contenders if r.established and r.id in alarms]
-    loss = {r.id: times @ r.base.held_white for r in refitted}
-    if not loss:  # none was refitted: the largest statistic would be
-        loss = {name: -statistic for name, (_, statistic) in alarms.items()}
-    if not loss:
-        return {}
-    alarming = np.stack([alarms[name][0] for name in loss], axis=1)
-    best = np.where(alarming, np.stack(list(loss.values()), axis=1), np.inf).argmin(axis=1)
-    some = alarming.any(axis=1)
-    shares = {name: float(np.mean(some & (best == i))) for i, name in enumerate(loss)}
-    return {name: share for name, share in shares.items() if share > 0.0}
-
-
-def _alarms(
-    base: Base, effects: Sequence[Effect], times: FloatArray, *, first: bool
-) -> dict[str, tuple[Any, FloatArray]]:
-    """By effect: which draws it alarms in, and its statistic in each, (D,).
-
-    A further effect must remove more than the first.
-    """
-    kept, scores, _ = scores_of(base, all_signatures(base, effects)[0])
-    if not kept:
-        return {}
-    under_flips = statistics(scores, flip_signs(base.cells.manoeuvres))
-    largest = under_flips.max(axis=1)
-    least, sure = (float(np.quantile(largest, 1.0 - p)) for p in (ALARM_P, BEYOND_DOUBT_P))
-    share = LEAST_SHARE_OF_FLOOR if first else SECOND_LEAST
-    size = share * base.floor.square * base.plain.weight
-    result: dict[str, tuple[Any, FloatArray]] = {}
-    for name, (i, white, plain) in best_variants(base, kept, under_flips[0]).items():
-        gain, large = base.held_white - white, times @ (base.held_plain - plain) > size
-        statistic, count = statistics([scores[i]], times)[:, 0], gain.size
-        mean = times @ gain / count
-        spread = np.sqrt(np.maximum(times @ gain**2 / count - mean**2, 0.0))
-        shared = 1.0 / count + 1.0 / max(count - 1.0, 1.0)  # as in `gain_and_error`
-        error = spread * count * (shared * count / max(count - 1.0, 1.0)) ** 0.5
-        surely = times @ gain > GAIN_SIGMAS * error
-        strong = first & (statistic >= sure)
-        result[name] = ((statistic >= least) & surely & (large | strong), statistic)
-    return result
 
 
 # ---- Does the verdict stand if one log, or one tire, is left out?  And what does each say alone?

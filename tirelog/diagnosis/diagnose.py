@@ -75,8 +75,6 @@ from tirelog.diagnosis.certainty import (
     GroupVerdict,
     certainty_of,
     each_alone,
-    inclusion,
-    inclusion_sentences,
     stability,
     unlike_cases,
 )
@@ -158,7 +156,6 @@ class Diagnosis(AnswerRecord):
     found: SearchResult
     stacks: Revolutions
     gratings: GratingsFound | None = None
-    inclusion: Mapping[str, Any] | None = None
     stability: Mapping[str, Any] | None = None
     each: Mapping[str, Any] | None = None
 
@@ -195,7 +192,7 @@ class Diagnosis(AnswerRecord):
         return tuple(drive_next(self.found, self.verdict, self.certainty.probability))
 
     def to_json(self) -> dict[str, Any]:
-        later, found = ("gratings", "inclusion", "stability", "each"), self.found
+        later, found = ("gratings", "stability", "each"), self.found
         more = {
             "note": " ".join(self.notes),
             "rmse_heldout_without_nuisances": (found.given or found.before).rmse_held,
@@ -267,9 +264,8 @@ class Diagnosis(AnswerRecord):
 
     def further_sentences(self) -> list[str]:
         """What a diagnosis says beside its verdict and ranking, and what to do next."""
-        several = self.inclusion is not None or self.stability is not None
         return [
-            *([SURENESS] if several else []),
+            *([SURENESS] if self.stability is not None else []),
             *(
                 f"not separated by these logs: {', '.join(group)}"
                 for group in self.ambiguous_groups
@@ -524,7 +520,7 @@ def _advice(found: SearchResult, verdict: str) -> tuple[list[dict[str, Any]], li
     return rows, notes + more
 
 
-# ---- A diagnosis asked again: without each log or tire, of each alone, of manoeuvres drawn anew.
+# ---- A diagnosis asked again: without each log or tire, or of each alone.
 #
 #     pieces of all logs, groups of logs -> the pieces without each group, or of it alone
 #         -> a diagnosis each -> `certainty.stability`, `certainty.each_alone`
@@ -534,12 +530,6 @@ def _advice(found: SearchResult, verdict: str) -> tuple[list[dict[str, Any]], li
 
 #: the pieces of the logs of these names
 Some = Callable[[Sequence[str]], Pieces | Sequence[Pieces]]
-
-
-def with_draws(found: Diagnosis, draws: int, effects: Iterable[Effect] = ()) -> Diagnosis:
-    """The diagnosis, with how often its effects are named over draws of its manoeuvres."""
-    drawn = inclusion(found.found, draws, effects)
-    return replace(found, inclusion=drawn, notes=(*found.notes, *inclusion_sentences(drawn)))
 
 
 def with_groups(

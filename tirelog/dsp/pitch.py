@@ -372,6 +372,12 @@ class AngleFunction:
         return self.stretch[self._knot_at(time_s)].astype(np.int64)
 
     @cached_property
+    def cuts_s(self) -> FloatArray:
+        """Times [s] of the last knot of each stretch and of the first of the next, in order."""
+        last = np.flatnonzero(np.diff(self.stretch))
+        return self.time_s[np.stack([last, last + 1], axis=1).ravel()]
+
+    @cached_property
     def _climbing(self) -> NDArray[np.int32] | FloatArray:
         """The counts, none below one before it.
 

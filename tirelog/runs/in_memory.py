@@ -478,14 +478,18 @@ _SINGLE = 0.02
 def without_repeats(channel: Channel, quiet: Channel) -> tuple[Channel, str]:
     """(the channel with each value that is held once, a remark, '' if there is none).
 
-    Asked of channels in which a patch is found, and whose samples are `Scaled`. `quiet` is the same
-    channel, of whose losses nobody hears.
+    Asked of channels in which a patch is found and of encoders, if their samples are `Scaled`. An
+    encoder of few levels holds each for long by itself, at any number of samples. `quiet` is the
+    same channel, of whose losses nobody hears.
     """
     stored, looked_at = channel.samples, quiet.samples
     found, held = None, True
-    if channel.kind in (*STRAIN_KINDS, *ACCELERATION_KINDS) and isinstance(looked_at, Scaled):
-        found = sample_and_hold(looked_at, channel.axis)
-        if found is None:
+    patch = channel.kind in (*STRAIN_KINDS, *ACCELERATION_KINDS)
+    if (patch or channel.kind == "wheel_encoder") and isinstance(looked_at, Scaled):
+        # an encoder of two levels, and noise or ringing on them, has fewer than these
+        if patch or np.unique(looked_at.raw(0, min(channel.size, BLOCK_SAMPLES))).size > 32:
+            found = sample_and_hold(looked_at, channel.axis, evenly=not patch)
+        if patch and found is None:
             found, held = sample_and_hold(looked_at, channel.axis, held=False), False
     if found is None or not isinstance(stored, Scaled):
         return channel, ""
@@ -516,9 +520,11 @@ def _moved(doubt: Doubt, at: IntArray) -> Doubt:
 
 
 def sample_and_hold(
-    stored: Scaled, axis: TimeAxis, held: bool = True
+    stored: Scaled, axis: TimeAxis, *, held: bool = True, evenly: bool = False
 ) -> tuple[IntArray, TimeAxis, int, int] | None:
     """How the values of a channel are `held`, or lie between blanks; None if they do not.
+
+    `evenly`: only if each is held for as many samples.
 
     (m,) the first sample of each value; their times; least and most samples from one to the next,
     as a rule.
@@ -538,6 +544,8 @@ def sample_and_hold(
             for (first, end), some in zip(segments, own, strict=True)
         ]
         return np.concatenate(parts), _axis(axis, parts, float(every)), every, every
+    if evenly:
+        return None
     usual = int(np.bincount(np.minimum(steps, BLOCK_SAMPLES)).argmax())
     near = steps[np.abs(steps - usual) <= 1]
     # share of a channel's samples that must lie between changes as far apart as usual, or a sample

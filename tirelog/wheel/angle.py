@@ -135,12 +135,16 @@ class WheelAngle:
         return (self.angle.at(last) - self.angle.at(first)) / span
 
     def mended(self, begin_s: FloatArray, end_s: FloatArray) -> BoolArray:
-        """Stretches of time (n,) at which the count of teeth was mended.
+        """Stretches of time (n,) at which the count of teeth was mended, or within a hole of it.
 
         None if most are: a gap in the tone wheel comes every turn, and is learnt.
         """
-        low = np.searchsorted(self.uneven_s, begin_s - 0.5 * SPAN_S)
-        high = np.searchsorted(self.uneven_s, end_s + 0.5 * SPAN_S)
+        knots, beside = self.angle.time_s, 0.5 * KNOT_STEP_S
+        last = np.clip(np.searchsorted(knots, begin_s) - 1, 0, knots.size - 1)
+        next_ = np.clip(np.searchsorted(knots, end_s), 0, knots.size - 1)
+        begin = np.minimum(begin_s - 0.5 * SPAN_S, knots[last] - beside)
+        end = np.maximum(end_s + 0.5 * SPAN_S, knots[next_] + beside)
+        low, high = (np.searchsorted(self.uneven_s, at) for at in (begin, end))
         near = np.isfinite(begin_s + end_s) & (high > low)
         return near & (np.mean(near) < 0.5) if near.size else near
 

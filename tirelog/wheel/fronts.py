@@ -33,7 +33,7 @@ from tirelog.dsp.pitch import AngleFunction
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
 from tirelog.vocabulary.quality import Quality, marked
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
-from tirelog.wheel.angle import WheelAngle
+from tirelog.wheel.angle import SPEED_WINDOW_S, WheelAngle
 from tirelog.wheel.pulses import decimate, patch_sign, pulses_in, spline, spline_at
 
 #: samples read at once: their columns stay in the cache
@@ -393,7 +393,8 @@ def fill_fronts(
         rows[f"{name}_rad"] = place * nan
         rows[f"{name}_slope"] = steep + found["steeper"][:, side] * abs(steep)
     rows["restless"] /= max(noise, 1e-300)
-    of_noise = noise / np.abs(rows["level_m_s2"] - rows["inside_m_s2"])
+    # of coarse steps the noise may be none: then errors are by what the form leaves alone
+    of_noise = np.maximum(noise / np.abs(rows["level_m_s2"] - rows["inside_m_s2"]), 1e-9)
     misfit = np.where(good, found["misfit"] / of_noise, 1.0)
     # errors are as large as what is left of the signal says over so many passages; twice as many
     # follow a change of road half as soon
@@ -432,14 +433,13 @@ def find_fronts(
         return None
     middle, half, turn, sign, noise = found
     seen, expected, row = _expected(middle, wheel, turn)
-    time, span = wheel.angle.time_at(middle[seen]), 0.1
-    change = wheel.speed_rad_s(time + span / 2) - wheel.speed_rad_s(time - span / 2)
+    time = wheel.angle.time_at(middle[seen])
     rows = records(
         PASSAGE,
         middle_rad=middle[seen],
         half_rad=half[seen],
         rate_rad_s=wheel.speed_rad_s(time),
-        ahead_m_s2=np.nan_to_num(radius_m * change / span),
+        ahead_m_s2=np.nan_to_num(radius_m * _rate_of_change(wheel, time)),
         angle_noise_rad=wheel.angle.noise_at(time),
     )
     fill_fronts(channel, wheel.angle, rows, sign, noise, limits)
@@ -452,6 +452,19 @@ def find_fronts(
     )  # fmt: skip
     fronts[row] = rows
     return fronts, turn
+
+
+def _rate_of_change(wheel: WheelAngle, time_s: FloatArray) -> FloatArray:
+    """Acceleration [rad/s^2] of the wheel over a tenth of a second about times (n,).
+
+    By what lies between two losses of the count; NaN of too little.
+    """
+    cuts, half = wheel.angle.cuts_s, 0.5 * SPEED_WINDOW_S
+    ends, number = np.concatenate([[-np.inf], cuts, [np.inf]]), np.searchsorted(cuts, time_s)
+    begin = np.maximum(time_s - 0.05, ends[number] + half)
+    end = np.minimum(time_s + 0.05, ends[number + 1] - half)
+    span = np.where(end - begin > half, end - begin, np.nan)
+    return np.asarray((wheel.speed_rad_s(end) - wheel.speed_rad_s(begin)) / span)
 
 
 def patch_turn(channel: Channel, wheel: WheelAngle) -> float:
