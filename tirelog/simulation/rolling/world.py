@@ -32,7 +32,7 @@ from scipy.interpolate import CubicSpline
 from tirelog.data.setup import road_points
 from tirelog.errors import UsageError
 from tirelog.simulation.rolling import step_kernel as kernel
-from tirelog.simulation.rolling.belt import Belt, Splines
+from tirelog.simulation.rolling.belt import Belt, Splines, waves_of
 from tirelog.simulation.rolling.step_kernel import DRIVE, MOMENT
 from tirelog.simulation.scenario.schema import Scenario
 from tirelog.simulation.sensors.sampling import RIDING, Times, lagrange, steady_truth
@@ -289,13 +289,10 @@ class RollingTire:
             spin * np.linalg.solve(belt.full(splines.gram(0, 0)), slope), float
         )
         self.now = 1
+        cosines, sines = waves_of(splines.elements)
         self._stencils = kernel.Stencils(
-            *(
-                np.array(stencil, float)
-                for stencil in (
-                    belt.inertia, belt.swirl, belt.centrifugal, belt.stiffness, belt.damping
-                )
-            )
+            belt.inertia, belt.swirl, belt.centrifugal, belt.stiffness, belt.damping.copy(),
+            cosines, sines,
         )  # fmt: skip
         place = (np.arange(POINTS) + 0.5) / POINTS
         self._basis = splines.local(place), splines.local(place, 1)
