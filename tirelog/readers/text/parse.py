@@ -16,7 +16,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from functools import cached_property
 from typing import Any
@@ -265,6 +265,30 @@ def error_counts(cells: list[bytes]) -> IntArray:
     return np.array([codes[cell] for cell in cells], np.int64)
 
 
+def taken_out(
+    plan: RowPlan,
+    numbers: Callable[[int], FloatArray],
+    texts: Callable[[int], list[bytes]],
+    listed: list[int],
+    size: int,
+) -> Parsed:
+    """What the plan takes out of `size` rows, but their stamps.
+
+    By their columns of `numbers` and of `texts`; `listed` are those of a list of peaks.
+    """
+    columns = plan.columns
+    out = Parsed({k: numbers(k) for k in columns.values.values()}, size=size)
+    if columns.number is not None:
+        out.number = numbers(columns.number)
+    if columns.errors is not None:
+        out.errors = error_counts(texts(columns.errors))
+    if columns.peaks:
+        out.peaks = np.reshape([numbers(k) for k in listed], (len(listed), size)).T
+        fronts = [numbers(k) for k in plan.fronts]
+        out.counts = np.nan_to_num(np.column_stack(fronts)).astype(np.int64) if fronts else None
+    return out
+
+
 def unreadable(stamps: Nanoseconds | FloatArray) -> NDArray[np.bool_]:
     """True where a stamp could not be read."""
     return np.isnan(stamps) if stamps.dtype == np.float64 else stamps == MISSING
@@ -326,20 +350,13 @@ def odd_rows(plan: RowPlan, line: int, block: Block) -> Parsed:
         cells = (row[k] if k < len(row) else b"" for row in rows)
         return np.array([number_of(cell, decimal)[0] for cell in cells], np.float64)
 
-    out.values = {k: column(k) for k in columns.values.values()}
-    out.stamps = None if stamps is None else stamps[kept]
-    out.number = None if columns.number is None else column(columns.number)
-    if (k := columns.errors) is not None:
-        out.errors = error_counts([lines[i][1][k] if k < len(lines[i][1]) else b"" for i in kept])
-    if columns.peaks:
-        rows = [lines[i][1] for i in kept]
-        most = max(map(len, rows), default=0)
-        peaks = [column(k) for k in plan.listed(most)]
-        out.peaks = np.column_stack(peaks) if peaks else np.zeros((len(rows), 0))
-        counts = [column(k) for k in plan.fronts]
-        out.counts = np.nan_to_num(np.column_stack(counts)).astype(np.int64) if counts else None
-    out.size = len(rows)
-    return out
+    def texts(k: int) -> list[bytes]:
+        return [lines[i][1][k] if k < len(lines[i][1]) else b"" for i in kept]
+
+    most = max(map(len, rows), default=0)
+    taken = taken_out(plan, column, texts, plan.listed(most), len(rows))
+    stamps = None if stamps is None else stamps[kept]
+    return replace(taken, stamps=stamps, bad_rows=out.bad_rows, bad_cells=out.bad_cells)
 
 
 def _stamps_of(plan: RowPlan, rows: list[list[bytes]]) -> Nanoseconds | FloatArray | None:
@@ -456,6 +473,10 @@ def plain_rows(plan: RowPlan, block: Block, at: int) -> tuple[Parsed, int, bool]
         of_column = spans[roles[k][1], :size]
         return bytes_of(block), of_column["first"], of_column["stop"]
 
+    def texts(k: int) -> list[bytes]:
+        _, firsts, stops = cells(k)
+        return [bytes(block[a:b]) for a, b in zip(firsts.tolist(), stops.tolist(), strict=True)]
+
     listed = plan.listed(plan.across)
     left, slots = hard[:used], guides["slot"]
     floats[slots[left["column"]], left["row"]] = written = (
@@ -476,19 +497,8 @@ def plain_rows(plan: RowPlan, block: Block, at: int) -> tuple[Parsed, int, bool]
         size = int(np.argmax(missing))
         stop, full, stamps = int(begins[size]), False, stamps[:size]
         bad_cells = [bad for bad in bad_cells if bad[0] < size]
-    out = Parsed(
-        {k: numbers(k) for k in columns.values.values()}, stamps, size=size, bad_cells=bad_cells
-    )
-    if columns.number is not None:
-        out.number = numbers(columns.number)
-    if columns.errors is not None:
-        _, starts, stops = cells(columns.errors)
-        codes = zip(starts.tolist(), stops.tolist(), strict=True)
-        out.errors = error_counts([bytes(block[a:b]) for a, b in codes])
-    if columns.peaks:
-        out.peaks = np.column_stack([numbers(k) for k in listed])
-        fronts = [numbers(k) for k in plan.fronts]
-        out.counts = np.nan_to_num(np.column_stack(fronts)).astype(np.int64) if fronts else None
+    out = taken_out(plan, numbers, texts, listed, size)
+    out.stamps, out.bad_cells = stamps, bad_cells
     return out, stop, stop < len(block) and not full
 
 
