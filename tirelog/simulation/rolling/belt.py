@@ -96,17 +96,12 @@ def solve(column: FloatArray, right: FloatArray, x: FloatArray) -> None:
 @compiled
 def apply_circulant(stencil: FloatArray, x: FloatArray, out: FloatArray) -> None:
     """The circulant of `stencil` times x (N,)."""
-    size = x.size
-    for i in range(HALF, size - HALF):
+    around = np.concatenate((x[-HALF:], x, x[:HALF]))
+    for i in range(x.size):
         value = 0.0
         for d in range(2 * HALF + 1):
-            value += stencil[d] * x[i + d - HALF]
+            value += stencil[d] * around[i + d]
         out[i] = value
-    for j in range(-HALF, HALF):
-        value = 0.0
-        for d in range(2 * HALF + 1):
-            value += stencil[d] * x[(j + d - HALF) % size]
-        out[j % size] = value
 
 
 # ---- Finite elements on a closed belt: periodic splines of degree five on equal elements.

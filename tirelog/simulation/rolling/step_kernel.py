@@ -154,6 +154,7 @@ def touch(
     turn_c, turn_s = np.cos(angle), np.sin(angle)
     stiffness, cling = constants["pressed_N_m2"], constants["bristle_N_m2"]
     pressed, stuck = stiffness * pitch, cling * pitch
+    around = np.concatenate((v[-HALF:], v))
     before_depth = before_s = 0.0
     j = (first - 1) % points
     element, q = j // per, j % per
@@ -168,16 +169,9 @@ def touch(
         cos = at["cos"] * turn_c - at["sin"] * turn_s
         sin = at["sin"] * turn_c + at["cos"] * turn_s
         along = out = 0.0
-        if element >= HALF:
-            for k in range(LIVING):
-                c = v[element + k - HALF]
-                along += basis_value[q, k] * c
-                out -= basis_slope[q, k] * c
-        else:
-            for k in range(LIVING):
-                c = v[(element + k - HALF) % size]
-                along += basis_value[q, k] * c
-                out -= basis_slope[q, k] * c
+        for k in range(LIVING):
+            along += basis_value[q, k] * around[element + k]
+            out -= basis_slope[q, k] * around[element + k]
         s = (radius + out) * sin + along * cos
         z = hub_z - (radius + out) * cos + along * sin
         high, slope = road_at(hub_x - s, corner, height, constants)
@@ -281,8 +275,7 @@ def kick(
     now = state["spin_rad_s"] + 0.5 * change
     change += 0.5 * state["drift_rad_s"]
     state["spin_rad_s"] += change
-    for j in range(v.size):
-        u[j] = kicked[j] - change * (spun[j] + radius)
+    u[:] = kicked - change * (spun + radius)
     return spring * back, held, now
 
 
@@ -310,9 +303,7 @@ def belt_step(
         invert(whole, stencils.cosines, stencils.sines, system)
     apply_circulant(stencils.inertia, u, right)
     apply_circulant(place, v, pushed)
-    for j in range(v.size):
-        right[j] = 2.0 * right[j] - step * pushed[j]
-    solve(system, right, moved)
+    solve(system, 2.0 * right - step * pushed, moved)
     middle = state["angle_rad"] + 0.5 * step * spin
     half_c, half_s = np.cos(middle), np.sin(middle)
     sum_c = sum_s = 0.0
@@ -361,10 +352,7 @@ def run_steps(
             moment["force_x_N"], moment["force_z_N"] = -result["force_s_N"], result["force_z_N"]
             moment["entry_m"], moment["exit_m"] = result["entry_m"], result["exit_m"]
             for k in range(riders.shape[0]):
-                value = 0.0
-                for i in range(size):
-                    value += riders[k, i] * v[i]
-                read[row, k] = value
+                read[row, k] = np.dot(riders[k], v)
         back, up, spin = kick(
             v, u, state, constants, stencils, middles, mass, drive[index], step,
             result["torque_N_m"], load,
