@@ -162,26 +162,7 @@ def load_road(path: str | Path) -> RoadProfile:
     """A road profile from a text file.
 
     Two columns, distance [m] and height [m], comma or blanks between; `#` begins a remark.
-    """
-    distance, height = road_points(path)
-    if not (distance.size > 1 and np.all(np.diff(distance) > 0.0)):
-        raise ModelError(
-            "road profile of fewer than two points, or whose distances do not grow",
-            allowed="two points or more at growing distances are allowed",
-            do="sort the rows, one height each",
-            file=path,
-        )
-    try:
-        return RoadProfile(tuple(distance.tolist()), tuple(height.tolist()))
-    except ModelError as problem:
-        raise problem.at(path) from None
-
-
-def road_points(path: Path | str) -> FloatArray:
-    """A road profile from a text file: distance [m] and height [m], shape (2, n).
-
-    Two columns, comma or blanks between; `#` begins a remark. ModelError: no such file, or a line
-    that is no point.
+    ModelError: no such file, or a line that is no point.
     """
     points: list[list[float]] = []
     try:
@@ -209,4 +190,15 @@ def road_points(path: Path | str) -> FloatArray:
             do="check the path",
             file=path,
         ) from None
-    return np.array(points).reshape(-1, 2).T
+    distance, height = np.array(points).reshape(-1, 2).T
+    if not (distance.size > 1 and np.all(np.diff(distance) > 0.0)):
+        raise ModelError(
+            "road profile of fewer than two points, or whose distances do not grow",
+            allowed="two points or more at growing distances are allowed",
+            do="sort the rows, one height each",
+            file=path,
+        )
+    try:
+        return RoadProfile(tuple(distance.tolist()), tuple(height.tolist()))
+    except ModelError as problem:
+        raise problem.at(path) from None
