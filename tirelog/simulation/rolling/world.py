@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from tirelog.data.road import road_of
+from tirelog.data.road import RoadProfile, road_of
 from tirelog.errors import ModelError, UsageError
 from tirelog.simulation.rolling import step_kernel as kernel
 from tirelog.simulation.rolling.belt import Belt, Splines, waves_of
@@ -74,20 +74,23 @@ def profile_of(road: Record, radius_m: float, distance_m: float) -> TrueProfile:
             allowed="allowed is a number in m",
             do="give it",
         )
+    starts = begins(road, distance_m)
     try:
         once = road_of(road, road.position_m or 0.0)
-        once.check_climbable(radius_m)
+        corner = (starts[:, None] + np.array(once.distance_m)).ravel()
+        height = np.tile(once.height_m, starts.size)
+        line = tuple(corner.tolist()), tuple(height.tolist())
+        whole = RoadProfile(*line, once.amplitude_m, once.wavelength_m)
+        whole.check_climbable(radius_m)
     except ModelError as problem:
         raise UsageError(
             problem.what, allowed=problem.allowed, do=problem.do, file=problem.file,
             line=problem.line,
         ) from None  # fmt: skip
-    if not once.distance_m:
+    if not corner.size:
         first = np.array([once.at_m, once.at_m + 1.0])
         return TrueProfile(first, np.zeros(2), once.amplitude_m, once.wavelength_m or 1.0)
-    starts = begins(road, distance_m)
-    corner = (starts[:, None] + np.array(once.distance_m)).ravel()
-    return TrueProfile(corner, np.tile(once.height_m, starts.size))
+    return TrueProfile(corner, height)
 
 
 def begins(road: Record, distance_m: float) -> FloatArray:
