@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from tirelog.data.road import RoadProfile, road_of
 from tirelog.data.setup import RoadSetup
-from tirelog.physics.moving.contact import RoadProfile, road_of
 from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.transient import Course, Schedule
 

@@ -9,8 +9,8 @@ import pytest
 
 from tests.physics.coupled_tire import FLAT, course, obstacle
 from tests.physics.coupled_tire import TIRE as PASSENGER_TIRE
+from tirelog.data.road import RoadProfile, load_road
 from tirelog.errors import ModelError
-from tirelog.physics.moving.contact import RoadProfile, load_road
 from tirelog.physics.moving.transient import State, Stepper, stepped_motion
 
 TIRE = replace(PASSENGER_TIRE, modes=30)
@@ -48,7 +48,7 @@ def test_profile_files(tmp_path):
         load_road(path)
     for text in ("0 0\n0 1\n", "0 0\n", ""):
         path.write_text(text)
-        with pytest.raises(ModelError, match=r"road\.txt: .*does not grow"):
+        with pytest.raises(ModelError, match=r"road\.txt: .*do not grow"):
             load_road(path)
     path.write_bytes(b"\xff\xfe\x00")
     for file in (path, tmp_path / "none.txt"):

@@ -10,8 +10,8 @@ import pytest
 from scipy.linalg import expm
 
 from tests.physics.coupled_tire import TIRE, course, obstacle
+from tirelog.data.road import RoadProfile
 from tirelog.physics import Model
-from tirelog.physics.moving.contact import RoadProfile
 from tirelog.physics.moving.ring import CoupledRing, first_order, natural_modes, of_model
 from tirelog.physics.moving.transient import State, Stepper, stepped_motion
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from tirelog.data.recording import Conditions
+from tirelog.data.road import RoadProfile, road_of
 from tirelog.data.setup import RoadSetup, parse_road
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.moving.contact import RoadProfile, road_of, steady_rolling
+from tirelog.physics.moving.contact import steady_rolling
 from tirelog.physics.moving.transient import Course, Schedule, driven
 
 SPEED, LOAD = 20.0, 3434.0

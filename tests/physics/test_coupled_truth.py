@@ -30,7 +30,7 @@ from tests.simulation.rolls import (
     rolling,
     strain_rider,
 )
-from tirelog.physics.moving.contact import RoadProfile
+from tirelog.data.road import RoadProfile
 from tirelog.physics.moving.ring import CoupledRing, natural_modes
 from tirelog.physics.moving.transient import State, Stepper, stepped_motion
 from tirelog.simulation.rolling.world import TrueProfile

@@ -6,8 +6,6 @@ Only the exact forms can agree; the other forms are there to differ.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -17,7 +15,7 @@ from tirelog.inference.cells.joint import model_of
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
 from tirelog.simulation.scenario.schema import BENDING_N_M2, PLANTABLE, Sensor
-from tirelog.simulation.steady.loads import Instants
+from tirelog.simulation.steady.loads import Instants, with_columns
 from tirelog.simulation.steady.waveforms import World
 
 from .worlds import world
@@ -65,7 +63,7 @@ def truth_of(carcass: str, name: str | None = None) -> World:
 def moment(w: World, **other: float) -> Instants:
     """The world's instant at TIME, with other numbers in place of its own."""
     at = w.instants(np.array([TIME]))
-    return replace(at, **{name: np.array([value]) for name, value in other.items()})
+    return with_columns(at, **other)
 
 
 def modelled(w: World, observable: str | list[str]) -> Model:

@@ -8,8 +8,6 @@ Its beam is held by the models', which has a closed form and shares no line with
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -17,7 +15,7 @@ from tirelog.simulation.rolling import step_kernel as kernel
 from tirelog.simulation.rolling.world import TrueProfile
 from tirelog.simulation.scenario.schema import Planted
 from tirelog.simulation.steady.carcass import FlatRoadContact, carcass
-from tirelog.simulation.steady.loads import Ring, friction, true_parabola
+from tirelog.simulation.steady.loads import Ring, friction, true_parabola, with_columns
 
 from .rolls import K_V, LINE_MASS, RADIUS, belt, orders, rolling
 from .worlds import instants, scenario
@@ -73,7 +71,10 @@ def test_slip_onset_of_the_literature() -> None:
     assert tangential.max() > 0  # braking: towards the exit
     assert tangential.min() >= 0
     driving, _, _ = friction(
-        ring, TRACTION, true_parabola(ring, at.half_length, at.load), replace(at, slip=-at.slip)
+        ring,
+        TRACTION,
+        true_parabola(ring, at.half_length, at.load),
+        with_columns(at, slip=-at.slip),
     )
     assert np.array_equal(driving, -tangential)
 

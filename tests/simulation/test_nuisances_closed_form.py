@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from scipy import signal
 from tirelog.simulation import Simulated, setup_text, simulate
 from tirelog.simulation.scenario.schema import Sensor
 from tirelog.simulation.sensors.sampling import noise_of
+from tirelog.simulation.steady.loads import with_columns
 from tirelog.simulation.steady.waveforms import WANDER_STEP_S, wander_of
 
 from .worlds import instants, scenario, world
@@ -199,9 +199,9 @@ def test_warm_tire_is_one_with_warm_numbers(truth: str) -> None:
         conditions={"inflation_pressure_Pa": 2.2e5 * (1 + rise * 0.0034)},
         **COARSE,
     )
-    at = replace(instants(), half_length=np.array([0.058 * (1 - rise * 0.002)]))
+    at = with_columns(instants(), half_length=np.array([0.058 * (1 - rise * 0.002)]))
     waves = [
-        w.waveform(w.solve(replace(at, temperature_K=np.array([r]))), Sensor("fbg_strain"))
+        w.waveform(w.solve(with_columns(at, temperature_K=np.array([r]))), Sensor("fbg_strain"))
         for w, r in ((warm, rise), (other, 0.0), (warm, 0.0))
     ]
     assert np.abs(waves[0] - waves[1]).max() < 1e-9 * np.abs(waves[1]).max()

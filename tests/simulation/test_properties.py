@@ -14,6 +14,7 @@ from scipy.interpolate import CubicSpline
 from tirelog.simulation import Scenario, Simulated, scenario_of, simulate
 from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
 from tirelog.simulation.sensors.sampling import tread_angle
+from tirelog.simulation.steady.loads import with_columns
 from tirelog.simulation.steady.waveforms import roughness_of
 
 from .worlds import instants, tables, world
@@ -85,7 +86,7 @@ def test_strength_zero_is_the_base(name: str, form: str) -> None:
 @pytest.mark.parametrize("name", SHAPED)
 def test_other_form_is_another_shape_of_like_size(name: str) -> None:
     conditions = {"distance_km": 20000.0, "water_depth_mm": 1.0}
-    at = replace(instants(slip=0.06), distance_km=20000.0, water_depth_mm=1.0)
+    at = with_columns(instants(slip=0.06), distance_km=20000.0, water_depth_mm=1.0)
     base, exact, other = (
         w.waveform(w.solve(at), Sensor("fbg_strain"))[0]
         for w in (

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.simulation import Scenario, scenario_of
-from tirelog.simulation.steady.loads import Instants
+from tirelog.simulation.steady.loads import Instants, instants_of
 from tirelog.simulation.steady.waveforms import World, drive_of, roughness_of
 
 REFERENCE_LOAD_N = 3434.0
@@ -45,18 +45,11 @@ def instants(
     slip: float = 0.0,
 ) -> Instants:
     """One instant."""
-    one = np.ones(1)
-    return Instants(
-        0 * one,
-        speed * one,
-        0 * one,
-        load * one,
-        half_length * one,
-        slip * one,
-        0 * one,
-        0.0,
-        0.0,
-        REFERENCE_LOAD_N,
-        0 * one,
-        one,
+    return instants_of(
+        speed=speed,
+        load=load,
+        half_length=half_length,
+        slip=slip,
+        reference_load=REFERENCE_LOAD_N,
+        stretch=np.ones(1),
     )

@@ -47,7 +47,8 @@ class Mixed:
     def __init__(self, radius_m, speed, *slip_and_seed, **more):
         channel, begins_s, onset_m = mixed_log(radius_m, speed, *slip_and_seed, **more)
         passages, turn = find_passages(channel, radius_m), 2 * np.pi * radius_m / speed
-        self.found = footprint(channel, passages)
+        self.learnt = choose_form(channel, passages)
+        self.found = footprint(channel, passages, settled=self.learnt)
         self.slips = passages.time_s > begins_s + turn
         self.rolls = passages.time_s < begins_s - turn
         self.onset_m, self.true_m = self.found.slip["onset_m"], onset_m
@@ -121,7 +122,7 @@ def test_noise_costs_onsets_not_their_truth(radius_m):
     ]
     for log in logs:
         assert not np.isfinite(log.onset_m[log.rolls]).any()
-        assert log.found.learnt.reference.misfit < 1.3
+        assert log.learnt.reference.misfit < 1.3
     error_m, pulls = (np.concatenate([getattr(x, n) for x in logs]) for n in ("error_m", "pulls"))
     assert error_m.size > 0.8 * sum(log.slips.sum() for log in logs)
     assert np.mean(error_m > 0.005) <= 0.015

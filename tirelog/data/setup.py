@@ -8,21 +8,18 @@ converts.
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from io import TextIOWrapper
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.errors import SetupError, TirelogError, nearest
+from tirelog.errors import SetupError, nearest
 from tirelog.kernels import compiled
-from tirelog.storage.remote import open_input
 from tirelog.storage.schema import (
     FLAG,
     TEXT,
@@ -38,7 +35,7 @@ from tirelog.storage.schema import (
     table_of,
     words,
 )
-from tirelog.storage.whole import taken_as_input, toml_text
+from tirelog.storage.whole import toml_text
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
@@ -551,41 +548,6 @@ def parse_road(line: str) -> RoadSetup:
     place = FilePlace(Document("", SetupError, "a road", "--road"), ("road",))
     road: RoadSetup = table_of(RoadSetup).read(given, place)
     return road
-
-
-def road_points(path: Path | str, error: type[TirelogError]) -> FloatArray:
-    """A road profile from a text file: distance [m] and height [m], shape (2, n).
-
-    Two columns, comma or blanks between; `#` begins a remark. The `error`: no such file, or a line
-    that is no point.
-    """
-    points: list[list[float]] = []
-    try:
-        taken_as_input(path)
-        with TextIOWrapper(open_input(path), "utf-8") as file:
-            for number, line in enumerate(file, 1):
-                words = line.split("#")[0].replace(",", " ").split()
-                try:
-                    point = [float(word) for word in words]
-                except ValueError:
-                    point = [math.nan]
-                if point and not (len(point) == 2 and all(map(math.isfinite, point))):
-                    raise error(
-                        f"{line.strip()!r} is not a point of a road profile",
-                        allowed="allowed are a distance and a height in m",
-                        do="correct it",
-                        file=path,
-                        line=number,
-                    )
-                points += [point] if point else []
-    except (OSError, UnicodeDecodeError) as problem:
-        raise error(
-            f"road profile cannot be read ({problem})",
-            allowed="a text file is allowed",
-            do="check the path",
-            file=path,
-        ) from None
-    return np.array(points).reshape(-1, 2).T
 
 
 def _refuse_words(log: LogSetup, place: FilePlace) -> None:

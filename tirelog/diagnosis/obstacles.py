@@ -14,6 +14,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares, minimize_scalar
 
 from tirelog.data.recording import Conditions
+from tirelog.data.road import road_of
 from tirelog.diagnosis.answer import AnswerTable, excess_of, plain_fields
 from tirelog.errors import UsageError
 from tirelog.inference.fit.cells import LeastSquares, bounds, descend, errors_of
@@ -27,7 +28,6 @@ from tirelog.inference.measured import (
 from tirelog.inference.stacks.align import split_turns
 from tirelog.physics.carcass.numbers import MOTION
 from tirelog.physics.model.model import Model
-from tirelog.physics.moving.contact import road_of
 from tirelog.physics.moving.transient import (
     Course,
     Schedule,

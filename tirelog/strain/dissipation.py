@@ -46,7 +46,7 @@ from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.passage_flags import doubted, in_gap
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
 from tirelog.strain.speed import PassageRows, identity_columns, speed_quality
-from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, records
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, having, marked, quality_column
 
 
@@ -114,23 +114,14 @@ MOST_AT_ONCE = 1 << 16
 STEADY_STEP_M_S, AVERAGED = 0.08, 9
 
 
-@dataclass(frozen=True)
-class Dissipation:
-    """One row per passage, shape (n,): the dissipation factor and what follows from it.
-
-    Factor p_d [1/m] with its standard error, specific power P_d [m^3/s^2] (NaN without an area).
-    `steady`: the speed is constant there; only such stretches have moving averages (else NaN).
-    `stretch`: number of the stretch, -1 outside; `quality`: flags.
-    """
-
-    factor_1_m: FloatArray
-    factor_se_1_m: FloatArray
-    specific_power_m3_s2: FloatArray
-    steady: BoolArray
-    factor_mean_1_m: FloatArray
-    specific_power_mean_m3_s2: FloatArray
-    stretch: IntArray
-    quality: QualityFlags
+#: the dissipation at a passage: factor p_d [1/m] with its standard error, specific power P_d
+#: [m^3/s^2] (NaN without an area); whether the speed is constant there: only such stretches have
+#: moving averages (else NaN); number of the stretch, -1 outside; flags
+DISSIPATION = np.dtype(
+    [("factor_1_m", "f8"), ("factor_se_1_m", "f8"), ("specific_power_m3_s2", "f8"),
+     ("steady", "?"), ("factor_mean_1_m", "f8"), ("specific_power_mean_m3_s2", "f8"),
+     ("stretch", "i8"), ("quality", "u4")]
+)  # fmt: skip
 
 
 def _filter(channel: Channel, passages: Passages) -> tuple[FloatArray, int, bool]:
@@ -410,8 +401,10 @@ def dissipation(
     steady_step_m_s: float = STEADY_STEP_M_S,
     averaged: int = AVERAGED,
     block_samples: int = BLOCK_SAMPLES,
-) -> Dissipation:
-    """The dissipation in each revolution of the strain `channel`.
+) -> Any:
+    """The dissipation in each revolution of the strain `channel`, (n,) of DISSIPATION.
+
+    Its columns are attributes.
 
     `area_m2` of the section (None: no specific power); `quality` (n,): the flags that the speeds
     already have; `averaged`: revolutions of a moving average.
@@ -419,7 +412,10 @@ def dissipation(
     n = len(passages)
     if not np.isfinite(passages.speed_m_s).any():
         nan = np.full(n, np.nan)
-        return Dissipation(nan, nan, nan, np.zeros(n, bool), nan, nan, np.full(n, -1), quality)
+        return records(
+            DISSIPATION, factor_1_m=nan, factor_se_1_m=nan, specific_power_m3_s2=nan,
+            factor_mean_1_m=nan, specific_power_mean_m3_s2=nan, stretch=-1, quality=quality,
+        ).view(np.recarray)  # fmt: skip
     coefficients, of_each, limited = _filter(channel, passages)
     near = np.abs(np.arange(PARTS) + 0.5 - 0.5 * PARTS) < 0.5 + (
         SHOULDERS * passages.window_rad * PARTS / (2.0 * np.pi)
@@ -478,16 +474,17 @@ def dissipation(
     power = speed**2 * area_m2 * factor if area_m2 is not None else np.full(n, np.nan)
     stretch = steady_stretches(speed, passages.turn_after, steady_step_m_s)
     clean = good(quality)
-    return Dissipation(
-        factor,
-        error,
-        power,
-        stretch >= 0,
-        moving_average(np.where(clean, factor, np.nan), stretch, averaged),
-        moving_average(np.where(clean, power, np.nan), stretch, averaged),
-        stretch,
-        quality | np.uint32(Quality.CUTOFF) if limited else quality,
-    )
+    return records(
+        DISSIPATION,
+        factor_1_m=factor,
+        factor_se_1_m=error,
+        specific_power_m3_s2=power,
+        steady=stretch >= 0,
+        factor_mean_1_m=moving_average(np.where(clean, factor, np.nan), stretch, averaged),
+        specific_power_mean_m3_s2=moving_average(np.where(clean, power, np.nan), stretch, averaged),
+        stretch=stretch,
+        quality=quality | np.uint32(Quality.CUTOFF) if limited else quality,
+    ).view(np.recarray)
 
 
 # ---- Regressions of the dissipation on speed, through the means of the stretches of constant
@@ -694,9 +691,9 @@ def _judgement(speeds: int, free: int, bent: bool, sigmas: float) -> str:
 
 @dataclass(frozen=True)
 class DissipationOfChannel(PassageRows):
-    """The table's rows of one channel, and the dissipation behind them."""
+    """The table's rows of one channel, and those of DISSIPATION behind them."""
 
-    dissipation: Dissipation
+    dissipation: Any
 
 
 def dissipation_of_channel(
@@ -732,7 +729,7 @@ def dissipation_of_channel(
 
 
 def _with_viscosity(
-    recording: Recording, found: Dissipation, speed_m_s: FloatArray
+    recording: Recording, found: Any, speed_m_s: FloatArray
 ) -> dict[str, FloatArray]:
     """Power eta P_d of the strip under the grating, and that over speed and over load.
 

@@ -279,7 +279,7 @@ def grip_of(
     load = recording.setup.conditions.load_N
     ratio = None if sliding_friction is None else sliding_friction / static_friction
     for found in footprints_of(recording, ratio):
-        friction = found.footprint.friction
+        friction = found.friction
         sliding = static_friction * friction.value
         columns = grip_columns(
             found.columns,

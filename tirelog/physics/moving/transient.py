@@ -27,12 +27,13 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from tirelog.data.recording import Conditions
+from tirelog.data.road import RoadProfile, road_of
 from tirelog.data.setup import RoadSetup
 from tirelog.errors import ModelError, UsageError
 from tirelog.physics.model.laws import lever_arm
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.stages import Task, gain, lever_factor, loaded_site, loads, structure
-from tirelog.physics.moving.contact import RoadForces, RoadProfile, Tread, road_of, steady_rolling
+from tirelog.physics.moving.contact import RoadForces, Tread, steady_rolling
 from tirelog.physics.moving.ring import CoupledRing, of_model
 from tirelog.physics.spectral import ComplexArray
 from tirelog.vocabulary.arrays import FloatArray

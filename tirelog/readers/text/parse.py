@@ -16,8 +16,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from functools import cached_property
 from typing import Any
@@ -43,7 +42,7 @@ from tirelog.readers.text.kernels import (
 )
 from tirelog.readers.text.layout import LOST_WORDS, Layout, ungrouped
 from tirelog.readers.text.times import MISSING, Nanoseconds, column_ns
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
 # ---- What a block of text becomes, and the few steps that both ways of parsing it share.
 #
@@ -266,6 +265,30 @@ def error_counts(cells: list[bytes]) -> IntArray:
     return np.array([codes[cell] for cell in cells], np.int64)
 
 
+def taken_out(
+    plan: RowPlan,
+    numbers: Callable[[int], FloatArray],
+    texts: Callable[[int], list[bytes]],
+    listed: list[int],
+    size: int,
+) -> Parsed:
+    """What the plan takes out of `size` rows, but their stamps.
+
+    By their columns of `numbers` and of `texts`; `listed` are those of a list of peaks.
+    """
+    columns = plan.columns
+    out = Parsed({k: numbers(k) for k in columns.values.values()}, size=size)
+    if columns.number is not None:
+        out.number = numbers(columns.number)
+    if columns.errors is not None:
+        out.errors = error_counts(texts(columns.errors))
+    if columns.peaks:
+        out.peaks = np.reshape([numbers(k) for k in listed], (len(listed), size)).T
+        fronts = [numbers(k) for k in plan.fronts]
+        out.counts = np.nan_to_num(np.column_stack(fronts)).astype(np.int64) if fronts else None
+    return out
+
+
 def unreadable(stamps: Nanoseconds | FloatArray) -> NDArray[np.bool_]:
     """True where a stamp could not be read."""
     return np.isnan(stamps) if stamps.dtype == np.float64 else stamps == MISSING
@@ -284,12 +307,13 @@ def number_of(cell: bytes, decimal: str) -> tuple[float, bool]:
     NaN if it is none or infinite.
     """
     text = cell.decode("latin-1").replace(decimal, ".")
-    if text.lower() in LOST_WORDS:
-        return math.nan, False
-    number = math.nan
-    with suppress(ValueError):
-        number = float(text) if "_" not in text else number
-    return (math.nan if math.isinf(number) else number), math.isnan(number)
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if math.isfinite(number) and "_" not in text:
+        return number, False
+    return math.nan, not math.isinf(number) and text.lower() not in LOST_WORDS
 
 
 def odd_rows(plan: RowPlan, line: int, block: Block) -> Parsed:
@@ -326,20 +350,13 @@ def odd_rows(plan: RowPlan, line: int, block: Block) -> Parsed:
         cells = (row[k] if k < len(row) else b"" for row in rows)
         return np.array([number_of(cell, decimal)[0] for cell in cells], np.float64)
 
-    out.values = {k: column(k) for k in columns.values.values()}
-    out.stamps = None if stamps is None else stamps[kept]
-    out.number = None if columns.number is None else column(columns.number)
-    if (k := columns.errors) is not None:
-        out.errors = error_counts([lines[i][1][k] if k < len(lines[i][1]) else b"" for i in kept])
-    if columns.peaks:
-        rows = [lines[i][1] for i in kept]
-        most = max(map(len, rows), default=0)
-        peaks = [column(k) for k in plan.listed(most)]
-        out.peaks = np.column_stack(peaks) if peaks else np.zeros((len(rows), 0))
-        counts = [column(k) for k in plan.fronts]
-        out.counts = np.nan_to_num(np.column_stack(counts)).astype(np.int64) if counts else None
-    out.size = len(rows)
-    return out
+    def texts(k: int) -> list[bytes]:
+        return [lines[i][1][k] if k < len(lines[i][1]) else b"" for i in kept]
+
+    most = max(map(len, rows), default=0)
+    taken = taken_out(plan, column, texts, plan.listed(most), len(rows))
+    stamps = None if stamps is None else stamps[kept]
+    return replace(taken, stamps=stamps, bad_rows=out.bad_rows, bad_cells=out.bad_cells)
 
 
 def _stamps_of(plan: RowPlan, rows: list[list[bytes]]) -> Nanoseconds | FloatArray | None:
@@ -404,6 +421,29 @@ def _tick(cell: str, places: int) -> int:
 #                       --cells that it left, one by one; times: stamps--> Parsed, byte behind
 
 
+def long_numbers(plan: RowPlan, block: Block, cells: Records) -> FloatArray:
+    """The numbers in cells of HARD, in order, rounded to the nearest float64.
+
+    All of them NaN if one is written oddly, and has to be read by itself.
+    """
+    begin = cells["first"][0]
+    firsts, stops = cells["first"] - begin, cells["stop"] - begin
+    data = bytes_of(block)[begin : begin + stops[-1] + 1].copy()
+    data[stops] = 10
+    edges = np.zeros(data.size + 1, np.int8)
+    edges[firsts] += 1
+    edges[stops + 1] -= 1
+    text = data[np.cumsum(edges[:-1], dtype=np.int8).astype(bool)]
+    blanks = np.count_nonzero(text <= 32) - cells.size  # within cells
+    try:
+        plain = text.tobytes().replace(plan.layout.decimal.encode(), b".")
+        numbers = np.fromstring(plain, sep="\n")
+    except ValueError:
+        numbers = np.zeros(0)
+    alone = numbers.size == cells.size and not blanks
+    return numbers if alone else np.full(cells.size, np.nan)
+
+
 #: rows of one pass, and cells that it may leave to a slower parser
 _ROWS, _HARD = 1 << 16, 1 << 15
 
@@ -438,12 +478,19 @@ def plain_rows(plan: RowPlan, block: Block, at: int) -> tuple[Parsed, int, bool]
         of_column = spans[roles[k][1], :size]
         return bytes_of(block), of_column["first"], of_column["stop"]
 
+    def texts(k: int) -> list[bytes]:
+        _, firsts, stops = cells(k)
+        return [bytes(block[a:b]) for a, b in zip(firsts.tolist(), stops.tolist(), strict=True)]
+
     listed = plan.listed(plan.across)
+    left, slots = hard[:used], guides["slot"]
+    floats[slots[left["column"]], left["row"]] = written = (
+        long_numbers(plan, block, left) if used else np.zeros(0)
+    )
     bad_cells = []
-    for row, k, first, behind in hard[:used].tolist():
+    for row, k, first, behind in left[~np.isfinite(written)].tolist():
         cell = bytes(block[first:behind])
-        number, unread = number_of(cell, plan.layout.decimal)
-        floats[roles[k][1], row] = number
+        floats[slots[k], row], unread = number_of(cell, plan.layout.decimal)
         if unread and (k in columns.values.values() or k in listed):
             bad_cells.append((row, shown(plan.layout, cell)))
     stamps: Nanoseconds | FloatArray | None = None
@@ -455,19 +502,8 @@ def plain_rows(plan: RowPlan, block: Block, at: int) -> tuple[Parsed, int, bool]
         size = int(np.argmax(missing))
         stop, full, stamps = int(begins[size]), False, stamps[:size]
         bad_cells = [bad for bad in bad_cells if bad[0] < size]
-    out = Parsed(
-        {k: numbers(k) for k in columns.values.values()}, stamps, size=size, bad_cells=bad_cells
-    )
-    if columns.number is not None:
-        out.number = numbers(columns.number)
-    if columns.errors is not None:
-        _, starts, stops = cells(columns.errors)
-        codes = zip(starts.tolist(), stops.tolist(), strict=True)
-        out.errors = error_counts([bytes(block[a:b]) for a, b in codes])
-    if columns.peaks:
-        out.peaks = np.column_stack([numbers(k) for k in listed])
-        fronts = [numbers(k) for k in plan.fronts]
-        out.counts = np.nan_to_num(np.column_stack(fronts)).astype(np.int64) if fronts else None
+    out = taken_out(plan, numbers, texts, listed, size)
+    out.stamps, out.bad_cells = stamps, bad_cells
     return out, stop, stop < len(block) and not full
 
 

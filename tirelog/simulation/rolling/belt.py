@@ -28,7 +28,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,10 +40,13 @@ from tirelog.simulation.scenario.schema import BENDING_N_M2
 from tirelog.storage.schema import Record
 from tirelog.vocabulary.arrays import FloatArray
 
-# ---- Compiled: banded circulant systems, solved by elimination of all but the last five unknowns.
+# ---- Compiled: products with circulants of eleven bands, and with their inverses.
 #
-# stencil (11,) --factor: once for each change of it--> Factors --solve--> x (N,)
-# apply: the stencil times x
+# The waves around the belt are the eigenvectors of all circulants, whose inverses are circulants
+# too: an inverse is one column.
+#
+#     stencil (11,) --invert: once for each change of it--> column --solve--> x (N,)
+#     stencil (11,) --apply_circulant--> its product with x
 
 
 #: degree of the belt's splines, whose bending and its shear are continuous; and half width of every
@@ -52,134 +54,54 @@ from tirelog.vocabulary.arrays import FloatArray
 DEGREE = HALF = 5
 
 
-class Factors(NamedTuple):
-    """A circulant of n + 5 unknowns, factored.
+@compiled
+def invert(stencil: FloatArray, cosines: FloatArray, sines: FloatArray, column: FloatArray) -> None:
+    """Fills `column` (2 N,): the first one of the inverse of a stencil's circulant, twice.
 
-    stencil  (11,): the row of the circulant, its diagonal in the middle
-    lower    (n, 5), upper (n, 6): the band, pivots of `upper` inverted
-    border   (n, 5): what the last five unknowns cost the rest
-    foot     (5, 5): the inverse of what is left for these
+    `cosines`, `sines` (N, N // 2 + 1): the waves around the belt, as of `waves_of`.
     """
-
-    stencil: FloatArray
-    lower: FloatArray
-    upper: FloatArray
-    border: FloatArray
-    foot: FloatArray
-
-
-@compiled
-def factors(size: int) -> Factors:
-    """Room for the factors of a circulant of `size` = n + 5 unknowns."""
-    n = size - HALF
-    return Factors(
-        np.zeros(2 * HALF + 1),
-        np.zeros((n, HALF)),
-        np.zeros((n, HALF + 1)),
-        np.zeros((n, HALF)),
-        np.zeros((HALF, HALF)),
-    )
+    size, waves = cosines.shape
+    real, imaginary = np.zeros(waves), np.zeros(waves)
+    for d in range(-HALF, HALF + 1):
+        real += stencil[d + HALF] * cosines[d % size]
+        imaginary += stencil[d + HALF] * sines[d % size]
+    share = np.full(waves, 2.0 / size)
+    share[0] = 1.0 / size
+    if size % 2 == 0:
+        share[-1] = 1.0 / size
+    share /= real**2 + imaginary**2
+    column[:size] = np.dot(cosines, real * share) + np.dot(sines, imaginary * share)
+    column[size:] = column[:size]
 
 
 @compiled
-def factor(system: Factors) -> None:
-    """Fills the factors of the circulant of the stencil in `system`."""
-    stencil, lower, upper, border, foot = system
-    n = lower.shape[0]
-    size = n + HALF
-    for i in range(n):
-        for m in range(HALF):
-            ahead = n + m - i
-            border[i, m] = (
-                stencil[ahead + HALF]
-                if ahead <= HALF
-                else (stencil[ahead - size + HALF] if size - ahead <= HALF else 0.0)
-            )
-        row = np.zeros(2 * HALF + 1)
-        for d in range(-HALF, HALF + 1):
-            if 0 <= i + d < n:
-                row[d + HALF] = stencil[d + HALF]
-        for d in range(-HALF, 0):
-            k = i + d
-            if k < 0:
-                continue
-            share = row[d + HALF] * upper[k, 0]
-            lower[i, d + HALF] = share
-            for e in range(1, HALF + 1):
-                row[d + HALF + e] -= share * upper[k, e]
-            for m in range(HALF):
-                border[i, m] -= share * border[k, m]
-        upper[i, 0] = 1.0 / row[HALF]
-        for e in range(1, HALF + 1):
-            upper[i, e] = row[HALF + e]
-    for i in range(n - 1, -1, -1):
-        for m in range(HALF):
-            value = border[i, m]
-            for e in range(1, min(HALF, n - 1 - i) + 1):
-                value -= upper[i, e] * border[i + e, m]
-            border[i, m] = value * upper[i, 0]
-    left = np.zeros((HALF, HALF))
-    for m in range(HALF):
-        for k in range(HALF):
-            left[m, k] = stencil[k - m + HALF]
-        for d in range(-HALF, HALF + 1):
-            i = (n + m + d) % size
-            if i < n:
-                for k in range(HALF):
-                    left[m, k] -= stencil[d + HALF] * border[i, k]
-    foot[:, :] = np.linalg.inv(left)
-
-
-@compiled
-def solve(system: Factors, right: FloatArray, x: FloatArray) -> None:
-    """x (N,) of the factored system for `right` (N,)."""
-    stencil, lower, upper, border, foot = system
-    n = lower.shape[0]
-    size = n + HALF
-    for i in range(n):
-        value = right[i]
-        for d in range(min(HALF, i), 0, -1):
-            value -= lower[i, HALF - d] * x[i - d]
-        x[i] = value
-    for i in range(n - 1, -1, -1):
-        value = x[i]
-        for e in range(min(HALF, n - 1 - i), 0, -1):
-            value -= upper[i, e] * x[i + e]
-        x[i] = value * upper[i, 0]
-    rest = np.zeros(HALF)
-    for m in range(HALF):
-        value = right[n + m]
-        for d in range(-HALF, HALF + 1):
-            i = (n + m + d) % size
-            if i < n:
-                value -= stencil[d + HALF] * x[i]
-        rest[m] = value
-    for m in range(HALF):
-        value = 0.0
-        for k in range(HALF):
-            value += foot[m, k] * rest[k]
-        x[n + m] = value
-    for i in range(n):
-        value = x[i]
-        for m in range(HALF):
-            value -= border[i, m] * x[n + m]
-        x[i] = value
+def solve(column: FloatArray, right: FloatArray, x: FloatArray) -> None:
+    """x (N,) of the circulant whose inverse is `column`, as of `invert`, for `right` (N,)."""
+    size = right.size
+    x[:] = 0.0
+    # four at a time: what is summed is loaded once for all of them
+    for j in range(0, size - 3, 4):
+        a, b, c, d = right[j], right[j + 1], right[j + 2], right[j + 3]
+        if a == 0.0 and b == 0.0 and c == 0.0 and d == 0.0:  # most of the belt has no load
+            continue
+        answer = column[size - j - 3 : 2 * size - j]
+        for i in range(size):
+            x[i] += a * answer[i + 3] + b * answer[i + 2] + c * answer[i + 1] + d * answer[i]
+    for j in range(size - size % 4, size):
+        answer = column[size - j : 2 * size - j]
+        for i in range(size):
+            x[i] += right[j] * answer[i]
 
 
 @compiled
 def apply_circulant(stencil: FloatArray, x: FloatArray, out: FloatArray) -> None:
     """The circulant of `stencil` times x (N,)."""
-    size = x.size
-    for i in range(HALF, size - HALF):
+    around = np.concatenate((x[-HALF:], x, x[:HALF]))
+    for i in range(x.size):
         value = 0.0
         for d in range(2 * HALF + 1):
-            value += stencil[d] * x[i + d - HALF]
+            value += stencil[d] * around[i + d]
         out[i] = value
-    for j in range(-HALF, HALF):
-        value = 0.0
-        for d in range(2 * HALF + 1):
-            value += stencil[d] * x[(j + d - HALF) % size]
-        out[j % size] = value
 
 
 # ---- Finite elements on a closed belt: periodic splines of degree five on equal elements.
@@ -256,6 +178,12 @@ class Splines:
                 row, index, 0.5 * weight * shares[:, None] * self.local(place - element, derivative)
             )
         return row
+
+
+def waves_of(elements: int) -> tuple[FloatArray, FloatArray]:
+    """Cosines and sines of whole waves around a belt of N elements, (N, N // 2 + 1) each."""
+    turns = np.outer(np.arange(elements), np.arange(elements // 2 + 1)) % elements / elements
+    return np.cos(2.0 * np.pi * turns), np.sin(2.0 * np.pi * turns)
 
 
 def circulant(stencil: FloatArray, size: int) -> FloatArray:

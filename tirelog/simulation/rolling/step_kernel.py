@@ -23,12 +23,12 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from tirelog.kernels import compiled
-from tirelog.simulation.rolling.belt import HALF, Factors, apply_circulant, factor, factors, solve
+from tirelog.simulation.rolling.belt import HALF, apply_circulant, invert, solve
 from tirelog.vocabulary.arrays import FloatArray, Record, Records
 
 #: functions that live on an element
 LIVING = 6
-#: spin [rad/s] by which the belt's factors may be out of date
+#: spin [rad/s] by which the belt's inverse may be out of date
 STALE = 2e-3
 #: angle from the bottom beyond which nothing may touch [rad], and height above the road below which
 #: points are looked at, over R
@@ -47,11 +47,11 @@ CONSTANTS = np.dtype(
      ("hub_damping_N_s_m", "f8"), ("top_m", "f8"), ("amplitude_m", "f8"), ("wave_1_m", "f8")]
 )  # fmt: skip
 #: what moves beside the belt: wheel angle, spin, the spin's momentum; the hub's height, its rate,
-#: its way forward; the spin that the belt's factors hold at; the damper's impulse on the hub, and
+#: its way forward; the spin that the belt's inverse holds at; the damper's impulse on the hub, and
 #: the spin's change over the last belt step
 STATE = np.dtype(
     [("angle_rad", "f8"), ("spin_rad_s", "f8"), ("momentum_N_m_s", "f8"), ("hub_z_m", "f8"),
-     ("hub_rate_m_s", "f8"), ("hub_x_m", "f8"), ("factored_at_rad_s", "f8"),
+     ("hub_rate_m_s", "f8"), ("hub_x_m", "f8"), ("inverted_at_rad_s", "f8"),
      ("hub_impulse_N_s", "f8"), ("drift_rad_s", "f8")]
 )  # fmt: skip
 #: a tread point: deflection of its bristle, its place along the road and its height when it was
@@ -82,13 +82,18 @@ Basis: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 class Stencils(NamedTuple):
-    """The belt's circulants, (11,) each: inertia M, swirl G, centrifugal S, K, damping C."""
+    """The belt's circulants, (11,) each: inertia M, swirl G, centrifugal S, K, damping C.
+
+    `cosines` and `sines`: as of `belt.waves_of`.
+    """
 
     inertia: FloatArray
     swirl: FloatArray
     centrifugal: FloatArray
     stiffness: FloatArray
     damping: FloatArray
+    cosines: FloatArray
+    sines: FloatArray
 
 
 # what a run returns
@@ -149,6 +154,7 @@ def touch(
     turn_c, turn_s = np.cos(angle), np.sin(angle)
     stiffness, cling = constants["pressed_N_m2"], constants["bristle_N_m2"]
     pressed, stuck = stiffness * pitch, cling * pitch
+    around = np.concatenate((v[-HALF:], v))
     before_depth = before_s = 0.0
     j = (first - 1) % points
     element, q = j // per, j % per
@@ -163,16 +169,9 @@ def touch(
         cos = at["cos"] * turn_c - at["sin"] * turn_s
         sin = at["sin"] * turn_c + at["cos"] * turn_s
         along = out = 0.0
-        if element >= HALF:
-            for k in range(LIVING):
-                c = v[element + k - HALF]
-                along += basis_value[q, k] * c
-                out -= basis_slope[q, k] * c
-        else:
-            for k in range(LIVING):
-                c = v[(element + k - HALF) % size]
-                along += basis_value[q, k] * c
-                out -= basis_slope[q, k] * c
+        for k in range(LIVING):
+            along += basis_value[q, k] * around[element + k]
+            out -= basis_slope[q, k] * around[element + k]
         s = (radius + out) * sin + along * cos
         z = hub_z - (radius + out) * cos + along * sin
         high, slope = road_at(hub_x - s, corner, height, constants)
@@ -213,7 +212,7 @@ def touch(
 @compiled
 def kick(
     v: FloatArray, u: FloatArray, state: Record, constants: Record, stencils: Stencils,
-    middles: Records, mass: Factors, order: Record, step: float, torque: float, load: FloatArray,
+    middles: Records, mass: FloatArray, order: Record, step: float, torque: float, load: FloatArray,
 ) -> tuple[float, float, float]:  # fmt: skip
     """The sidewall's force on the hub backwards and upwards, and the spin.
 
@@ -276,15 +275,14 @@ def kick(
     now = state["spin_rad_s"] + 0.5 * change
     change += 0.5 * state["drift_rad_s"]
     state["spin_rad_s"] += change
-    for j in range(v.size):
-        u[j] = kicked[j] - change * (spun[j] + radius)
+    u[:] = kicked - change * (spun + radius)
     return spring * back, held, now
 
 
 @compiled
 def belt_step(
     v: FloatArray, u: FloatArray, state: Record, constants: Record, stencils: Stencils,
-    middles: Records, system: Factors, step: float, place: FloatArray,
+    middles: Records, system: FloatArray, step: float, place: FloatArray,
 ) -> None:  # fmt: skip
     """Move belt, wheel and hub on by a step [s] at a steady spin.
 
@@ -293,22 +291,19 @@ def belt_step(
     """
     right, pushed, moved = np.empty(v.size), np.empty(v.size), np.empty(v.size)
     spin = state["spin_rad_s"]
-    if not abs(spin - state["factored_at_rad_s"]) < STALE:
-        state["factored_at_rad_s"] = spin
-        for d in range(2 * HALF + 1):
-            place[d] = stencils.stiffness[d] - spin * spin * stencils.centrifugal[d]
-            system.stencil[d] = (
-                2.0 * stencils.inertia[d] / step
-                + 2.0 * spin * stencils.swirl[d]
-                + stencils.damping[d]
-                + 0.5 * step * place[d]
-            )
-        factor(system)
+    if not abs(spin - state["inverted_at_rad_s"]) < STALE:
+        state["inverted_at_rad_s"] = spin
+        place[:] = stencils.stiffness - spin * spin * stencils.centrifugal
+        whole = (
+            2.0 * stencils.inertia / step
+            + 2.0 * spin * stencils.swirl
+            + stencils.damping
+            + 0.5 * step * place
+        )
+        invert(whole, stencils.cosines, stencils.sines, system)
     apply_circulant(stencils.inertia, u, right)
     apply_circulant(place, v, pushed)
-    for j in range(v.size):
-        right[j] = 2.0 * right[j] - step * pushed[j]
-    solve(system, right, moved)
+    solve(system, 2.0 * right - step * pushed, moved)
     middle = state["angle_rad"] + 0.5 * step * spin
     half_c, half_s = np.cos(middle), np.sin(middle)
     sum_c = sum_s = 0.0
@@ -338,11 +333,10 @@ def run_steps(
     The others as of `touch` and `kick`; the arrays of what moves hold the end when it returns.
     """
     size = v.size
-    mass, system = factors(size), factors(size)
+    mass, system = np.empty(2 * size), np.empty(2 * size)
     load, place = np.zeros(size), np.zeros(2 * HALF + 1)
-    mass.stencil[:] = stencils.inertia
-    factor(mass)
-    state["factored_at_rad_s"] = np.inf
+    invert(stencils.inertia, stencils.cosines, stencils.sines, mass)
+    state["inverted_at_rad_s"] = np.inf
     for index in range(drive.size):
         told = touch(
             v, state, constants, basis, circle, corner, height, tread, now + index, load,
@@ -358,10 +352,7 @@ def run_steps(
             moment["force_x_N"], moment["force_z_N"] = -result["force_s_N"], result["force_z_N"]
             moment["entry_m"], moment["exit_m"] = result["entry_m"], result["exit_m"]
             for k in range(riders.shape[0]):
-                value = 0.0
-                for i in range(size):
-                    value += riders[k, i] * v[i]
-                read[row, k] = value
+                read[row, k] = np.dot(riders[k], v)
         back, up, spin = kick(
             v, u, state, constants, stencils, middles, mass, drive[index], step,
             result["torque_N_m"], load,

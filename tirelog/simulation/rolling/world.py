@@ -29,10 +29,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from tirelog.data.setup import road_points
-from tirelog.errors import UsageError
+from tirelog.data.road import RoadProfile, road_of
+from tirelog.errors import ModelError, UsageError
 from tirelog.simulation.rolling import step_kernel as kernel
-from tirelog.simulation.rolling.belt import Belt, Splines
+from tirelog.simulation.rolling.belt import Belt, Splines, waves_of
 from tirelog.simulation.rolling.step_kernel import DRIVE, MOMENT
 from tirelog.simulation.scenario.schema import Scenario
 from tirelog.simulation.sensors.sampling import RIDING, Times, lagrange, steady_truth
@@ -45,17 +45,8 @@ from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 #
 # `[road]` becomes corners between which the road is straight, or a wave.
 #
-#     Road (scenario) --profile_of--> TrueProfile: height and slope at any distance x [m] driven
-#                                     since the log's start, level before it
-#
-# A wall has no slope for the tread to press along: steps and cleats have ramps, and what is too
-# steep or too high for small displacements of the belt is refused.
-
-
-#: steepest slope of a road [m/m], twice which asks for tread points half as far apart; highest rise
-#: within one diameter of the tire, over its radius, twice which would double the strain that a
-#: linear belt takes for small
-STEEPEST, HIGHEST = 3.0, 0.2
+#     Road (scenario) --profile_of--> TrueProfile: what the compiled step takes, level before the
+#                                     first corner
 
 
 @dataclass(frozen=True)
@@ -77,22 +68,28 @@ def profile_of(road: Record, radius_m: float, distance_m: float) -> TrueProfile:
 
     UsageError for one that a tire of this radius cannot roll over.
     """
-    if road.kind == "flat":
-        return TrueProfile(np.array([0.0, 1.0]), np.zeros(2))
-    if road.kind in ("step", "cleat"):
-        _needed(road, "position_m")
-    if road.kind == "sine":
-        return _wave(road, radius_m, road.position_m or 0.0)
-    corner, height = _obstacle(road)
-    starts = begins(road, distance_m)
-    corner, height = (starts[:, None] + corner).ravel(), np.tile(height, starts.size)
-    if np.any(np.diff(corner) <= 0.0):
+    if road.kind in ("step", "cleat") and road.position_m is None:
         raise UsageError(
-            f"spacing_m = {road.spacing_m} of the [road] is shorter than what comes again",
-            allowed="allowed is more",
-            do="mend it",
+            f'[road] kind = "{road.kind}" without position_m',
+            allowed="allowed is a number in m",
+            do="give it",
         )
-    _check(corner, height, radius_m)
+    starts = begins(road, distance_m)
+    try:
+        once = road_of(road, road.position_m or 0.0)
+        corner = (starts[:, None] + np.array(once.distance_m)).ravel()
+        height = np.tile(once.height_m, starts.size)
+        line = tuple(corner.tolist()), tuple(height.tolist())
+        whole = RoadProfile(*line, once.amplitude_m, once.wavelength_m)
+        whole.check_climbable(radius_m)
+    except ModelError as problem:
+        raise UsageError(
+            problem.what, allowed=problem.allowed, do=problem.do, file=problem.file,
+            line=problem.line,
+        ) from None  # fmt: skip
+    if not corner.size:
+        first = np.array([once.at_m, once.at_m + 1.0])
+        return TrueProfile(first, np.zeros(2), once.amplitude_m, once.wavelength_m or 1.0)
     return TrueProfile(corner, height)
 
 
@@ -103,95 +100,6 @@ def begins(road: Record, distance_m: float) -> FloatArray:
         again = road.spacing_m or 0.0
     count = 1 + int(max(distance_m - first, 0.0) / again) if again else 1
     return np.asarray(first + again * np.arange(count), float)
-
-
-def _needed(road: Record, *names: str) -> tuple[float, ...]:
-    values = [getattr(road, name) for name in names]
-    lacking = [name for name, value in zip(names, values, strict=True) if value is None]
-    if lacking:
-        raise UsageError(
-            f'[road] kind = "{road.kind}" without {" and ".join(lacking)}',
-            allowed="allowed is a number in m",
-            do="give it",
-        )
-    return tuple(values)
-
-
-def _obstacle(road: Record) -> tuple[FloatArray, FloatArray]:
-    """Corners [m] behind the obstacle's begin, and heights."""
-    if road.kind == "profile":
-        if not road.file:
-            raise UsageError(
-                '[road] kind = "profile" without a file',
-                allowed='allowed is file = "PATH" (distance and height, a point a line)',
-                do="name it",
-            )
-        corner, height = road_points(road.file, UsageError)
-        grows = "allowed are two points or more, at growing distances"
-        for wrong, what in (
-            (corner.size < 2, "a road of fewer than two points"),
-            (np.any(np.diff(corner) <= 0.0), "distances of the road do not grow"),
-        ):
-            if wrong:
-                raise UsageError(what, allowed=grows, do="mend the rows", file=road.file)
-        return corner, height
-    height = _needed(road, "height_m")[0]
-    # ramp of a step or cleat that names none, as far as its length and the steepest slope allow [m]
-    ramp = road.ramp_m or max(0.01, 1.01 * abs(height) / STEEPEST)
-    if road.kind == "step":
-        return np.array([0.0, ramp]), np.array([0.0, height])
-    length = _needed(road, "length_m")[0]
-    ramp = road.ramp_m or min(ramp, 0.49 * length)
-    if not 0.0 < ramp < 0.5 * length:
-        raise UsageError(
-            f"ramp_m = {ramp:g} of a cleat {length:g} m long",
-            allowed="allowed is above zero and below half of its length_m",
-            do="mend it",
-        )
-    return np.array([0.0, ramp, length - ramp, length]), np.array([0.0, height, height, 0.0])
-
-
-def _check(corner: FloatArray, height: FloatArray, radius_m: float) -> None:
-    slope = float(np.abs(np.diff(height) / np.diff(corner)).max())
-    if slope > STEEPEST:
-        raise UsageError(
-            f"a road with a slope of {slope:.3g}",
-            allowed=f"allowed is up to {STEEPEST:g}",
-            do="give it a longer ramp",
-        )
-    # the highest rise is in a window that begins or ends at a corner
-    wide = 2.0 * radius_m
-    for begin in (*corner, *(corner - wide)):
-        first, stop = np.searchsorted(corner, [begin, begin + wide])
-        ends = np.interp([begin, begin + wide], corner, height)
-        _check_rise(float(np.ptp([*ends, *height[first:stop]])), radius_m)
-
-
-def _check_rise(rise_m: float, radius_m: float) -> None:
-    if rise_m > HIGHEST * radius_m:
-        raise UsageError(
-            f"a road that rises {rise_m:.3g} m within one diameter of the tire",
-            allowed=f"allowed is up to {HIGHEST * radius_m:.3g} m for a radius of {radius_m:.3g} m",
-            do="give a lower obstacle",
-        )
-
-
-def _wave(road: Record, radius_m: float, begin_m: float) -> TrueProfile:
-    amplitude, wavelength = _needed(road, "amplitude_m", "wavelength_m")
-    if not wavelength > 0.0:
-        raise UsageError(
-            "wavelength_m = 0 in [road]", allowed="allowed is a length above zero", do="give one"
-        )
-    slope = abs(amplitude) * 2.0 * np.pi / wavelength
-    if slope > STEEPEST:
-        raise UsageError(
-            f"a road with a slope of {slope:.3g}",
-            allowed=f"allowed is up to {STEEPEST:g}",
-            do="give a longer wave",
-        )
-    if wavelength < 4.0 * radius_m:
-        _check_rise(2.0 * abs(amplitude), radius_m)
-    return TrueProfile(np.array([begin_m, begin_m + 1.0]), np.zeros(2), amplitude, wavelength)
 
 
 #: tread points on an element of the belt
@@ -289,13 +197,10 @@ class RollingTire:
             spin * np.linalg.solve(belt.full(splines.gram(0, 0)), slope), float
         )
         self.now = 1
+        cosines, sines = waves_of(splines.elements)
         self._stencils = kernel.Stencils(
-            *(
-                np.array(stencil, float)
-                for stencil in (
-                    belt.inertia, belt.swirl, belt.centrifugal, belt.stiffness, belt.damping
-                )
-            )
+            belt.inertia, belt.swirl, belt.centrifugal, belt.stiffness, belt.damping.copy(),
+            cosines, sines,
         )  # fmt: skip
         place = (np.arange(POINTS) + 0.5) / POINTS
         self._basis = splines.local(place), splines.local(place, 1)

@@ -291,7 +291,7 @@ Road = _record(
     length_m=(number(0.0, 100.0), None),
     ramp_m=(number(0.0, 100.0), None),
     amplitude_m=(number(-1.0, 1.0), None),
-    wavelength_m=(number(0.0, 1e4), None),
+    wavelength_m=(number(0.0, 1e4, above=True), None),
     file=(TEXT, None),
     position_m=(number(0.0, 1e6), None),
     spacing_m=(number(0.0, 1e6), None),

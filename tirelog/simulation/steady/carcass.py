@@ -268,7 +268,7 @@ class FlatRoadContact:
     def touch(self, at: Instants) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(pressure (b, points) [N/m], entry and exit (b,) [m], finer than the grid), at the load.
 
-        The pressure is never negative; lengths are the grid's (`Instants.on_grid`).
+        The pressure is never negative; lengths are the grid's (`loads.on_grid`).
 
         UsageError if the load is more than the ring can carry.
         """
@@ -289,7 +289,7 @@ class FlatRoadContact:
         pressure = np.zeros((len(at), self.ring.points))
         entry, exit_ = np.zeros(len(at)), np.zeros(len(at))
         for i in range(len(at)):
-            response = self._response(at.take(slice(i, i + 1)))
+            response = self._response(at[i : i + 1])
             found = self._solve(response, float(at.load[i]), float(at.stretch[i]))
             if found is None:
                 return None

@@ -12,16 +12,16 @@ road pushes the tread inwards.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
 from tirelog.simulation.scenario.schema import Planted, Scenario
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, records
 
 #: speed [m/s] at which what grows with speed has the size that is planted
 REFERENCE_SPEED_M_S = 20.0
@@ -32,49 +32,38 @@ _STRUCK_S, _STRUCK_HZ = 0.0015, 250.0
 STATIC_FRICTION, SLIDING_FRICTION = 0.8, 0.6
 
 
-@dataclass(frozen=True)
-class Instants:
-    """Conditions at b instants, each field (b,).
+#: conditions at an instant: time [s], speed [m/s], acceleration [m/s^2], load [N], half length of
+#: the patch [m], and slip (braking > 0). Then the planted drift's course, what the tire has driven
+#: [km], water [mm], the load that a tire is for [N], the tire's rise of temperature [K], and the
+#: belt's length over that at rest. On a stretched belt the grid's lengths, and so `half_length` and
+#: `load` of `on_grid`, are those over the stretch
+INSTANT = np.dtype(
+    [("time_s", "f8"), ("speed", "f8"), ("acceleration", "f8"), ("load", "f8"),
+     ("half_length", "f8"), ("slip", "f8"), ("warmed", "f8"), ("distance_km", "f8"),
+     ("water_depth_mm", "f8"), ("reference_load", "f8"), ("temperature_K", "f8"),
+     ("stretch", "f8")]
+)  # fmt: skip
+#: (b,) of INSTANT, whose columns are attributes
+Instants: TypeAlias = Any
 
-    Time [s], speed [m/s], acceleration [m/s^2], load [N], half length of the patch [m], and slip
-    (braking > 0). Then the planted drift's course, the tire's rise of temperature [K], and the
-    belt's length over that at rest. On a stretched belt the grid's lengths, and so `half_length`
-    and `load` in `on_grid`, are those over the stretch.
-    """
 
-    time_s: FloatArray
-    speed: FloatArray
-    acceleration: FloatArray
-    load: FloatArray
-    half_length: FloatArray
-    slip: FloatArray
-    warmed: FloatArray
-    distance_km: float
-    water_depth_mm: float
-    reference_load: float | FloatArray
-    temperature_K: FloatArray
-    stretch: FloatArray
+def instants_of(**columns: FloatArray | float) -> Instants:
+    """Instants by their columns, (b,) or numbers; what is not given is 0."""
+    return records(INSTANT, **columns).view(np.recarray)
 
-    def __len__(self) -> int:
-        return int(self.time_s.size)
 
-    def on_grid(self) -> Instants:
-        """The same in the grid's lengths: pressures [N/m] stay, so that forces shrink with them."""
-        return replace(
-            self,
-            half_length=self.half_length / self.stretch,
-            load=self.load / self.stretch,
-            reference_load=self.reference_load / self.stretch,
-        )
+def with_columns(at: Instants, **columns: FloatArray | float) -> Instants:
+    """The same instants, some of their columns other ones."""
+    changed = at.copy()
+    for name, column in columns.items():
+        changed[name] = column
+    return changed
 
-    def take(self, rows: slice) -> Instants:
-        """Some of the instants."""
-        arrays: Any = {
-            f.name: value[rows]
-            for f in fields(self)
-            if isinstance(value := getattr(self, f.name), np.ndarray)
-        }
-        return replace(self, **arrays)
+
+def on_grid(at: Instants) -> Instants:
+    """The same in the grid's lengths: pressures [N/m] stay, so that forces shrink with them."""
+    shrunk = ("half_length", "load", "reference_load")
+    return with_columns(at, **{name: at[name] / at.stretch for name in shrunk})
 
 
 def true_parabola(ring: Ring, half_length: FloatArray, load: FloatArray) -> FloatArray:
@@ -150,7 +139,7 @@ def _worn(effect: Planted, x: FloatArray, p: FloatArray, at: Instants) -> FloatA
     shape = 1.25 * rise if effect.other else _gauss(u)
     # distance [km] after which planted wear has its full size
     age = at.distance_km / 40000.0
-    return p + effect["amplitude"] * age * (at.load / (2 * at.half_length))[:, None] * shape
+    return p + effect["amplitude"] * (age * at.load / (2 * at.half_length))[:, None] * shape
 
 
 def _saddle(effect: Planted, x: FloatArray, p: FloatArray, at: Instants) -> FloatArray:

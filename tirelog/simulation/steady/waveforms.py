@@ -9,7 +9,7 @@ Drive --instants--> Instants (b,) --loads, carcass--> w (b, points)
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import zip_longest
 from typing import Any, TypeAlias
@@ -31,9 +31,12 @@ from tirelog.simulation.steady.loads import (
     delaying,
     extra_strain,
     friction,
+    instants_of,
+    on_grid,
     pressure,
     seen_by,
     true_parabola,
+    with_columns,
 )
 from tirelog.storage.schema import Record
 from tirelog.vocabulary.arrays import FloatArray
@@ -481,19 +484,19 @@ class World:
         load = self.load(time_s) * load_factor
         conditions = self.scenario.conditions
         speed = self.drive.speed_at(time_s)
-        return Instants(
-            time_s,
-            speed,
-            self.drive.acceleration_at(time_s),
-            load,
-            self.half_length(load, time_s),
-            self.slip(time_s),
-            self.warmed(time_s),
-            conditions.distance_km,
-            conditions.water_depth_mm,
-            self.scenario.tire.reference_load_N,
-            self.temperature(time_s),
-            stretch_of(self.drive.grows, speed),
+        return instants_of(
+            time_s=time_s,
+            speed=speed,
+            acceleration=self.drive.acceleration_at(time_s),
+            load=load,
+            half_length=self.half_length(load, time_s),
+            slip=self.slip(time_s),
+            warmed=self.warmed(time_s),
+            distance_km=conditions.distance_km,
+            water_depth_mm=conditions.water_depth_mm,
+            reference_load=self.scenario.tire.reference_load_N,
+            temperature_K=self.temperature(time_s),
+            stretch=stretch_of(self.drive.grows, speed),
         )
 
     # ---- solutions -------------------------------------------------------------------------------
@@ -501,11 +504,11 @@ class World:
     def solve(self, at: Instants, start: FloatArray | None = None) -> Solution:
         """The carcass at these instants; the patch in lengths of the road."""
         scenario, ring, stretch = self.scenario, self.ring, at.stretch
-        at = at.on_grid()
+        at = on_grid(at)
         entry, exit_ = -at.half_length, at.half_length
         if self.road is not None:
             base, entry, exit_ = self.road.touch(at)
-            at = replace(at, half_length=0.5 * (exit_ - entry))
+            at = with_columns(at, half_length=0.5 * (exit_ - entry))
         else:
             base = true_parabola(ring, at.half_length, at.load)
         p = pressure(ring, scenario.effects, base, at)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -32,13 +33,14 @@ from tirelog.strain.footprint.learn import (
     learn_reference,
 )
 from tirelog.strain.footprint.measure import (
+    FITS,
     PassageForms,
     find_onsets,
     look_at_some,
     measure_windows,
     nothing_measured,
 )
-from tirelog.strain.footprint.slip_onset import TOO_WIDE, FrictionRatio
+from tirelog.strain.footprint.slip_onset import SLIP, TOO_WIDE, FrictionRatio
 from tirelog.strain.passages.find import Passages, passages_of
 from tirelog.strain.speed import (
     PassageRows,
@@ -47,7 +49,7 @@ from tirelog.strain.speed import (
     speed_quality,
     strain_channels,
 )
-from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, having, marked, quality_column
 
 # ---- The form of free rolling: learnt, looked at, and learnt anew without what does not roll
@@ -204,39 +206,19 @@ def _of_alike(
     return _looked_at(look, replace(learnt, chosen=True), kept)[1]
 
 
-@dataclass(frozen=True)
-class Footprint:
-    """One row per passage, shape (n,): the table `footprint`, and what pictures show.
-
-    Lengths in m, NaN where unknown.
-
-    `length_m` takes a traction into account if there is a slip onset. `form_se_m`: the share of
-    its error that comes from not knowing the tire's pressure and carcass, with the same sign in all
-    rows.
-    `edge_asymmetry`: (exit - entry) / (exit + entry) of the sizes of the second derivative's
-    extrema: positive if the exit edge is the sharper one; `d2_entry_m`, `d2_exit_m`: their
-    abscissae from the patch centre. `learnt`: the log's form; `friction`: what onsets were found
-    with; `cutoff_Hz`: what the low-pass used.
-    """
-
-    length_m: FloatArray
-    length_se_m: FloatArray
-    form_se_m: FloatArray
-    length_d2_m: FloatArray
-    length_d2_se_m: FloatArray
-    length_d1_m: FloatArray
-    length_d1_se_m: FloatArray
-    entry_time_s: FloatArray
-    exit_time_s: FloatArray
-    edge_asymmetry: FloatArray
-    d2_entry_m: FloatArray
-    d2_exit_m: FloatArray
-    fits: Records
-    slip: Records
-    cutoff_Hz: FloatArray
-    learnt: EdgeForm | None
-    friction: FrictionRatio
-    quality: QualityFlags
+#: a row of the table `footprint`, and what pictures show: lengths in m, NaN where unknown.
+#: `length_m` takes a traction into account if there is a slip onset; `form_se_m`: the share of its
+#: error that comes from not knowing the tire's pressure and carcass, with the same sign in all
+#: rows; times of the edges [s]; `edge_asymmetry`: (exit - entry) / (exit + entry) of the sizes of
+#: the second derivative's extrema, positive if the exit edge is the sharper one, and their
+#: abscissae from the patch centre; what was measured; `cutoff_Hz` of the low-pass; flags
+FOOTPRINT = np.dtype(
+    [("length_m", "f8"), ("length_se_m", "f8"), ("form_se_m", "f8"), ("length_d2_m", "f8"),
+     ("length_d2_se_m", "f8"), ("length_d1_m", "f8"), ("length_d1_se_m", "f8"),
+     ("entry_time_s", "f8"), ("exit_time_s", "f8"), ("edge_asymmetry", "f8"),
+     ("d2_entry_m", "f8"), ("d2_exit_m", "f8"), ("fits", FITS), ("slip", SLIP),
+     ("cutoff_Hz", "f8"), ("quality", "u4")]
+)  # fmt: skip
 
 
 def _asked_Hz(look: PassageForms, learnt: EdgeForm, cutoff: Cutoff) -> FloatArray:
@@ -253,8 +235,10 @@ def footprint(
     block_samples: int = BLOCK_SAMPLES,
     settled: EdgeForm | None = None,
     friction: FrictionRatio | None = None,
-) -> Footprint:
-    """The footprint at each of `passages` of the strain `channel`.
+) -> Any:
+    """The footprint at each of `passages` of the strain `channel`, (n,) of FOOTPRINT.
+
+    Its columns are attributes.
 
     `cutoff` of the low-pass (auto); `settled`: the form of its passages, which is learnt here if it
     is not given; `friction`: of the tread, the usual one if it is not given.
@@ -273,16 +257,7 @@ def footprint(
         usual = settled.free_scatter, settled.least_gain
         measure_windows(look, least_Hz, clear, usual, look.rows)
         find_onsets(look, friction, settled.free_scatter)
-    return _assembled(
-        passages,
-        settled,
-        work,
-        asked,
-        0.5 * channel.axis.rate_Hz,
-        passages.speed_m_s,
-        np.nan_to_num(passages.acceleration_m_s2),
-        friction,
-    )
+    return _assembled(passages, settled, work, asked, 0.5 * channel.axis.rate_Hz)
 
 
 def _unexplained(fits: Records, slip: Records, scatter: float) -> FloatArray:
@@ -334,18 +309,14 @@ def _assembled(
     work: Records,
     asked_Hz: FloatArray,
     nyquist: float,
-    speed: FloatArray,
-    acceleration: FloatArray,
-    friction: FrictionRatio,
-) -> Footprint:
-    """Rows of the table out of what was measured."""
-    fits, edges = work["fits"], work["edges"]
-    n = len(passages)
+) -> Any:
+    """Rows of FOOTPRINT out of what was measured."""
+    fits, edges, slip, n = work["fits"], work["edges"], work["slip"], len(passages)
+    speed, acceleration = passages.speed_m_s, np.nan_to_num(passages.acceleration_m_s2)
     scatter, reference_se, form_se = 1.0, np.zeros(n), np.zeros(n)
     if learnt is not None and n:
         scatter = learnt.scatter(fits["chi2"])
         reference_se, form_se = learnt.length_errors(speed)
-    slip = work["slip"]
     with np.errstate(invalid="ignore"):
         # a traction moves a length by less than this share of it (13 % at a slip of 0.3); what
         # moves one farther beside a form is none, as where the load has changed; twice as much
@@ -377,28 +348,27 @@ def _assembled(
         asymmetry = (edges["exit_height"] - edges["entry_height"]) / (
             edges["exit_height"] + edges["entry_height"]
         )
-    known = np.where(np.isfinite(length), 1.0, np.nan)
-    return Footprint(
-        length,
-        noise_se,
-        form_se * known,
-        d2,
-        d2_se,
-        d1,
-        d1_se,
-        entry,
-        leave,
-        asymmetry,
-        edges["entry_m"] + fits["shift_m"],
-        edges["exit_m"] + fits["shift_m"],
-        fits,
-        work["slip"],
-        asked_Hz,
-        learnt,
-        friction,
-        _quality(passages, work, learnt, length, d2, asked_Hz, nyquist)
-        | marked(unresolved & np.isfinite(length), Quality.TRACTION_UNRESOLVED),
-    )
+    quality = _quality(passages, work, learnt, length, d2, asked_Hz, nyquist)
+    quality |= marked(unresolved & np.isfinite(length), Quality.TRACTION_UNRESOLVED)
+    return records(
+        FOOTPRINT,
+        length_m=length,
+        length_se_m=noise_se,
+        form_se_m=form_se * np.where(np.isfinite(length), 1.0, np.nan),
+        length_d2_m=d2,
+        length_d2_se_m=d2_se,
+        length_d1_m=d1,
+        length_d1_se_m=d1_se,
+        entry_time_s=entry,
+        exit_time_s=leave,
+        edge_asymmetry=asymmetry,
+        d2_entry_m=edges["entry_m"] + fits["shift_m"],
+        d2_exit_m=edges["exit_m"] + fits["shift_m"],
+        fits=fits,
+        slip=slip,
+        cutoff_Hz=asked_Hz,
+        quality=quality,
+    ).view(np.recarray)
 
 
 def _told(lengths_m: FloatArray, errors_m: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -453,9 +423,15 @@ def _quality(
 
 @dataclass(frozen=True)
 class FootprintOfChannel(PassageRows):
-    """The table's rows of one channel, and the footprint behind them."""
+    """The table's rows of one channel, and what is behind them.
 
-    footprint: Footprint
+    The `footprint` (n,) of FOOTPRINT, the log's form, and the `friction` that onsets were found
+    with.
+    """
+
+    footprint: Any
+    learnt: EdgeForm | None
+    friction: FrictionRatio
 
 
 def footprints_of(
@@ -514,13 +490,10 @@ def footprint_of_channel(
         "slip_onset_reason": found.slip["reason"],
         "quality": quality_column(found.quality | speed_quality(passages)),
     }
-    channel = released(channel)
-    remarks = (
-        (passages.doubt,)
-        if passages.doubt
-        else _remarks(recording, channel, passages, found, cutoff)
+    rows = FootprintOfChannel(
+        columns, (passages.doubt,), released(channel), passages, found, settled, friction
     )
-    return FootprintOfChannel(columns, remarks, channel, passages, found)
+    return rows if passages.doubt else replace(rows, remarks=_remarks(recording, rows, cutoff))
 
 
 def refuse_cutoff(recording: Recording, channel: Channel, cutoff: Cutoff) -> None:
@@ -535,19 +508,18 @@ def refuse_cutoff(recording: Recording, channel: Channel, cutoff: Cutoff) -> Non
         )
 
 
-def _remarks(
-    recording: Recording, channel: Channel, passages: Passages, found: Footprint, cutoff: Cutoff
-) -> tuple[str, ...]:
+def _remarks(recording: Recording, rows: FootprintOfChannel, cutoff: Cutoff) -> tuple[str, ...]:
     """What the summary says of a channel.
 
     Lengths, form, cut-off, the static footprint beside the dynamic one.
     """
+    channel, passages, found, learnt = rows.channel, rows.passages, rows.footprint, rows.learnt
     slow = int((passages.speed_m_s <= LEAST_SPEED_M_S).sum())
     too_slow = (
         f"{channel.name}: {slow} of {len(passages)} passages are slower than "
         f"{LEAST_SPEED_M_S:g} m/s, and have no length"
     )
-    if found.learnt is None or not np.isfinite(found.length_m).any():
+    if learnt is None or not np.isfinite(found.length_m).any():
         few = f"{channel.name}: too few passages to learn the shape of the edges; no lengths"
         return (too_slow,) if 2 * slow > len(passages) else (few,)
     length, form = float(np.nanmedian(found.length_m)), float(np.nanmedian(found.form_se_m))
@@ -566,7 +538,7 @@ def _remarks(
     if np.isfinite(found.slip["onset_m"]).any():
         remarks.append(
             f"{channel.name}: slip onsets take a ratio of sliding to sticking friction of "
-            f"{found.friction.value:.3g} +- {found.friction.se:g}"
+            f"{rows.friction.value:.3g} +- {rows.friction.se:g}"
         )
     doubted = int(having(found.quality, Quality.FORM_UNCLEAR).sum())
     if doubted:
@@ -574,7 +546,7 @@ def _remarks(
             f"{channel.name}: {Quality.FORM_UNCLEAR.word}: {doubted} passages are unlike "
             "any that a tire's carcass makes on a flat road; their lengths may be wrong by half"
         )
-    if not found.learnt.free_rolling:
+    if not learnt.free_rolling:
         remarks.append(
             f"{channel.name}: no stretch of steady speed; the form was learnt from driven or "
             "braked passages"
