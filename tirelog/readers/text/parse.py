@@ -421,27 +421,22 @@ def _tick(cell: str, places: int) -> int:
 #                       --cells that it left, one by one; times: stamps--> Parsed, byte behind
 
 
-def long_numbers(plan: RowPlan, block: Block, cells: Records) -> FloatArray:
-    """The numbers in cells of HARD, in order, rounded to the nearest float64.
+#: a number of any ordinary size; what overflows is left to Python
+_PLAIN = r"^-?\d{1,40}(\.\d{0,40})?([eE][-+]?\d{1,2})?$"
 
-    All of them NaN if one is written oddly, and has to be read by itself.
-    """
-    begin = cells["first"][0]
-    firsts, stops = cells["first"] - begin, cells["stop"] - begin
-    data = bytes_of(block)[begin : begin + stops[-1] + 1].copy()
-    data[stops] = 10
-    edges = np.zeros(data.size + 1, np.int8)
-    edges[firsts] += 1
-    edges[stops + 1] -= 1
-    text = data[np.cumsum(edges[:-1], dtype=np.int8).astype(bool)]
-    blanks = np.count_nonzero(text <= 32) - cells.size  # within cells
-    try:
-        plain = text.tobytes().replace(plan.layout.decimal.encode(), b".")
-        numbers = np.fromstring(plain, sep="\n")
-    except ValueError:
-        numbers = np.zeros(0)
-    alone = numbers.size == cells.size and not blanks
-    return numbers if alone else np.full(cells.size, np.nan)
+
+def long_numbers(plan: RowPlan, block: Block, cells: Records) -> FloatArray:
+    """The numbers in cells of HARD, rounded to the nearest float64; NaN for one written oddly."""
+    import pyarrow as pa
+    from pyarrow import compute
+
+    edges = np.append(np.column_stack([cells["first"], cells["stop"]]), len(block))
+    offsets = pa.py_buffer(edges.astype(np.int32))
+    texts = pa.StringArray.from_buffers(edges.size - 1, offsets, pa.py_buffer(block))[::2]
+    texts = compute.replace_substring(texts, plan.layout.decimal, ".")
+    texts = compute.if_else(compute.match_substring_regex(texts, _PLAIN), texts, None)
+    numbers: FloatArray = texts.cast(pa.float64()).to_numpy(zero_copy_only=False)
+    return numbers
 
 
 #: rows of one pass, and cells that it may leave to a slower parser
@@ -488,7 +483,7 @@ def plain_rows(plan: RowPlan, block: Block, at: int) -> tuple[Parsed, int, bool]
         long_numbers(plan, block, left) if used else np.zeros(0)
     )
     bad_cells = []
-    for row, k, first, behind in left[~np.isfinite(written)].tolist():
+    for row, k, first, behind in left[np.isnan(written)].tolist():
         cell = bytes(block[first:behind])
         floats[slots[k], row], unread = number_of(cell, plan.layout.decimal)
         if unread and (k in columns.values.values() or k in listed):
