@@ -25,6 +25,7 @@ from tirelog import cli
 from tirelog.inference.stacks.hum import along_rises
 from tirelog.kernels.dispatch import Kernel, kind_of, spelled
 from tirelog.physics.spectral import MODES, Angles
+from tirelog.readers.text.kernels import rounded
 from tirelog.strain.footprint.measure import along_tread
 
 SAMPLES = Path(__file__).parents[1] / "sample_data"
@@ -155,6 +156,7 @@ def call_the_rest() -> None:
     """Kernels that commands call for longer logs only."""
     rng, four = np.random.default_rng(1000), np.ones(4)
     along_tread(rng.normal(size=(4, 64)), 2500.0, 32 * four, 9 * four, -2 * four, 400 * four)
+    rounded(np.uint64(2**60 + 12345), 5)
     Angles(rng.uniform(-1, 1, (4, 30))).evaluate(rng.normal(size=(4, MODES)).astype(complex))
     turning, left = np.exp(1j * rng.normal(size=(6, 9))), rng.uniform(size=(6, 9))
     weighted, weight, first = *rng.uniform(size=(2, 4, 9)), np.array([0, 1, 3, 4])

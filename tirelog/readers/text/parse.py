@@ -16,6 +16,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from functools import cached_property
@@ -42,7 +43,7 @@ from tirelog.readers.text.kernels import (
 )
 from tirelog.readers.text.layout import LOST_WORDS, Layout, ungrouped
 from tirelog.readers.text.times import MISSING, Nanoseconds, column_ns
-from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
+from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 # ---- What a block of text becomes, and the few steps that both ways of parsing it share.
 #
@@ -307,13 +308,12 @@ def number_of(cell: bytes, decimal: str) -> tuple[float, bool]:
     NaN if it is none or infinite.
     """
     text = cell.decode("latin-1").replace(decimal, ".")
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if math.isfinite(number) and "_" not in text:
-        return number, False
-    return math.nan, not math.isinf(number) and text.lower() not in LOST_WORDS
+    if text.lower() in LOST_WORDS:
+        return math.nan, False
+    number = math.nan
+    with suppress(ValueError):
+        number = float(text) if "_" not in text else number
+    return (math.nan if math.isinf(number) else number), math.isnan(number)
 
 
 def odd_rows(plan: RowPlan, line: int, block: Block) -> Parsed:
@@ -421,24 +421,6 @@ def _tick(cell: str, places: int) -> int:
 #                       --cells that it left, one by one; times: stamps--> Parsed, byte behind
 
 
-#: a number of any ordinary size; what overflows is left to Python
-_PLAIN = r"^-?\d{1,40}(\.\d{0,40})?([eE][-+]?\d{1,2})?$"
-
-
-def long_numbers(plan: RowPlan, block: Block, cells: Records) -> FloatArray:
-    """The numbers in cells of HARD, rounded to the nearest float64; NaN for one written oddly."""
-    import pyarrow as pa
-    from pyarrow import compute
-
-    edges = np.append(np.column_stack([cells["first"], cells["stop"]]), len(block))
-    offsets = pa.py_buffer(edges.astype(np.int32))
-    texts = pa.StringArray.from_buffers(edges.size - 1, offsets, pa.py_buffer(block))[::2]
-    texts = compute.replace_substring(texts, plan.layout.decimal, ".")
-    texts = compute.if_else(compute.match_substring_regex(texts, _PLAIN), texts, None)
-    numbers: FloatArray = texts.cast(pa.float64()).to_numpy(zero_copy_only=False)
-    return numbers
-
-
 #: rows of one pass, and cells that it may leave to a slower parser
 _ROWS, _HARD = 1 << 16, 1 << 15
 
@@ -478,14 +460,11 @@ def plain_rows(plan: RowPlan, block: Block, at: int) -> tuple[Parsed, int, bool]
         return [bytes(block[a:b]) for a, b in zip(firsts.tolist(), stops.tolist(), strict=True)]
 
     listed = plan.listed(plan.across)
-    left, slots = hard[:used], guides["slot"]
-    floats[slots[left["column"]], left["row"]] = written = (
-        long_numbers(plan, block, left) if used else np.zeros(0)
-    )
     bad_cells = []
-    for row, k, first, behind in left[np.isnan(written)].tolist():
+    for row, k, first, behind in hard[:used].tolist():
         cell = bytes(block[first:behind])
-        floats[slots[k], row], unread = number_of(cell, plan.layout.decimal)
+        number, unread = number_of(cell, plan.layout.decimal)
+        floats[roles[k][1], row] = number
         if unread and (k in columns.values.values() or k in listed):
             bad_cells.append((row, shown(plan.layout, cell)))
     stamps: Nanoseconds | FloatArray | None = None
