@@ -1,10 +1,6 @@
 """Property: the truth (differences on a grid) and the models (modes) share no line of code, and
 agree to 1e-4 of the peak or better.
-
-Only the exact forms can agree; the other forms are there to differ.
 """
-
-from __future__ import annotations
 
 from dataclasses import replace
 
@@ -17,8 +13,6 @@ from tirelog.inference.cells.joint import model_of
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
 from tirelog.simulation.scenario.schema import BENDING_N_M2, PLANTABLE, Sensor
-from tirelog.simulation.steady.loads import Instants
-from tirelog.simulation.steady.waveforms import World
 
 from .worlds import world
 
@@ -51,7 +45,7 @@ CASES = [
 ]
 
 
-def truth_of(carcass: str, name: str | None = None) -> World:
+def truth_of(carcass, name=None):
     """A world on a fine grid, in which an effect may be planted."""
     return world(
         truth=carcass,
@@ -62,13 +56,13 @@ def truth_of(carcass: str, name: str | None = None) -> World:
     )
 
 
-def moment(w: World, **other: float) -> Instants:
+def moment(w, **other):
     """The world's instant at TIME, with other numbers in place of its own."""
     at = w.instants(np.array([TIME]))
     return replace(at, **{name: np.array([value]) for name, value in other.items()})
 
 
-def modelled(w: World, observable: str | list[str]) -> Model:
+def modelled(w, observable):
     """The model with a world's numbers and effects."""
     tire, truth = w.scenario.tire, w.scenario.truth
     numbers = vars(tire) | {
@@ -86,13 +80,13 @@ def modelled(w: World, observable: str | list[str]) -> Model:
     return model
 
 
-def conditions() -> Conditions:
+def conditions():
     drive = {"speed_m_s": SPEED, "acceleration_m_s2": ACCELERATION, "time_s": TIME, **DRIVEN}
     return Conditions.of(1, load_N=3434.0, inflation_pressure_Pa=2.2e5, temperature_K=0.0, **drive)
 
 
 @pytest.mark.parametrize(("carcass", "observable", "name"), CASES)
-def test_waveforms(carcass: str, observable: str, name: str | None) -> None:
+def test_waveforms(carcass, observable, name):
     """To 1e-4 of the peak, at both surfaces."""
     w = truth_of(carcass, name)
     phi, solution, model = w.ring.xi_m / R, w.solve(moment(w)), modelled(w, observable)
@@ -114,12 +108,12 @@ def test_waveforms(carcass: str, observable: str, name: str | None) -> None:
 @pytest.mark.parametrize(
     "name", ["viscous_damping", "hysteresis", "pressure_offset", "edge_impact", "rough_contact"]
 )
-def test_middle_of_the_fronts_of_a_ring_that_leans(name: str) -> None:
+def test_middle_of_the_fronts_of_a_ring_that_leans(name):
     """Where the truth's accelerometer reads half of its level, by its own table of angles, against
     the same in a zero stretch."""
     made = truth_of("ring", name)
 
-    def middle(speed: float) -> float:
+    def middle(speed):
         wave = made.waveform(made.solve(moment(made, speed=speed)), Sensor("radial_acceleration"))[
             0
         ]
@@ -134,7 +128,7 @@ def test_middle_of_the_fronts_of_a_ring_that_leans(name: str) -> None:
 
 
 @pytest.mark.parametrize("pressure_Pa", [2.2e5, 1.6e5])
-def test_width_between_fronts_at_every_load_and_pressure(pressure_Pa: float) -> None:
+def test_width_between_fronts_at_every_load_and_pressure(pressure_Pa):
     """At the model's load between the places where the truth's accelerometer reads half of its
     level, by its own table of angles; at other loads these move as the steepest ones do, from which
     the contact's edges keep their distance."""

@@ -1,20 +1,12 @@
 """Closed form: the truth's ring as a sum, its contact and friction against the papers' numbers; a
 torque in the air and the road under a tire in motion.
-
-Its beam is held by the models', which has a closed form and shares no line with it
-(`test_against_models.py`), and so are waves, rest and steps of the belt of finite elements
-(`tests/physics/test_coupled_truth.py`).
 """
-
-from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tirelog.simulation.rolling import step_kernel as kernel
-from tirelog.simulation.rolling.world import TrueProfile
 from tirelog.simulation.scenario.schema import Planted
 from tirelog.simulation.steady.carcass import FlatRoadContact, carcass
 from tirelog.simulation.steady.loads import Ring, friction, true_parabola
@@ -26,7 +18,7 @@ R = 0.305
 TRACTION = Planted("traction", "exact", {"slip_per_g": 0.0, "lever_m": 0.018})
 
 
-def test_ring_under_a_point_load_by_its_modes() -> None:
+def test_ring_under_a_point_load_by_its_modes():
     """Sum over n of the errata's modal stiffness; inextensible, so the mean of w vanishes; n = 1
     has the stiffness k_v + k_w.
     """
@@ -47,7 +39,7 @@ def test_ring_under_a_point_load_by_its_modes() -> None:
     assert abs(w.mean()) < 1e-12
 
 
-def test_contact_of_the_errata_s_tire() -> None:
+def test_contact_of_the_errata_s_tire():
     """Table 2 of P3: half angles of 4.6 degrees at 1000 N and 11.3 at 3500 N by the errata (loads
     radial there, vertical here: 5 %).
     """
@@ -59,7 +51,7 @@ def test_contact_of_the_errata_s_tire() -> None:
         assert np.degrees((exit_m - entry_m)[0] / 0.6) == pytest.approx(degrees, rel=0.05)
 
 
-def test_slip_onset_of_the_literature() -> None:
+def test_slip_onset_of_the_literature():
     """P2 (15): x_s = 35.0 mm at sigma = 0.15, L = 50 mm; the friction's radial load has no
     resultant (errata).
     """
@@ -78,7 +70,7 @@ def test_slip_onset_of_the_literature() -> None:
     assert np.array_equal(driving, -tangential)
 
 
-def test_a_road_of_low_grip_slips_sooner() -> None:
+def test_a_road_of_low_grip_slips_sooner():
     """As stiff a tread, f_s 0.3 in place of 0.8: x_s = L (1 - 2 sigma 0.8 / 0.3), f_d behind."""
     ring = Ring(8192, 2 * np.pi * R)
     at = instants(11.11, 400 * 9.81, 0.05, 0.1)
@@ -93,11 +85,9 @@ def test_a_road_of_low_grip_slips_sooner() -> None:
 
 HUB_INERTIA = 0.8
 RING_MASS = 2.0 * np.pi * RADIUS * LINE_MASS
-CLEAT = TrueProfile(np.array([1.0, 1.01, 1.03, 1.04]), np.array([0.0, 0.01, 0.01, 0.0]))
-SINE = TrueProfile(np.array([0.0, 1.0]), np.zeros(2), 0.004, 0.8)
 
 
-def test_a_torque_in_the_air_winds_up_and_spins() -> None:
+def test_a_torque_in_the_air_winds_up_and_spins():
     of = belt(64, tangential_damping_N_s_m2=2000.0)
     tire = rolling(of, speed=5.0, load=0.0, start=(np.zeros(64), 1.0, 0.0))
     tire.run(orders(8000, speed=5.0, load=0.0, torque=30.0))
@@ -106,21 +96,3 @@ def test_a_torque_in_the_air_winds_up_and_spins() -> None:
     # the belt lags: its share of the torque over the wind-up stiffness
     lag = 30.0 * RING_MASS * RADIUS**2 / whole / (2 * np.pi * RADIUS**2 * K_V)
     assert tire.v.mean() == pytest.approx(-lag, rel=2e-2)
-
-
-@pytest.mark.parametrize(
-    ("profile", "x", "height", "slope"),
-    [
-        (CLEAT, 1.005, 0.005, 1.0),
-        (CLEAT, 1.02, 0.01, 0.0),
-        (CLEAT, 2.0, 0.0, 0.0),
-        (SINE, 0.2, 0.004, 0.004 * 2 * np.pi / 0.8),
-        (SINE, -0.2, 0.0, 0.0),
-    ],
-)
-def test_road_at_a_distance(profile: TrueProfile, x: float, height: float, slope: float) -> None:
-    constants = rolling(
-        belt(64), speed=0.0, load=0.0, start=(np.zeros(64), 1.0, 0.0), profile=profile
-    ).constants
-    found = kernel.road_at(x, profile.corner_m, profile.height_m, constants)
-    assert found == pytest.approx((height, slope), abs=1e-12)

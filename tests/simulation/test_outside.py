@@ -2,25 +2,21 @@
 that its truth states.
 """
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 
-from tirelog.simulation import scenario_of, simulate
+from tirelog.simulation import simulate
 from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
 from tirelog.simulation.sensors.sampling import passages, tread_angle
 from tirelog.simulation.steady.carcass import carcass
 from tirelog.simulation.steady.loads import true_parabola
 
-from .worlds import instants, tables, world
+from .worlds import instants, scenario, world
 
 OUTSIDE = [name for name, known in PLANTABLE.items() if not known.in_catalogue]
 
 
-def added(name: str, speed: float, **parameters: Any) -> tuple[np.ndarray, np.ndarray]:
+def added(name, speed, **parameters):
     """(xi [m], what the effect adds to the strain of an outer grating) at one speed."""
     w = world(effects=[{"name": name, **parameters}])
     base = world()
@@ -32,7 +28,7 @@ def added(name: str, speed: float, **parameters: Any) -> tuple[np.ndarray, np.nd
 
 @pytest.mark.parametrize("name", OUTSIDE)
 @pytest.mark.parametrize("exponent", [0.0, 1.0, 2.0])
-def test_size_follows_the_stated_exponent(name: str, exponent: float) -> None:
+def test_size_follows_the_stated_exponent(name, exponent):
     """The size of the strain at two low speeds, where the beam itself hardly answers to speed; a
     resonance by its first peak.
     """
@@ -47,7 +43,7 @@ def test_size_follows_the_stated_exponent(name: str, exponent: float) -> None:
     assert np.log2(size[1] / size[0]) == pytest.approx(exponent, abs=0.02)
 
 
-def moments(name: str) -> tuple[float, float]:
+def moments(name):
     """(place: mean xi of the squared strain [m], share of it that is even)."""
     xi, wave = added(name, 15.0)
     even = 0.5 * (wave[1:] + wave[1:][::-1])
@@ -56,7 +52,7 @@ def moments(name: str) -> tuple[float, float]:
     )
 
 
-def test_places_and_parities() -> None:
+def test_places_and_parities():
     half = 0.058
     for name in ("pressure_saddle", "even_bulge"):
         place, even = moments(name)
@@ -72,7 +68,7 @@ def test_places_and_parities() -> None:
     assert moments("splice")[0] > 5 * half
 
 
-def test_ring_down_keeps_its_frequency_at_every_speed() -> None:
+def test_ring_down_keeps_its_frequency_at_every_speed():
     for speed in (8.0, 16.0):
         xi, wave = added("ring_down", speed, frequency_Hz=90.0)
         behind = (xi > 0.065) & (xi < 0.065 + 0.05 * speed) & (xi < 0.5)
@@ -81,7 +77,7 @@ def test_ring_down_keeps_its_frequency_at_every_speed() -> None:
         assert np.diff(crossing).mean() == pytest.approx(0.5 / 90.0, rel=0.02)
 
 
-def test_each_grating_sees_the_splice_from_its_own_place() -> None:
+def test_each_grating_sees_the_splice_from_its_own_place():
     channels = {f"g{a}": {"kind": "fbg_strain", "angle_deg": a} for a in (70.0, 130.0)}
     spliced, plain = world(channels=channels, effects=[{"name": "splice"}]), world()
     seen = []
@@ -92,7 +88,7 @@ def test_each_grating_sees_the_splice_from_its_own_place() -> None:
     assert seen == pytest.approx([100.0, 40.0], abs=0.3)
 
 
-def test_stiffening_of_the_other_form_hardens_with_the_deflection_itself() -> None:
+def test_stiffening_of_the_other_form_hardens_with_the_deflection_itself():
     """k (1 + k3 0.008 |w|) w in place of k (1 + k3 w^2) w, which is compared with the models'."""
     w = world(effects=[{"name": "stiffening", "cubic_1_m2": 3000.0, "form": "other"}])
     at, ring = instants(), w.ring
@@ -104,12 +100,12 @@ def test_stiffening_of_the_other_form_hardens_with_the_deflection_itself() -> No
     assert np.abs(ring.inverse(ring.transform(force - p) * smooth)).max() < 1e-5 * p.max()
 
 
-def test_passages_know_the_wind_up() -> None:
+def test_passages_know_the_wind_up():
     """In hard braking the sensor arrives early, and the passage is where its place is in the patch
     centre all the same: once a turn, at the minimum of an undamped outer grating.
     """
     drive = [{"duration_s": 1.0, "speed_m_s": 20.0}, {"duration_s": 2.0, "speed_m_s": 8.0}]
-    made = simulate(scenario_of(tables(manoeuvres=drive, tire={"torsional_stiffness_N_m2": 5e4})))
+    made = simulate(scenario(manoeuvres=drive, tire={"torsional_stiffness_N_m2": 5e4}))
     sensor = made.scenario.channels["s"]
     time = passages(made.world, sensor, 3.0)
     turns = tread_angle(made.world, sensor, time) / (2 * np.pi)
