@@ -19,6 +19,7 @@ def test_a_clock_beyond_all_time() -> None:
 
 def test_stamps_that_repeat_are_no_stop() -> None:
     assert may_have_stopped(np.zeros(9)).tolist() == [False] * 8
+    assert not may_have_stopped(0.125 * np.arange(12.0)).any()  # exactly one speed
     assert may_have_stopped(np.repeat([0.0, 1.0, 1.5], 4)).shape == (11,)
 
 

@@ -1,7 +1,5 @@
 """Closed form: forms of the footprint by their equations, and windows of samples."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -39,7 +37,7 @@ def test_a_spectrum_fulfils_the_contact():
     assert line[0] == pytest.approx(-1.0, rel=2e-3)
 
 
-def by_quadrature(order: int, wave: np.ndarray) -> np.ndarray:
+def by_quadrature(order, wave):
     """Transform of (1 - x^2) P_n(x) over the patch."""
 
     def term(x):

@@ -2,8 +2,6 @@
 fault has its own word.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

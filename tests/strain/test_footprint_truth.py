@@ -1,9 +1,4 @@
-"""Property: contact length is that of finite-difference truths of both carcasses.
-
-Seeds from 1000: none was used for tuning.
-"""
-
-from __future__ import annotations
+"""Property: contact length is that of finite-difference truths of both carcasses."""
 
 from dataclasses import replace
 

@@ -2,8 +2,6 @@
 patch in wheel angle, and the wheel's angle, against those that the signals are made of.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

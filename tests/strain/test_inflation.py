@@ -2,8 +2,6 @@
 and what is refused.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,9 +1,4 @@
-"""Property: what is no tire pass is said to be none, and no log of a rolling tire is.
-
-Seeds from 1000: none was used for tuning.
-"""
-
-from __future__ import annotations
+"""Property: what is no tire pass is said to be none, and no log of a rolling tire is."""
 
 import numpy as np
 import pytest

@@ -1,9 +1,4 @@
-"""Faults: lost samples, gaps, bursts, jumps, rails and clipping take no row but their own.
-
-Seeds from 1000: none was used for tuning.
-"""
-
-from __future__ import annotations
+"""Faults: lost samples, gaps, bursts, jumps, rails and clipping take no row but their own."""
 
 from dataclasses import replace
 
@@ -54,10 +49,7 @@ def rows_of_all(found, truth, worst_s=2e-4):
 
 
 def assert_marked(found, bad_s, word, border=0.03):
-    """A row has the word if something bad lies in its window, and only then.
-
-    At the very `border` of the window either answer will do.
-    """
+    """A row has the word if something bad lies in its window, and only then."""
     reach = found.window_rad / found.omega_rad_s
     off = np.abs(np.asarray(bad_s) - found.time_s[:, None]).min(axis=1)
     marked = having(found.quality, word)

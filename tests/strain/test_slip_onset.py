@@ -1,9 +1,4 @@
-"""Property: slip onset is that of P2's brush on a finite-difference beam.
-
-Seeds from 1000: none was used for tuning.
-"""
-
-from __future__ import annotations
+"""Property: slip onset is that of P2's brush on a finite-difference beam."""
 
 from dataclasses import replace
 
@@ -111,8 +106,7 @@ def test_a_form_that_is_none_of_a_tire_has_no_onset(radius_m):
 
 def test_noise_costs_onsets_not_their_truth(radius_m):
     """A quarter of the passages that the form is learnt from is driven: it is learnt anew without
-    them, and hardly an onset is far off: of 500 some 5. (With one
-    seed, of 125, one more or less decided.)
+    them, and hardly an onset is far off: of 500 some 5.
     """
     logs = [
         Mixed(radius_m, speed, slip, seed, noise_pm)

@@ -1,14 +1,11 @@
 """Closed form: what the parabola through three passages gives exactly, and its errors."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from tirelog.strain.passages.passage_flags import (
     TURN_RAD,
     kinematics,
-    may_have_stopped,
 )
 
 
@@ -45,17 +42,9 @@ def test_noise_alone_has_the_error_of_the_centred_difference():
     np.testing.assert_allclose(error[2:-2], expected, rtol=1e-9)
 
 
-def test_a_wheel_of_exactly_one_speed_has_never_stopped() -> None:
-    """Its rate of change is 0, and the time that it has to rest infinite: no warning, no stop."""
-    assert not may_have_stopped(0.125 * np.arange(12.0)).any()
-
-
 @pytest.mark.parametrize(("noise_s", "usual"), [(1e-5, 0.52), (3e-5, 0.87)])
 def test_speeds_beside_a_sharp_end_of_a_ramp_are_within_their_errors(noise_s, usual):
-    """None is beyond five errors; 5 to 9 were before the change of acceleration was in the error.
-
-    `usual` errors off, root mean square; 0.91 and 1.05 without the scatter of the accelerations.
-    """
+    """None is beyond five errors; 5 to 9 were without the change of acceleration in the error."""
     draw, pulls, beside = np.random.default_rng(3100), [], []
     for _ in range(60):
         begin, alpha = draw.uniform(20.0, 60.0), draw.uniform(2.0, 12.0)

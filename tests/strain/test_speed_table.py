@@ -2,8 +2,6 @@
 against a vehicle's speed.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
