@@ -6,7 +6,6 @@ import gzip
 import json
 import re
 from dataclasses import asdict, replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,7 +13,6 @@ import pytest
 
 from tests.campaign.conftest import MANIFEST, dataset, make_campaign
 from tests.campaign.processes import PATIENCE_S, begun, dying_on_the_first
-from tests.cli.conftest import Command
 from tests.diagnosis.toy import stack
 from tirelog.campaign.ledger import (
     Entry,
@@ -86,7 +84,7 @@ def test_a_manifest_that_cannot_be_used(manifest, tirelog, old, new, words):
 
 
 @pytest.mark.slow
-def test_only_the_log_that_ends_its_workers_stays_open(manifest: Path, tmp_path: Path) -> None:
+def test_only_the_log_that_ends_its_workers_stays_open(manifest, tmp_path):
     assert begun(manifest, dying_on_the_first, "--workers", "2").wait(PATIENCE_S) == 3
     summary = pd.read_csv(tmp_path / "results" / "summary.csv").set_index("name")
     assert summary["status"].tolist() == ["open", "done", "done", "done"]
@@ -131,7 +129,7 @@ def test_a_condition_beyond_the_setup_s_range_costs_its_log(manifest, tmp_path, 
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_conditions_of_no_log_are_told(manifest: Path, tmp_path: Path, tirelog: Command) -> None:
+def test_conditions_of_no_log_are_told(manifest, tmp_path, tirelog):
     (tmp_path / "conditions.csv").write_text("log,load_N\nrun_0.csv,3000\nrun_O.csv,3100\n")
     outcome = tirelog("campaign", "run", manifest)
     assert outcome.status == 0
@@ -139,14 +137,14 @@ def test_conditions_of_no_log_are_told(manifest: Path, tmp_path: Path, tirelog: 
 
 
 def test_a_calibration_is_beside_the_manifest_and_its_content_counts(
-    manifest: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    manifest, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path.parent)
     manifest.write_text(MANIFEST + '[tables.phase-shift]\ncalibration = "cal.toml"\n')
     with pytest.raises(TirelogError, match=r"cal\.toml"):
         load_manifest(manifest)
 
-    def keys() -> list[str]:
+    def keys():
         campaign = load_manifest(manifest)
         assert campaign.tables["phase-shift"]["calibration"] == str(tmp_path / "cal.toml")
         return [task.key for task in plan_tasks(campaign, Ledger(Folder(campaign.output)))]
@@ -158,7 +156,7 @@ def test_a_calibration_is_beside_the_manifest_and_its_content_counts(
     assert not set(before) & set(keys())
 
 
-def test_pieces_that_were_cut_are_damaged_and_no_defect() -> None:
+def test_pieces_that_were_cut_are_damaged_and_no_defect():
     whole = pieces_bytes(pieces_of(stack(1)))
     for size in (0, 1, len(whole) // 2, len(whole) - 40):
         with pytest.raises(ValueError):
@@ -216,7 +214,7 @@ def test_a_model_of_several_observables_is_refused_before_any_log_is_read(tmp_pa
     assert not (tmp_path / "results").exists()
 
 
-def test_an_entry_of_the_ledger_that_was_damaged_is_made_again() -> None:
+def test_an_entry_of_the_ledger_that_was_damaged_is_made_again():
     whole = asdict(
         Entry("a.csv", "a.csv", "key", rows={"speed": 3}, quality={"speed": {"ok": 3}}, seconds=1.5)
     )
@@ -228,7 +226,7 @@ def test_an_entry_of_the_ledger_that_was_damaged_is_made_again() -> None:
 
 
 @pytest.mark.parametrize("data", [b"[" * 100_000, b"9" * 5000, b"[]", b"\xff"])
-def test_a_file_of_ours_that_was_damaged_is_an_empty_one(data: bytes) -> None:
+def test_a_file_of_ours_that_was_damaged_is_an_empty_one(data):
     assert json_table(data) == {}
 
 

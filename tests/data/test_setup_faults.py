@@ -1,7 +1,5 @@
 """Faults: a setup file that is wrong is refused: what is wrong, where, and what is allowed."""
 
-from pathlib import Path
-
 import pytest
 
 from tests.data.good_setup import GOOD
@@ -37,28 +35,26 @@ BAD = [
 
 
 @pytest.mark.parametrize(("old", "new", "line", "message"), BAD)
-def test_a_bad_setup_is_refused_with_file_line_and_advice(
-    old: str, new: str, line: int, message: str
-) -> None:
+def test_a_bad_setup_is_refused_with_file_line_and_advice(old, new, line, message):
     with pytest.raises(SetupError, match=message) as caught:
         parse_setup(GOOD.replace(old, new, 1), "s.toml")
     assert caught.value.line == line
     assert str(caught.value).startswith(f"s.toml:{line}: ")
 
 
-def test_broken_toml_says_the_line(tmp_path: Path) -> None:
+def test_broken_toml_says_the_line(tmp_path):
     (tmp_path / "s.toml").write_text("[tire]\nname = \n")
     with pytest.raises(SetupError, match="not TOML"):
         load_setup(tmp_path / "s.toml")
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"x" * (2 << 20)])
-def test_what_is_no_setup_at_all(tmp_path: Path, content: bytes) -> None:
+def test_what_is_no_setup_at_all(tmp_path, content):
     (tmp_path / "s.toml").write_bytes(content)
     with pytest.raises(SetupError, match=r"UTF-8|larger than"):
         load_setup(tmp_path / "s.toml")
 
 
-def test_no_channels() -> None:
+def test_no_channels():
     with pytest.raises(SetupError, match="at least one"):
         parse_setup("[tire]\nname='x'\n")

@@ -95,14 +95,6 @@ def test_what_was_asked_otherwise_than_any_case_is_said(model, selected, grating
     assert bool(why) == bool(said)
 
 
-def test_the_sentence_has_the_count_and_the_bound():
-    known = {**TABLE, "name": {**NAME, "lacking": ["effect that no catalogue has"]}}
-    assert certainty_of(**KIND, table=known).sentence == (
-        "32 of 40 simulated cases of this kind were right: at least 64 % (lower limit of the 95 % "
-        "Clopper-Pearson interval; 20 tires, 2026-11-22). None had an effect that no catalogue has."
-    )
-
-
 @pytest.mark.parametrize(
     ("given", "right"),
     [

@@ -1,8 +1,5 @@
 """Property: a fit finds the truth within its errors, from several logs and channels, and says what
 cannot be known.
-
-The truth is the beam's four roots (no formula of the package) plus noise. Fits are those of
-`model fit`, which are those of `compare`.
 """
 
 from dataclasses import replace

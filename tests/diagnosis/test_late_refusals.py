@@ -3,20 +3,19 @@ another kind at once.
 """
 
 from importlib import util
-from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import Command, folder, tirelog
+from tests.cli.conftest import folder, tirelog
 
 __all__ = ["folder", "tirelog"]
 
 
 @pytest.fixture
-def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
+def no_work(monkeypatch):
     """Logs that must not be opened, by names that no module imported meanwhile can keep."""
 
-    def opened(*given: object, **more: object) -> None:
+    def opened(*given, **more):
         raise AssertionError("the work was begun")
 
     for name in ("temporary_folder", "open_run"):
@@ -60,9 +59,7 @@ FOLDER = "the folder has to exist"
     ],
 )
 @pytest.mark.usefixtures("no_work")
-def test_what_cannot_be_written_is_refused_first(
-    folder: Path, tirelog: Command, words: str, path: str, said: str
-) -> None:
+def test_what_cannot_be_written_is_refused_first(folder, tirelog, words, path, said):
     (folder / "other.toml").write_text("x = 1\n")
     before = sorted(folder.iterdir())
     typed = f"{words} {path} log.csv"

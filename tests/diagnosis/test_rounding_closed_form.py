@@ -83,9 +83,7 @@ def test_values_that_are_few_or_lost_have_no_step():
 
 @pytest.mark.parametrize("alike", [0.0, 0.7])
 def test_means_of_neighbours_that_are_alike(alike):
-    """Half of the manoeuvres are long, of 32 revolutions, the others of four and eight. (With each
-    piece's own scatter, as if neighbours were not alike, chi-square is 1.6 and 3.3.)
-    """
+    """Half of the manoeuvres are long, of 32 revolutions, the others of four and eight."""
     rng, squares, scatters = np.random.default_rng(1077), [], []
     stack = measured("phase_shift", 1, repeats=32)
     lengths = [32] * 4 + [4, 8, 4, 8, 4, 4] * 4

@@ -7,13 +7,10 @@ import pytest
 
 from tirelog.diagnosis.candidates.assessment import (
     Scores,
-    candidate_effects,
     flip_test,
     gain_and_error,
-    idle_candidates,
     surely_gains,
 )
-from tirelog.physics import CATALOGUE, Model
 
 
 def scores_of(random, manoeuvres, candidates, level=0.0):
@@ -68,15 +65,6 @@ def test_what_few_manoeuvres_can_show_is_sure_if_all_agree_and_most_of_the_exces
     assert not surely_gains(gain, error, p[0], share=0.5)
     assert not surely_gains(gain, error, 0.005, share=0.99)
     assert surely_gains(1.5 * error, error, 0.5, share=0.0)
-
-
-def test_an_effect_that_is_nearly_anothers_is_not_tried_unasked():
-    tried = {effect.id for effect in candidate_effects(Model.new("beam"))}
-    unasked = {effect.id for effect in CATALOGUE if not effect.tried}
-    assert unasked >= {"belt_viscosity", "warm_hysteresis"}
-    assert not tried & unasked
-    assert "viscous_damping" in tried
-    assert not set(idle_candidates(Model.new("beam", "phase_shift"))) & unasked
 
 
 def test_the_error_of_a_gain_allows_for_training_that_manoeuvres_share():

@@ -13,7 +13,7 @@ from tirelog.diagnosis.compare import compare
 from tirelog.physics import Model
 
 
-def remarks(model: Model, revolutions: tuple[int, ...], **conditions: object) -> list[str]:
+def remarks(model, revolutions, **conditions):
     n = len(revolutions)
     cells = SimpleNamespace(
         conditions=Conditions.of(n, **conditions), revolutions=np.array(revolutions)
@@ -43,14 +43,14 @@ LOSSY = Model.new("beam").with_effect("hysteresis", loss_factor=0.7)
         (LOSSY.with_values({"hysteresis.loss_factor": 0.5}), (5,), {"speed_m_s": 10.0}, ""),
     ],
 )  # fmt: skip
-def test_what_is_outside_is_said(model, revolutions, conditions, said) -> None:
+def test_what_is_outside_is_said(model, revolutions, conditions, said):
     known = {name: np.array(values) for name, values in conditions.items()}
     found = remarks(model, revolutions, **known)
     assert len(found) == bool(said)
     assert not said or found[0].startswith(said)
 
 
-def test_compare_says_it() -> None:
+def test_compare_says_it():
     measured = stack(3, manoeuvres=3, m=64)
     conditions = replace(measured.conditions, distance_km=np.full(len(measured), 5e4))
     model = Model.new("beam").with_effect("wear", amplitude=0.3)

@@ -96,10 +96,7 @@ def phase_shifts(
     log: str = "a",
     **drive: Any,
 ) -> Stack:
-    """Phase shifts [rad] of steady drives of one log; `shifts` (n,) are those without noise.
-
-    `drive`: of each condition a number, or the range that one is drawn from for each manoeuvre.
-    """
+    """Phase shifts [rad] of steady drives of one log; `shifts` (n,) are those without noise."""
     random, manoeuvre = np.random.default_rng(seed), np.repeat(np.arange(manoeuvres), repeats)
     values = {
         name: random.uniform(*given, manoeuvres)[manoeuvre] if isinstance(given, tuple) else given

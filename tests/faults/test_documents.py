@@ -54,13 +54,13 @@ def test_every_file_of_tables_is_refused_with_its_name(tmp_path, kind, what):
     assert caught.value.line == 1 or what != "not TOML"
 
 
-def test_a_file_of_tables_that_is_no_file(tmp_path: Path) -> None:
+def test_a_file_of_tables_that_is_no_file(tmp_path):
     for load in FILES.values():
         with pytest.raises(TirelogError, match="cannot be read"):
             load(tmp_path)
 
 
-def test_what_is_as_deep_as_allowed_is_read() -> None:
+def test_what_is_as_deep_as_allowed_is_read():
     assert json_value("[" * DEEPEST + "]" * DEEPEST)
     with pytest.raises(ValueError, match="nested"):
         json_value("[" * (DEEPEST + 1) + "]" * (DEEPEST + 1))
@@ -80,6 +80,6 @@ def test_what_is_as_deep_as_allowed_is_read() -> None:
         ("a\u2028b\udcff", r"a\u2028b\xff"),
     ],
 )
-def test_a_message_is_one_line_that_a_terminal_does_not_obey(text: str, shown: str) -> None:
+def test_a_message_is_one_line_that_a_terminal_does_not_obey(text, shown):
     assert printable(text) == shown
     assert str(SetupError(f"no column {text}", file="a.csv")) == f"a.csv: no column {shown}"

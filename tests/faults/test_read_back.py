@@ -23,7 +23,7 @@ STEP = {
 }  # fmt: skip
 
 
-def speed_table(path: Path, rows: int = 5000) -> Path:
+def speed_table(path, rows=5000):
     columns = ("time_s", "speed_m_s", "period_s", "speed_se_m_s", "acceleration_m_s2")
     rng = np.random.default_rng(1)
     with TableWriter("speed", path, None) as table:

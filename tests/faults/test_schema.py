@@ -95,7 +95,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("text", "said"), WRONG.items())
-def test_a_value_that_is_not_allowed(text: str, said: str) -> None:
+def test_a_value_that_is_not_allowed(text, said):
     with pytest.raises(SetupError) as refused:
         Document(text, SetupError, "a file", "s").read(FILE)
     assert str(refused.value) == said
@@ -111,7 +111,7 @@ def test_a_value_that_is_not_allowed(text: str, said: str) -> None:
         f"name = '''\n{'[[a]] ' * 150_000}\n'''",
     ],
 )
-def test_a_hostile_line_costs_no_time_and_no_long_message(line: str) -> None:
+def test_a_hostile_line_costs_no_time_and_no_long_message(line):
     began = time.process_time()
     with pytest.raises(SetupError) as refused:
         Document(line, SetupError, "a file", "s").read(FILE)

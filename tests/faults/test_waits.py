@@ -33,10 +33,7 @@ def work(tmp_path, monkeypatch):
 
 
 def run_on(words, file, opened, *, before):
-    """The status of a command; what `file` holds is written once a notice is given.
-
-    What it is written to is `opened` then, or `before`.
-    """
+    """The status of a command; what `file` holds is written once a notice is given."""
     heard, data = threading.Event(), Path(file).read_bytes()
 
     def write():

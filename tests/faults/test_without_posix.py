@@ -49,7 +49,7 @@ for line in sys.argv[1].splitlines():
 """
 
 
-def without_posix(program: list[str], folder: Path) -> None:
+def without_posix(program, folder):
     """Run Python with a program that finds nothing that only POSIX has; it ends with status 0."""
     seen = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, (HIDDEN, ROOT)))}
     command = [sys.executable, *program]
@@ -59,7 +59,7 @@ def without_posix(program: list[str], folder: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def outputs(folder: Path) -> dict[str, bytes]:
+def outputs(folder):
     """Every file with its bytes, without the time at which it was made."""
     when = re.compile(rb"20\d\d-\d\d-\d\d[T ]\d\d:\d\d")
     return {
@@ -70,7 +70,7 @@ def outputs(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     """A folder with a log, a scenario and a model of one free parameter, made the working one."""
     monkeypatch.chdir(tmp_path)
     write_log(tmp_path / "log.csv", 3, "box", manoeuvres=2, seconds=1.0)
@@ -100,7 +100,7 @@ def test_every_module_is_imported_without_what_only_posix_has(tmp_path):
     without_posix(["-c", IMPORTS], tmp_path)
 
 
-def test_a_campaign_runs_without_what_only_posix_has(tmp_path: Path) -> None:
+def test_a_campaign_runs_without_what_only_posix_has(tmp_path):
     manifest = make_campaign(tmp_path, logs=2, seconds=1.0)
     words = ["campaign", "run", str(manifest), "--quiet"]
     without_posix(["-m", "tirelog", *words], tmp_path)

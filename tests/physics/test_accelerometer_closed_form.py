@@ -1,8 +1,4 @@
-"""Closed form: what an accelerometer's own band makes of what it rides through.
-
-A ring's waveform as sampled from the model without a band, sent through filters that work in time:
-the coefficients of scipy's designs, on many turns at one speed.
-"""
+"""Closed form: what an accelerometer's own band makes of what it rides through."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,4 @@
-"""Closed form: the beam against its exact roots, 1e-6 relative; refusal at
-the critical speed.
-"""
+"""Closed form: the beam against its exact roots, 1e-6 relative; refusal at the critical speed."""
 
 import numpy as np
 import pytest
@@ -54,8 +52,7 @@ def test_bins_with_a_variance_read_the_mean_over_their_samples():
 @pytest.mark.parametrize("ahead", [0.0, 4.0, -6.0])
 def test_radial_acceleration_is_the_specific_force_at_a_point_of_the_tread(ahead):
     """A point of the inextensible belt, at (R + w) e_r + v e_t with v' = -w from a centre that
-    accelerates, differenced twice in time, less gravity, projected outward. In the plane s + i z: s
-    backwards, as the tread passes through the patch, z up.
+    accelerates, differenced twice in time, less gravity, projected outward.
     """
     speed, step, g = 12.0, 2e-3, 9.80665
     omega = speed / R

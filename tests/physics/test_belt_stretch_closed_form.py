@@ -6,7 +6,6 @@ import pytest
 from tests.physics.brush_shear import traction
 from tirelog.api.models import StripSection, given_conditions, revolutions
 from tirelog.errors import ModelError
-from tirelog.physics import Model
 from tirelog.physics.model.forces import force_columns
 from tirelog.physics.model.from_setup import preset_model
 
@@ -15,7 +14,7 @@ DRIVEN = {"speed_m_s": SPEED, "load_N": 3400.0, "slip": SLIP}
 ETA, HEIGHT, WIDTH = 2e3, 0.018, 0.2
 
 
-def model(lever_arm_m: float = 4e-3, compliance: float = COMPLIANCE) -> Model:
+def model(lever_arm_m=0.004, compliance=COMPLIANCE):
     braked = preset_model("P2").with_values({"lever_arm_m": lever_arm_m}).with_effect("traction")
     if not compliance:
         return braked
@@ -24,7 +23,7 @@ def model(lever_arm_m: float = 4e-3, compliance: float = COMPLIANCE) -> Model:
     )
 
 
-def pulled(place_m: np.ndarray) -> np.ndarray:
+def pulled(place_m):
     """u [m] by the line force's answer on a closed belt, summed over the brush's traction."""
     values = model().values
     L, around = values["patch_half_length_m"], 2 * np.pi * values["radius_m"]
@@ -38,13 +37,13 @@ def pulled(place_m: np.ndarray) -> np.ndarray:
     return np.asarray(one @ tau)
 
 
-def test_tangential_displacement_is_that_of_a_bar_held_by_springs() -> None:
+def test_tangential_displacement_is_that_of_a_bar_held_by_springs():
     told = revolutions(model(), DRIVEN, points=512)
     truth = pulled(told["xi_m"])
     assert np.abs(told["tangential_displacement_m"] - truth).max() < 1e-5 * truth.max()
 
 
-def test_its_slope_is_the_strain_of_every_fibre_of_the_section() -> None:
+def test_its_slope_is_the_strain_of_every_fibre_of_the_section():
     for surface in ("inner", "outer"):
         with_it, without = (
             revolutions(model(compliance=c), DRIVEN, points=2048, surface=surface)
@@ -57,14 +56,14 @@ def test_its_slope_is_the_strain_of_every_fibre_of_the_section() -> None:
     assert np.isnan(without["tangential_displacement_m"]).all()
 
 
-def powers(stretched: Model) -> tuple[float, float, float]:
+def powers(stretched):
     section = StripSection(ETA, HEIGHT, WIDTH)
     told = force_columns(stretched, given_conditions(DRIVEN), section=section)
     names = ("bending_power_W", "stretching_power_W", "strip_power_W")
     return tuple(float(told[name][0]) for name in names)
 
 
-def test_p1_27_is_exact_for_the_neutral_axis_alone() -> None:
+def test_p1_27_is_exact_for_the_neutral_axis_alone():
     bending, stretching, strip = powers(model(lever_arm_m=0.0))
     assert strip == pytest.approx(stretching, rel=1e-12)
     rows = revolutions(model(lever_arm_m=0.0), DRIVEN, points=8192)
@@ -74,7 +73,7 @@ def test_p1_27_is_exact_for_the_neutral_axis_alone() -> None:
     assert bending > 0.1 * stretching
 
 
-def test_p1_25_is_the_mean_of_27_over_the_section() -> None:
+def test_p1_25_is_the_mean_of_27_over_the_section():
     """Fibre by fibre, at Gauss's places of the section."""
     bending, stretching, _ = powers(model())
     places, weights = np.polynomial.legendre.leggauss(4)
@@ -90,7 +89,7 @@ def test_p1_25_is_the_mean_of_27_over_the_section() -> None:
     assert bending + stretching == pytest.approx(whole, rel=5e-5)
 
 
-def test_it_is_refused_where_nothing_pulls_the_belt() -> None:
+def test_it_is_refused_where_nothing_pulls_the_belt():
     with pytest.raises(ModelError, match="beside traction"):
         preset_model("P2").with_effect("belt_stretch")
     with pytest.raises(ModelError, match="keeps its length"):

@@ -3,7 +3,6 @@ allowed, what to do.
 """
 
 import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -444,7 +443,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("lines", "said"), WRONG.items())
-def test_a_wrong_nuisance_or_form_is_refused_at_its_line(lines: str, said: str) -> None:
+def test_a_wrong_nuisance_or_form_is_refused_at_its_line(lines, said):
     text = as_toml(Model.new("beam")) + f"\n{lines}\n"
     with pytest.raises(ModelError) as refused:
         parse_model(text)
@@ -454,7 +453,7 @@ def test_a_wrong_nuisance_or_form_is_refused_at_its_line(lines: str, said: str) 
     assert f"model:{last - 2 if table else last}: " in str(refused.value)
 
 
-def test_a_form_is_kept_as_it_is_written() -> None:
+def test_a_form_is_kept_as_it_is_written():
     written = '[form]\nuse = "on" # flat\npressure = 0.5\npressure_3 = 0.4\n'
     model = parse_model(as_toml(Model.new("beam")) + "\n" + written)
     assert model.nuisances[-1].use == "on"
@@ -466,7 +465,7 @@ def test_a_form_is_kept_as_it_is_written() -> None:
     assert bare.nuisances[-1].use == "off"
 
 
-def test_nuisances_are_kept_as_they_are_written() -> None:
+def test_nuisances_are_kept_as_they_are_written():
     written = 'wheel = "off" # bad rig\ndrift = { use = "on", relative = 0.05 }\n'
     model = parse_model(as_toml(Model.new("beam")) + "\n[nuisances]\n" + written)
     assert [n.use for n in model.nuisances] == ["off", "on", "auto", "auto", "auto", "auto"]
@@ -478,7 +477,7 @@ def test_nuisances_are_kept_as_they_are_written() -> None:
         model.with_nuisance("weel", "on")
 
 
-def test_model_nuisance_writes_the_use(tmp_path: Path) -> None:
+def test_model_nuisance_writes_the_use(tmp_path):
     model, better = tmp_path / "m.toml", tmp_path / "better.toml"
     save_model(Model.new("beam"), model)
     assert status("model set", str(model), "wheel=on", "-o", str(better)) == 0

@@ -3,12 +3,10 @@ is left half-written.
 """
 
 import json
-from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from tests.cli.conftest import Command
 from tests.report.test_page import data, numbers
 from tirelog.report.page import ReportRequest
 
@@ -36,7 +34,7 @@ def test_unusable_input_ends_with_status_2(folder, tirelog, arguments, said):
     assert not (folder / "page.html").exists()
 
 
-def test_a_model_that_does_not_suit_the_log_is_named(folder: Path, tirelog: Command) -> None:
+def test_a_model_that_does_not_suit_the_log_is_named(folder, tirelog):
     new = "model new --carcass ring --observable radial_acceleration -o M.toml"
     assert tirelog(new).status == 0
     outcome = tirelog("report", "log.csv", "--model", "M.toml", "-o", "page.html")
@@ -57,7 +55,7 @@ def test_a_hostile_channel_of_a_table_is_no_link_in_a_figure(folder, tirelog):
     assert '<a href="https://evil' not in (folder / "page.html").read_text()
 
 
-def test_a_campaign_s_tables_are_drawn_without_its_logs(folder: Path, tirelog: Command) -> None:
+def test_a_campaign_s_tables_are_drawn_without_its_logs(folder, tirelog):
     manifest = (
         '[campaign]\nname = "c"\noutput = "results"\n[[logs]]\nglob = "*.csv"\n[tables.speed]\n'
         "[tables.footprint]\n"
@@ -75,7 +73,7 @@ def test_a_campaign_s_tables_are_drawn_without_its_logs(folder: Path, tirelog: C
     assert "what was recorded, and the signals: no log was given" in page
 
 
-def test_commands_on_the_page_hold_no_credentials() -> None:
+def test_commands_on_the_page_hold_no_credentials():
     asked = ReportRequest(("s3://me:s3cr3t@bucket/a.csv?X-Amz-Signature=s3cr3t", "local.csv"))
     for line in (asked.command("speed"), asked.report_command()):
         assert "s3cr3t" not in line

@@ -1,8 +1,5 @@
 """Property: with a model the page can be read on a phone, and hostile names are only text."""
 
-from pathlib import Path
-from typing import Any
-
 import pytest
 
 from tests.report.test_browser import loaded, unfold
@@ -55,7 +52,7 @@ def test_on_a_phone_in_the_dark_every_figure_has_a_name_and_its_width(browser, m
     context.close()
 
 
-def test_hostile_folder_names_are_only_text(browser: Any, model_page: Path) -> None:
+def test_hostile_folder_names_are_only_text(browser, model_page):
     with loaded(browser, model_page) as (page, problems, _):
         assert page.query_selector("main b, .plot svg a, header b") is None
         assert "a <b>&amp; b" in page.text_content("#about")

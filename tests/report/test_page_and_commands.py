@@ -9,13 +9,11 @@ import re
 import shlex
 import shutil
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 import tirelog
-from tests.cli.conftest import Command
 from tests.cli.conftest import tirelog as command
 from tests.report.test_page import data, numbers
 from tirelog.cli import run
@@ -30,7 +28,7 @@ _RUN_OUT = 40.0
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     """A log whose wheel has run-out, a beam, and the page of both."""
     folder = tmp_path_factory.mktemp("wheel")
     centres = tirelog.speed(SAMPLES / "hidden_1.csv.gz")["time_s"].to_numpy()
@@ -52,7 +50,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def said(folder: Path, section: str) -> tuple[str, list[str]]:
+def said(folder, section):
     """The text of a section of the page, and the command that it is made with."""
     page = (folder / "page.html").read_text()
     found = re.search(rf'<section id="{section}".*?</section>', page, re.S)
@@ -63,14 +61,14 @@ def said(folder: Path, section: str) -> tuple[str, list[str]]:
     return text, shlex.split(html.unescape(made[1]))[1:]
 
 
-def answer(command: Command, words: list[str]) -> dict[str, Any]:
+def answer(command, words):
     """What a command that the page prints gives."""
     outcome = command(*words, "--format", "json")
     assert outcome.status == 0
     return dict(json.loads(outcome.out))
 
 
-def test_the_comparison_is_the_command_s(folder: Path, command: Command) -> None:
+def test_the_comparison_is_the_command_s(folder, command):
     text, words = said(folder, "model")
     found = answer(command, words)
     beside = found["with_nuisances"]
@@ -90,7 +88,7 @@ def test_the_comparison_is_the_command_s(folder: Path, command: Command) -> None
         assert f"{name} {parameter['value']:.4g}" in text
 
 
-def test_the_diagnosis_is_the_command_s(folder: Path, command: Command) -> None:
+def test_the_diagnosis_is_the_command_s(folder, command):
     text, words = said(folder, "diagnosis")
     found = answer(command, words)
     names = ("rmse_heldout_before", "rmse_heldout_after", "rmse_heldout_without_nuisances")

@@ -3,7 +3,6 @@ apart; a hostile file is refused.
 """
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -16,7 +15,7 @@ from tirelog.report.page import Card, Figure, Section, packed_array
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
 
 
-def section(name: str = "effects") -> Section:
+def section(name="effects"):
     figure = Figure(
         "map",
         "Map",
@@ -39,20 +38,20 @@ def section(name: str = "effects") -> Section:
     )
 
 
-def write(folder: Path, model: str, *sections: Section) -> Path:
+def write(folder, model, *sections):
     page = folder / "models" / model / "page.json"
     page.parent.mkdir(parents=True)
     page.write_text(json.dumps(stored(sections, [("what", "tirelog y")])))
     return page
 
 
-def test_what_is_read_is_what_was_stored(tmp_path: Path) -> None:
+def test_what_is_read_is_what_was_stored(tmp_path):
     page = write(tmp_path, "beam", section())
     assert read_stored(page) == ([section()], [("what", "tirelog y")])
     assert list(model_pages(tmp_path)) == [([section()], [("what", "tirelog y")])]
 
 
-def test_several_models_are_told_apart(tmp_path: Path) -> None:
+def test_several_models_are_told_apart(tmp_path):
     write(tmp_path, "beam", section())
     write(tmp_path, "ring", section())
     (first,), (second,) = (sections for sections, _ in model_pages(tmp_path))

@@ -1,7 +1,5 @@
 """Faults: lost samples and damage cost a run only what they hit, and never pass as data."""
 
-from pathlib import Path
-
 import h5py
 import numpy as np
 import pytest
@@ -13,7 +11,7 @@ from tirelog.vocabulary.quality import Quality
 
 
 @pytest.mark.parametrize("block", [500, CHUNK])
-def test_a_lost_twin_reading_does_not_cost_the_strain(tmp_path: Path, block: int) -> None:
+def test_a_lost_twin_reading_does_not_cost_the_strain(tmp_path, block):
     values = source()
     values["t"] = 1540.0 + np.round(1e-5 * np.arange(SIZE), 4)
     values["t"][20_000:21_000] = np.nan  # bridged
@@ -30,7 +28,7 @@ def test_a_lost_twin_reading_does_not_cost_the_strain(tmp_path: Path, block: int
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_number_at_the_end_of_floats_warns_nobody(tmp_path: Path) -> None:
+def test_a_number_at_the_end_of_floats_warns_nobody(tmp_path):
     values = source()
     values["s"][7], values["v"][8] = 1e308, -1e308
     write(tmp_path / "r.h5", values, block=CHUNK)
@@ -39,7 +37,7 @@ def test_a_number_at_the_end_of_floats_warns_nobody(tmp_path: Path) -> None:
         assert np.isnan(run.channels["v"].read(8, 9)).all()  # no speed, as an error code is none
 
 
-def test_a_word_of_another_version_is_a_foreign_doubt(tmp_path: Path) -> None:
+def test_a_word_of_another_version_is_a_foreign_doubt(tmp_path):
     """Nothing is dropped in silence: its samples stay doubted, and the word is told."""
     write(tmp_path / "r.h5", source(), block=CHUNK)
     with h5py.File(tmp_path / "r.h5", "r+") as file:

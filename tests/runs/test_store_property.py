@@ -1,7 +1,5 @@
 """Property: a run gives back what was written to the last bit."""
 
-from pathlib import Path
-
 import h5py
 import numpy as np
 import pytest
@@ -17,7 +15,7 @@ from tirelog.vocabulary.quality import Quality
 
 
 @pytest.mark.parametrize("block", [333, CHUNK, 10 * CHUNK])
-def test_a_run_gives_back_the_source_in_si(tmp_path: Path, block: int) -> None:
+def test_a_run_gives_back_the_source_in_si(tmp_path, block):
     values = source()
     write(tmp_path / "r.h5", values, block=block)
     with open_run(tmp_path / "r.h5", "r.h5") as run:
@@ -42,7 +40,7 @@ def test_a_run_gives_back_the_source_in_si(tmp_path: Path, block: int) -> None:
 
 
 @pytest.mark.parametrize("size", [2, 69, CHUNK - 1, CHUNK, CHUNK + 1])
-def test_irregular_stamps_come_back_however_few(tmp_path: Path, size: int) -> None:
+def test_irregular_stamps_come_back_however_few(tmp_path, size):
     times = np.cumsum(np.random.default_rng(size).uniform(0.005, 0.05, size))
     writer = RunWriter(tmp_path, parse_setup(SETUP), (Group("g", ("s", "t", "v")),))
     writer.append(RawBlock("g", {name: np.full(size, 1550.0) for name in ("s", "t", "v")}))
@@ -52,7 +50,7 @@ def test_irregular_stamps_come_back_however_few(tmp_path: Path, size: int) -> No
 
 
 @pytest.mark.parametrize("late", [1550.0000001, 5e5, 1550 + 1 / 3])
-def test_a_value_that_no_count_can_hold_promotes_the_channel(tmp_path: Path, late: float) -> None:
+def test_a_value_that_no_count_can_hold_promotes_the_channel(tmp_path, late):
     values = source()
     values["s"][-1] = late
     write(tmp_path / "r.h5", values, block=1000)
@@ -63,7 +61,7 @@ def test_a_value_that_no_count_can_hold_promotes_the_channel(tmp_path: Path, lat
         assert sorted(file["channels"]) == ["s", "t", "v"]
 
 
-def test_another_setup_changes_the_conversion_and_not_the_counts(tmp_path: Path) -> None:
+def test_another_setup_changes_the_conversion_and_not_the_counts(tmp_path):
     write(tmp_path / "r.h5", source(), block=4000)
     other = parse_setup(SETUP.replace("1.25", "2.5").replace("2e-6", "0.0"))
     with open_run(tmp_path / "r.h5", "r.h5", other) as run:
@@ -90,9 +88,7 @@ def test_another_setup_changes_the_conversion_and_not_the_counts(tmp_path: Path)
         (np.array([1.0, 1e-9]), "f8", 0),
     ],
 )
-def test_counts_and_floats_of_one_channel(
-    tmp_path: Path, late: np.ndarray, dtype: str, decimals: int
-) -> None:
+def test_counts_and_floats_of_one_channel(tmp_path, late, dtype, decimals):
     """Decimals are counts behind lost samples and behind zeros; a number of more of them makes more
     of all, or floats, to the bit.
     """

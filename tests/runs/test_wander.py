@@ -6,9 +6,7 @@ import pytest
 from tirelog.runs.clock import ClockFit
 
 
-def clocked(
-    period_s: np.ndarray, lost: slice | np.ndarray = slice(0)
-) -> tuple[np.ndarray, ClockFit]:
+def clocked(period_s, lost=slice(0)):
     """(true times, the fitted clock) of samples with these steps, some of them lost."""
     times = np.concatenate([[0.0], np.cumsum(period_s)[:-1]])
     times = np.delete(times, lost)
@@ -18,13 +16,13 @@ def clocked(
     return times, clock
 
 
-def wavy(share: float, samples: int = 12_000) -> np.ndarray:
+def wavy(share, samples=12000):
     k = np.arange(samples)
     return (1.0 + share * np.sin(2.0 * np.pi * k / 7000.0)) / 9.4
 
 
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.08])
-def test_times_follow_a_wandering_rate(share: float) -> None:
+def test_times_follow_a_wandering_rate(share):
     times, clock = clocked(wavy(share))
     got = clock.axis.time()
     assert np.abs(got - times).max() < 0.15  # a constant rate is off by seconds
@@ -36,7 +34,7 @@ def test_times_follow_a_wandering_rate(share: float) -> None:
     assert slow * 0.99 < clock.axis.rate_Hz < fast * 1.01
 
 
-def test_a_gap_in_a_wandering_clock_is_a_gap() -> None:
+def test_a_gap_in_a_wandering_clock_is_a_gap():
     times, clock = clocked(wavy(0.03), slice(6000, 6100))
     assert np.abs(clock.axis.time() - times).max() < 0.25
     assert clock.repairs["gaps"] == 1
@@ -45,7 +43,7 @@ def test_a_gap_in_a_wandering_clock_is_a_gap() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_gaps_of_a_steady_clock_are_found_by_what_ticks_lack(seed: int) -> None:
+def test_gaps_of_a_steady_clock_are_found_by_what_ticks_lack(seed):
     """Where in its tick a gap lies is not told; elsewhere times are off by some periods at most,
     where few ticks lie between two gaps.
     """
@@ -64,7 +62,7 @@ def test_gaps_of_a_steady_clock_are_found_by_what_ticks_lack(seed: int) -> None:
     assert clock.axis.rate_Hz == pytest.approx(rate, rel=5e-4)
 
 
-def test_a_declared_rate_is_kept_and_the_stamps_word_said() -> None:
+def test_a_declared_rate_is_kept_and_the_stamps_word_said():
     _, clock = clocked(wavy(0.002))
     declared = ClockFit(resolution_s=1.0, setup_rate_Hz=9.4)
     assert clock.axis.explicit is None  # it strays by less than two ticks

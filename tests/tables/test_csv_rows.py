@@ -1,7 +1,5 @@
 """Property: a number of a csv table has the digits of its rounded value, and none too many."""
 
-from pathlib import Path
-
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as some
@@ -26,7 +24,7 @@ def test_digits_are_those_of_the_rounded_number(tmp_path_factory, values, column
         assert len(text.split("e")[0].replace(".", "").strip("0")) <= digits
 
 
-def test_rows_of_many_parts_are_all_there(tmp_path: Path):
+def test_rows_of_many_parts_are_all_there(tmp_path):
     count = 50_001
     with TableWriter("speed", tmp_path / "t.csv", None) as table:
         table.write({"log": "a.csv", "revolution": np.arange(count), "quality": "ok"})

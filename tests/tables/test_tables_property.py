@@ -1,10 +1,8 @@
 """Property: a table says the same in every format, and is made of columns that are known."""
 
 import json
-from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
@@ -18,7 +16,7 @@ from tirelog.vocabulary.tables import TABLE_FORMATS
 ORDER = ["log", "channel", "revolution", "time_s", "speed_m_s", "quality"]
 
 
-def write(path: Path) -> pd.DataFrame:
+def write(path):
     with TableWriter("speed", path, None, metadata={"inputs": {"a": "00"}}) as table:
         table.write(PART)
         table.write(PART)
@@ -26,7 +24,7 @@ def write(path: Path) -> pd.DataFrame:
 
 
 @pytest.mark.parametrize("suffix", ["csv", "ndjson", "json", "parquet"])
-def test_every_format_says_the_same(tmp_path: Path, suffix: str) -> None:
+def test_every_format_says_the_same(tmp_path, suffix):
     frame = write(tmp_path / f"t.{suffix}")
     assert list(frame.columns) == ORDER
     assert frame["log"].tolist() == ["a, b.csv"] * 6
@@ -37,7 +35,7 @@ def test_every_format_says_the_same(tmp_path: Path, suffix: str) -> None:
     assert list(tmp_path.iterdir()) == [tmp_path / f"t.{suffix}"]
 
 
-def test_parquet_carries_units_version_and_inputs(tmp_path: Path) -> None:
+def test_parquet_carries_units_version_and_inputs(tmp_path):
     write(tmp_path / "t.parquet")
     schema = pq.read_schema(tmp_path / "t.parquet")
     assert schema.field("speed_m_s").metadata[b"unit"] == b"m/s"
@@ -47,17 +45,17 @@ def test_parquet_carries_units_version_and_inputs(tmp_path: Path) -> None:
     assert about["version"]
 
 
-def test_every_table_is_made_of_known_columns() -> None:
+def test_every_table_is_made_of_known_columns():
     assert {name for columns in TABLES.values() for name in columns} <= set(COLUMNS)
 
 
-def test_a_column_is_registered_once() -> None:
+def test_a_column_is_registered_once():
     """The second of two would take the place of the first, with its unit, meaning and tolerance."""
     assert [column.name for column in ALL] == list(COLUMNS)
 
 
 @pytest.mark.parametrize("format", TABLE_FORMATS)
-def test_a_later_log_may_say_less(tmp_path: Path, format: str) -> None:
+def test_a_later_log_may_say_less(tmp_path, format):
     """What the setup of a later log leaves open is empty there; what only a later one has stands
     nowhere, so it is refused.
     """

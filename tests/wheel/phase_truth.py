@@ -1,9 +1,5 @@
 """An encoder and an in-tire accelerometer with known truth, by code that shares nothing with the
 package.
-
-The wheel angle is the integral of a speed profile; the tone wheel is a sine of a bent angle; the
-acceleration is a flank-and-spike profile of the angle from the patch centre, gravity and the car's
-own acceleration, noise, 16 bits.
 """
 
 from dataclasses import dataclass, field

@@ -23,8 +23,7 @@ def ramp(
     measured=True,
 ):  # fmt: skip
     """Cruise, slow drive-up, cruise, coast-down, cruise of a driven wheel, a row a revolution, by
-    kinematics alone: no signal, no fronts. The trend bends with its linear over its quadratic
-    coefficient `bend_m_s`.
+    kinematics alone: no signal, no fronts.
     """
     rng = np.random.default_rng(seed)
     corners = np.cumsum([0.0, 5.0, drive_s, 3.0, coast_s, 3.0])

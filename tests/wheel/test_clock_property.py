@@ -11,14 +11,14 @@ TURN_M = 2.0
 SECONDS, JUMP_S = 40.0, 35.0
 
 
-def turns(knots_s: list[float], speeds_m_s: list[float]) -> np.ndarray:
+def turns(knots_s, speeds_m_s):
     """Ends of the turns [s] of a wheel that drives so."""
     fine = np.arange(0.0, SECONDS, 1e-3)
     turned = np.cumsum(np.interp(fine, knots_s, speeds_m_s)) * 1e-3 / TURN_M
     return np.interp(np.arange(1, int(turned[-1])), turned, fine)
 
 
-def marked(stamps_s: np.ndarray, ends_s: np.ndarray) -> np.ndarray:
+def marked(stamps_s, ends_s):
     return off_clock(TimeAxis.of_times(stamps_s), ends_s[:-1], ends_s[1:])
 
 
@@ -30,7 +30,7 @@ DRIVES = {
 
 
 @pytest.mark.parametrize("drive", DRIVES)
-def test_a_clock_that_runs_slow_is_found_and_no_instrument_that_is_slower(drive: str) -> None:
+def test_a_clock_that_runs_slow_is_found_and_no_instrument_that_is_slower(drive):
     """Whatever the wheel does."""
     true, ends = np.arange(SECONDS * 2500.0) / 2500.0, turns(*DRIVES[drive])
     slower = np.concatenate([true[true < JUMP_S], np.arange(JUMP_S, SECONDS, 1.0 / 2400.0)])
@@ -42,9 +42,7 @@ def test_a_clock_that_runs_slow_is_found_and_no_instrument_that_is_slower(drive:
 
 
 @pytest.mark.parametrize(("first", "stop"), [(0, 1), (0, 2), (-3, -1), (-2, -1), (20, 24)])
-def test_a_clock_that_runs_slow_for_a_turn_or_two_is_found_at_the_ends_too(
-    first: int, stop: int
-) -> None:
+def test_a_clock_that_runs_slow_for_a_turn_or_two_is_found_at_the_ends_too(first, stop):
     true, ends = np.arange(SECONDS * 2500.0) / 2500.0, turns(*DRIVES["constant"])
     begin_s, end_s = ends[first], ends[stop]
     stamps = true + 0.1 * (np.clip(true, begin_s, end_s) - begin_s)

@@ -43,8 +43,7 @@ def rms(values):
 @pytest.mark.parametrize("speed", [15.05, 20.02])
 def test_the_shift_has_the_error_of_edges_between_two_samples(speed):
     """At 20.02 m/s a half tooth takes 9.97 samples: the errors of the edges around a patch are the
-    same, and do not average out. At 15.05 m/s it takes 13.26, and they do. Bound as in
-    test_wheel_angle.
+    same, and do not average out.
     """
     drive, tread = Drive((0, 15), (speed, speed)), Tread(noise_g=0.6)
     pulses = np.where(Encoder(noise=0, wobble=0, pitch_deg=0).clean(drive) > 0, 5.0, 0.0)

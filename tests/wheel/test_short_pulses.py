@@ -1,7 +1,5 @@
 """Property: pulses of any share of a step, also of one step a turn, tell the speed."""
 
-from pathlib import Path
-
 import h5py
 import numpy as np
 import pytest
@@ -15,7 +13,7 @@ from tirelog.wheel.table import encoder_speed
 RATE_HZ, RADIUS_M = 10_000.0, 0.3
 
 
-def turns(ramp: bool) -> np.ndarray:
+def turns(ramp):
     """The wheel's turns at each sample, shape (n,): at 20 per second, or from 8 to 25."""
     time = np.arange(60_000) / RATE_HZ
     return 8.0 * time + 0.5 * 17.0 / 6.0 * time**2 if ramp else 20.0 * time
@@ -25,9 +23,7 @@ def turns(ramp: bool) -> np.ndarray:
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 @pytest.mark.parametrize("steps", [1, 6])
 @pytest.mark.parametrize("duty", [0.02, 0.06, 0.2, 0.5, 0.8, 0.94, 0.98])
-def test_pulses_tell_the_speed(
-    tmp_path: Path, duty: float, steps: int, noise: float, ramp: bool
-) -> None:
+def test_pulses_tell_the_speed(tmp_path, duty, steps, noise, ramp):
     if steps * 25 / RATE_HZ > 0.4 * min(duty, 1 - duty):
         pytest.skip("a pulse of fewer than three samples")
     angle = turns(ramp)
@@ -55,7 +51,7 @@ def test_pulses_tell_the_speed(
 
 @pytest.mark.parametrize("duty", [0.34, 0.5, 0.66])
 @pytest.mark.parametrize("hole_s", [0.0, 0.009])
-def test_no_tooth_is_lost_of_uneven_pulses(duty: float, hole_s: float) -> None:
+def test_no_tooth_is_lost_of_uneven_pulses(duty, hole_s):
     """Neither where a long log is cut into pieces, nor in a hole of some teeth."""
     time = np.arange(150_000) / RATE_HZ
     angle = 10.45 * time

@@ -32,11 +32,7 @@ def drive(
     *, stretches=STRETCHES, noise=0.0, radius="", kinds=KINDS, growth=0.0, late_s=0.0, hold=1,
     step_m_s=0.0,
 ):  # fmt: skip
-    """A wheel that slips while its vehicle speeds up and brakes; its slip at a time [s].
-
-    `growth`: how much longer the belt is at 25 m/s. The vehicle's speed comes `late_s`, is held for
-    `hold` samples of 10 ms, and goes by steps of `step_m_s`.
-    """
+    """A wheel that slips while its vehicle speeds up and brakes; its slip at a time [s]."""
     rate = 4000.0
     time = np.arange(int(8.0 * len(stretches) * rate)) / rate
     part = np.minimum((time / 8.0).astype(int), len(stretches) - 1)

@@ -103,8 +103,7 @@ def pulses_of(drive, form, pitch_deg=0.0, steps=48):
 )
 def test_edges_between_two_samples_have_errors_that_hold(form, speeds):
     """At 19.964 m/s a half tooth is 10.000 samples, at 39.93 m/s 5.000: there the errors of a
-    turn's edges are the same. The bound was chosen on other speeds (pulls of 0.4 to 1.3). An
-    uneven wheel's errors differ from place to place, so all of the turn is looked at.
+    turn's edges are the same.
     """
     drive = Drive((0, 12), speeds)
     signal, unit = pulses_of(drive, form, 0.2 if form == "uneven" else 0.0)

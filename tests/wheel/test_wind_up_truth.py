@@ -43,7 +43,7 @@ def test_wind_up_and_delay_are_parted_by_the_measured_force():
     assert late.reduced_chi2 > 3.0 * found.reduced_chi2
 
 
-def two_pressures(*, forces: bool):
+def two_pressures(*, forces):
     """Two logs of a late telemetry, at 2.0 and at 1.6 bar, in which the sidewalls do not yield."""
     plan = ((5, 10.0), (3, 18.0), (5, 18.0), (3, 12.0), (5, 12.0), (3, 22.0), (5, 22.0))
     logs = []

@@ -1,8 +1,4 @@
-"""What tirelog sees of Python on a system that is not POSIX; other packages see what is there.
-
-Python imports this file itself if its folder is in PYTHONPATH, so processes that a command starts
-see the same.
-"""
+"""What tirelog sees of Python on a system that is not POSIX; other packages see what is there."""
 
 import builtins
 import os
