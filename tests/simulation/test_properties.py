@@ -1,5 +1,5 @@
 """Property: for every scenario strength and size zero are off, another form is another shape, what
-is added changes nothing but what it says, samples are what is true, and seeds decide everything.
+is added shows and changes nothing else, samples are what is true, and seeds decide everything.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from benchmarks.cases import IN_CATALOGUE, OUTSIDE, Case, case
 from tirelog.simulation import simulate
 from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
 from tirelog.simulation.sensors.sampling import tread_angle
@@ -229,3 +230,22 @@ def test_truth_says_what_was_a_nuisance():
     said = simulate(made_of(nuisances=ALL)).truth["nuisances"]
     assert said["run_out"]["amplitudes_microstrain"] == (30.0, 15.0, 8.0)
     assert said["rolling_radius"]["error"] == -0.015
+
+
+@pytest.mark.parametrize("name", [*IN_CATALOGUE, *OUTSIDE])
+def test_every_effect_shows_and_is_told(name):
+    """It moves the strain by more than its noise somewhere, in both forms."""
+    for form in PLANTABLE[name].forms:
+        how = Case(plan="short", logs=2, form=form, noise_nm=0.0, roughness=0.0, duration=0.35)
+        with_effect, without = (simulate(case(e, seed=8, how=how)[1]) for e in ((name,), ()))
+        change = 1.27 / 1550.0 * (with_effect.channels["strain_1"] - without.channels["strain_1"])
+        assert 4e-6 < change.std() < 2e-4
+        told = with_effect.truth["effects"]
+        assert [(e["name"], e["form"], e["in_catalogue"]) for e in told] == [
+            (name, form, name in IN_CATALOGUE)
+        ]
+        planted = with_effect.scenario.effects[0]
+        assert told[0]["strength"] == planted[next(iter(planted.parameters))]
+        if name in OUTSIDE:
+            assert told[0]["where"] in ("entry", "patch", "exit", "away")
+            assert told[0]["parity"] in ("even", "odd", "mixed")
