@@ -58,9 +58,7 @@ def test_unit_of_another_quantity_is_refused_with_what_is_allowed():
 
 
 def test_one_gravity():
-    """Models and estimators share one g; the catalogue's 9.81 is a scale with a name of its own;
-    the simulator keeps its own.
-    """
+    """Models and estimators share one g."""
     found = {
         (file, node.value)
         for file, node in nodes()
