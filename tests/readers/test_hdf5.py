@@ -1,10 +1,4 @@
-"""Property: of HDF5 logs of every layout, the values, rates, stamps, units and groups that come out
-are those that were written.
-
-`data/pandas_layouts.h5` was written by pandas 3.0 through PyTables: 20 rows a millisecond apart,
-CH1_FBG1 = 1549 + row / 16, CH1_FBG2 = 1540 + row / 32, n = row, as `fixed`, `table`, `columns`
-(data_columns), `series`, `float_index`, `objects` (pickles).
-"""
+"""Property: what comes out of HDF5 logs of every layout is what was written."""
 
 from pathlib import Path
 
@@ -169,9 +163,7 @@ def test_stamps_in_nanoseconds_since_1970_keep_their_nanoseconds(path):
 
 
 def test_matlab_7_3(path):
-    """MATLAB keeps a 512-byte user block, vectors as (1, n) or (n, 1), and the rate as a variable
-    beside the data.
-    """
+    """A 512-byte user block, vectors as (1, n) or (n, 1), the rate as a variable."""
     with h5py.File(path, "w", userblock_size=512) as file:
         file["log/strain"] = np.arange(60.0).reshape(1, 60)
         file["log/all"] = np.arange(120.0).reshape(2, 60)
