@@ -1,11 +1,7 @@
-"""Property: what Python gives is what the commands write, whatever way the logs are given; parts
-of a prediction sum to the whole.
-"""
+"""Property: what Python gives is what the commands write, whatever way the logs are given."""
 
 import json
 import pickle
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
@@ -14,6 +10,7 @@ import pandas as pd
 import pytest
 
 import tirelog
+from tests.processes import python
 from tirelog.physics.model.file import as_toml
 from tirelog.tables.frame import read_table
 from tirelog.vocabulary.columns import COLUMNS
@@ -29,8 +26,7 @@ def test_import_is_light():
         "import sys, tirelog; tirelog.__version__; dir(tirelog); "
         "print(sorted({'numpy', 'pandas', 'numba', 'scipy', 'typer'} & set(sys.modules)))"
     )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.strip() == "[]"
+    assert python(code).stdout.strip() == "[]"
 
 
 def test_an_unknown_name_is_no_attribute():

@@ -1,12 +1,8 @@
 """Faults: numbers that no instrument writes end in a message, whatever they are multiplied by."""
 
-from pathlib import Path
-
 import h5py
 import numpy as np
 import pytest
-
-from tests.cli.conftest import Command
 
 ENCODER = """[tire]
 name = "t"
@@ -19,12 +15,11 @@ steps = 48
 """
 
 
-def test_hundreds_of_decimals_are_no_counts(folder: Path, tirelog: Command) -> None:
+def test_hundreds_of_decimals_are_no_counts(folder, tirelog):
     rows = (folder / "log.csv").read_text().splitlines()
     rows[20] = rows[20].replace("1542.0000", "1542." + "0" * 400)
     (folder / "log.csv").write_text("\n".join(rows) + "\n")
-    outcome = tirelog("speed", "log.csv")
-    assert outcome.status == 0, outcome.err
+    outcome = tirelog("speed", "log.csv").ended(0)
     assert len(outcome.out.splitlines()) > 10
 
 
@@ -38,13 +33,11 @@ def test_an_encoder_of_numbers_too_large_to_square_shows_no_teeth(folder, tirelo
     assert "encoder" in outcome.err
 
 
-def test_a_log_that_spans_centuries_is_no_inflation_test(folder: Path, tirelog: Command) -> None:
+def test_a_log_that_spans_centuries_is_no_inflation_test(folder, tirelog):
     seconds = np.concatenate([np.arange(2000) / 100.0, 9e9 + np.arange(2000) / 100.0])
     rows = [f"{at:.2f},{1550 + 1e-5 * number:.5f},1542.0000" for number, at in enumerate(seconds)]
     (folder / "log.csv").write_text("time_s,CH1,CH2\n" + "\n".join(rows) + "\n")
-    outcome = tirelog("inflation", "log.csv")
-    assert outcome.status == 2, outcome.err
-    assert "days; an inflation test of up to 7 days is allowed" in outcome.err
+    tirelog("inflation", "log.csv").refused("days; an inflation test of up to 7 days is allowed")
 
 
 @pytest.mark.parametrize(
@@ -61,6 +54,4 @@ def test_a_log_that_spans_centuries_is_no_inflation_test(folder: Path, tirelog: 
     ],
 )
 def test_a_number_with_a_unit_is_read_back_in_si(model, tirelog, words, says):
-    done = tirelog(words)
-    assert done.status == 2
-    assert says in done.err
+    tirelog(words).refused(says)

@@ -59,9 +59,7 @@ def _first_lines(log: Path, folder: Path) -> None:
 
 @pytest.fixture(scope="session")
 def model_page(tmp_path_factory):
-    """A page of two logs that lack an effect, a model of one effect, and the ladder climbed on
-    them, in a folder with a hostile name.
-    """
+    """A page of two logs, their model and ladder, in a folder with a hostile name."""
     folder = tmp_path_factory.mktemp("model") / "a <b>&amp; b"
     folder.mkdir()
     logs = []

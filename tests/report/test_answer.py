@@ -1,6 +1,4 @@
-"""Property: the page opens with the answer, its numbers are the commands', a log has one colour,
-and the page is accessible by its text alone.
-"""
+"""Property: the page opens with the answer, in the commands' numbers, for all to read."""
 
 import html
 import json

@@ -1,6 +1,4 @@
-"""Property: in a real browser the page loads alone, draws its figures, fits a phone and a desk, and
-prints.
-"""
+"""Property: a real browser loads the page alone, draws, fits every screen, and prints."""
 
 from contextlib import contextmanager
 

@@ -1,6 +1,4 @@
-"""Property: the numbers on a page with a model are those of the commands that it prints, sections
-that a campaign stored are those that are shown, and hostile names are only text.
-"""
+"""Property: numbers on a model's page are the commands'; hostile names are only text."""
 
 import gzip
 import html
@@ -122,8 +120,7 @@ def said(folder, section):
 
 def answer(command, words):
     """What a command that the page prints gives."""
-    outcome = command(*words, "--format", "json")
-    assert outcome.status == 0
+    outcome = command(*words, "--format", "json").ended(0)
     return dict(json.loads(outcome.out))
 
 

@@ -1,6 +1,4 @@
-"""Property: the page is one file that forbids everything else, and its numbers are the tables'
-numbers.
-"""
+"""Property: the page is one file that forbids all else; its numbers are the tables'."""
 
 import base64
 import json
