@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -49,6 +49,9 @@ class Outcome(NamedTuple):
     def refused(self, *said: str, status: int = 2) -> None:
         """AssertionError unless it ended with this status and these words in its error."""
         self.ended(status, *said)
+
+
+Command = Callable[..., Outcome]
 
 
 def pulse_rows(seconds: float = 4.0, speed_m_s: float = 12.0) -> list[str]:

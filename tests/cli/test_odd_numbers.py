@@ -1,8 +1,12 @@
 """Faults: numbers that no instrument writes end in a message, whatever they are multiplied by."""
 
+from pathlib import Path
+
 import h5py
 import numpy as np
 import pytest
+
+from tests.cli.conftest import Command
 
 ENCODER = """[tire]
 name = "t"
@@ -15,11 +19,12 @@ steps = 48
 """
 
 
-def test_hundreds_of_decimals_are_no_counts(folder, tirelog):
+def test_hundreds_of_decimals_are_no_counts(folder: Path, tirelog: Command) -> None:
     rows = (folder / "log.csv").read_text().splitlines()
     rows[20] = rows[20].replace("1542.0000", "1542." + "0" * 400)
     (folder / "log.csv").write_text("\n".join(rows) + "\n")
-    outcome = tirelog("speed", "log.csv").ended(0)
+    outcome = tirelog("speed", "log.csv")
+    assert outcome.status == 0, outcome.err
     assert len(outcome.out.splitlines()) > 10
 
 
@@ -33,11 +38,13 @@ def test_an_encoder_of_numbers_too_large_to_square_shows_no_teeth(folder, tirelo
     assert "encoder" in outcome.err
 
 
-def test_a_log_that_spans_centuries_is_no_inflation_test(folder, tirelog):
+def test_a_log_that_spans_centuries_is_no_inflation_test(folder: Path, tirelog: Command) -> None:
     seconds = np.concatenate([np.arange(2000) / 100.0, 9e9 + np.arange(2000) / 100.0])
     rows = [f"{at:.2f},{1550 + 1e-5 * number:.5f},1542.0000" for number, at in enumerate(seconds)]
     (folder / "log.csv").write_text("time_s,CH1,CH2\n" + "\n".join(rows) + "\n")
-    tirelog("inflation", "log.csv").refused("days; an inflation test of up to 7 days is allowed")
+    outcome = tirelog("inflation", "log.csv")
+    assert outcome.status == 2, outcome.err
+    assert "days; an inflation test of up to 7 days is allowed" in outcome.err
 
 
 @pytest.mark.parametrize(
@@ -54,4 +61,6 @@ def test_a_log_that_spans_centuries_is_no_inflation_test(folder, tirelog):
     ],
 )
 def test_a_number_with_a_unit_is_read_back_in_si(model, tirelog, words, says):
-    tirelog(words).refused(says)
+    done = tirelog(words)
+    assert done.status == 2
+    assert says in done.err

@@ -3,19 +3,20 @@ another kind at once.
 """
 
 from importlib import util
+from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import folder, tirelog
+from tests.cli.conftest import Command, folder, tirelog
 
 __all__ = ["folder", "tirelog"]
 
 
 @pytest.fixture
-def no_work(monkeypatch):
+def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     """Logs that must not be opened, by names that no module imported meanwhile can keep."""
 
-    def opened(*given, **more):
+    def opened(*given: object, **more: object) -> None:
         raise AssertionError("the work was begun")
 
     for name in ("temporary_folder", "open_run"):
@@ -59,7 +60,9 @@ FOLDER = "the folder has to exist"
     ],
 )
 @pytest.mark.usefixtures("no_work")
-def test_what_cannot_be_written_is_refused_first(folder, tirelog, words, path, said):
+def test_what_cannot_be_written_is_refused_first(
+    folder: Path, tirelog: Command, words: str, path: str, said: str
+) -> None:
     (folder / "other.toml").write_text("x = 1\n")
     before = sorted(folder.iterdir())
     typed = f"{words} {path} log.csv"
@@ -72,13 +75,15 @@ def test_what_cannot_be_written_is_refused_first(folder, tirelog, words, path, s
 
 @pytest.mark.parametrize("command", ["compare", "diagnose", "ladder", "footprint"])
 @pytest.mark.usefixtures("no_work")
-def test_a_picture_without_matplotlib_is_refused_first(folder, tirelog, command, monkeypatch):
+def test_a_picture_without_matplotlib_is_refused_first(
+    folder: Path, tirelog: Command, command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     found = util.find_spec
     monkeypatch.setattr(
         util, "find_spec", lambda name, *more: None if name == "matplotlib" else found(name, *more)
     )
-    model = "" if command == "footprint" else "--model m.toml"
-    result = tirelog(f"{command} log.csv {model} --plot x.png")
+    log, model, plot = (str(folder / name) for name in ("log.csv", "m.toml", "x.png"))
+    models = [] if command == "footprint" else ["--model", model]
+    result = tirelog(command, log, *models, "--plot", plot)
     assert result.status == 2
     assert "--plot needs matplotlib" in result.err
-    assert "tirelog[plot]" in result.err

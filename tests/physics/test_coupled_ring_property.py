@@ -12,7 +12,7 @@ from scipy.linalg import expm
 from tests.physics.coupled_tire import TIRE, course, obstacle
 from tirelog.physics import Model
 from tirelog.physics.moving.contact import RoadProfile
-from tirelog.physics.moving.ring import first_order, natural_modes, of_model
+from tirelog.physics.moving.ring import CoupledRing, first_order, natural_modes, of_model
 from tirelog.physics.moving.transient import State, Stepper, stepped_motion
 
 LOAD, SPEED = 1000.0, 20.0
@@ -34,7 +34,7 @@ def test_what_spin_and_belt_exchange_is_accounted_for():
     assert np.abs(total - begun).max() < 1e-3
 
 
-def passage(road, seconds, tire=TIRE):
+def passage(road: RoadProfile, seconds: float, tire: CoupledRing = TIRE):
     start = State.rolling(tire, LOAD, SPEED)
     stepper = Stepper(tire, start, course(LOAD, SPEED, road), step_s=1e-4)
     return stepped_motion(stepper, seconds, every=10)

@@ -1,8 +1,11 @@
-"""Property: the page opens with the answer, in the commands' numbers, for all to read."""
+"""Property: the page opens with the answer, its numbers are the commands', a log has one colour,
+and the page is accessible by its text alone.
+"""
 
 import html
 import json
 import re
+from collections.abc import Iterator
 from functools import partial
 from html.parser import HTMLParser
 from itertools import pairwise
@@ -41,43 +44,43 @@ _VOID = {"meta", "link", "br", "hr", "img", "input", "col", "wbr"}
 class Tree(HTMLParser):
     """Every element of a page: (tag, attributes, tags that it is in)."""
 
-    def __init__(self, text):
+    def __init__(self, text: str) -> None:
         super().__init__()
         self.elements: list[tuple[str, dict[str, str | None], tuple[str, ...]]] = []
         self._open: list[str] = []
         self.feed(text)
 
-    def handle_starttag(self, tag, attrs):
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.elements.append((tag, dict(attrs), tuple(self._open)))
         if tag not in _VOID:
             self._open.append(tag)
 
-    def handle_endtag(self, tag):
+    def handle_endtag(self, tag: str) -> None:
         assert self._open.pop() == tag
 
-    def of(self, *tags):
+    def of(self, *tags: str) -> list[dict[str, str | None]]:
         return [attributes for tag, attributes, _ in self.elements if tag in tags]
 
 
-def markup(page):
+def markup(page: Path) -> str:
     """The page without its scripts."""
     return re.sub(r"<script.*?</script>", "", page.read_text(), flags=re.S)
 
 
-def part(page, section):
+def part(page: Path, section: str) -> str:
     found = re.search(rf'<section id="{section}"[^>]*>(.*?)</section>', markup(page), re.S)
     assert found
     return found[1]
 
 
-def words(text):
+def words(text: str) -> str:
     return html.unescape(re.sub(r"<[^>]+>", " ", text))
 
 
 # ---- the answer ----------------------------------------------------------------------------------
 
 
-def test_the_answer_comes_first_with_verdict_evidence_and_next_command(model_page):
+def test_the_answer_comes_first_with_verdict_evidence_and_next_command(model_page: Path) -> None:
     sections = re.findall(r'<section id="([\w-]+)"', markup(model_page))
     assert sections[0] == "answer"
     text = words(part(model_page, "answer"))
@@ -94,7 +97,7 @@ def test_the_answer_comes_first_with_verdict_evidence_and_next_command(model_pag
     )
 
 
-def test_the_rungs_are_the_ladder_s(model_page):
+def test_the_rungs_are_the_ladder_s(model_page: Path) -> None:
     climbed = json.loads((model_page.parent / "M.ladder.json").read_text())["ladders"][-1]
     taken = [s for s in climbed["steps"] if s["outcome"] != "not_added"]
     rungs = re.findall(r"<li>(.*?)</li>", part(model_page, "answer"), re.S)
@@ -117,7 +120,7 @@ def test_the_rungs_are_the_ladder_s(model_page):
         assert re.search(made, part(model_page, section))
 
 
-def test_before_and_after_are_drawn_at_one_scale(model_page):
+def test_before_and_after_are_drawn_at_one_scale(model_page: Path) -> None:
     figures = data(model_page)["figures"]
     before, after = (figures[f"answer-map-{i}"]["traces"][0] for i in (0, 1))
     assert (before["zmin"], before["zmax"]) == (after["zmin"], after["zmax"])
@@ -135,7 +138,7 @@ def test_before_and_after_are_drawn_at_one_scale(model_page):
         )
 
 
-def test_everything_but_the_answer_is_folded(model_page):
+def test_everything_but_the_answer_is_folded(model_page: Path) -> None:
     for tag, attributes, within in Tree(markup(model_page)).elements:
         if attributes.get("class") == "plot":
             unfolded = str(attributes["id"]).startswith("answer-")
@@ -144,7 +147,7 @@ def test_everything_but_the_answer_is_folded(model_page):
             assert "open" not in attributes
 
 
-def test_a_page_without_a_model_opens_with_what_was_measured(page_file):
+def test_a_page_without_a_model_opens_with_what_was_measured(page_file: Path) -> None:
     text = words(part(page_file, "answer"))
     assert "No model was compared with these logs" in text
     assert re.search(r"Speed [\d.]+ to [\d.]+ m/s", text)
@@ -154,7 +157,7 @@ def test_a_page_without_a_model_opens_with_what_was_measured(page_file):
     assert {"answer-speed", "answer-passage-strain"} <= set(figures)
 
 
-def colours_by_log(page):
+def colours_by_log(page: Path) -> dict[str, set[str]]:
     found: dict[str, set[str]] = {"hidden_1": set(), "hidden_2": set()}
     for figure in data(page)["figures"].values():
         for trace in figure["traces"]:
@@ -168,13 +171,13 @@ def colours_by_log(page):
     return found
 
 
-def test_a_log_has_one_colour_throughout(model_page):
+def test_a_log_has_one_colour_throughout(model_page: Path) -> None:
     assert colours_by_log(model_page) == {"hidden_1": {COLOURS[0]}, "hidden_2": {COLOURS[1]}}
     rows = re.findall(r'background:var\(--c(\d)\)"></span>(\S+?)</th>', markup(model_page))
     assert rows == [("0", "hidden_1.csv.gz"), ("1", "hidden_2.csv.gz")]
 
 
-def test_papers_are_those_of_the_methods_and_effects_on_the_page(model_page):
+def test_papers_are_those_of_the_methods_and_effects_on_the_page(model_page: Path) -> None:
     cited = re.search(r'<h3 id="papers">Papers</h3><ul>(.*?)</ul>', markup(model_page), re.S)
     assert cited
     items = re.findall(r"<li>(P\d): .*?Here: (.*?)\.</em></li>", cited[1])
@@ -196,11 +199,11 @@ def test_papers_are_those_of_the_methods_and_effects_on_the_page(model_page):
 
 
 @pytest.fixture(params=["page_file", "model_page"])
-def tree(request):
+def tree(request: pytest.FixtureRequest) -> Tree:
     return Tree(markup(request.getfixturevalue(request.param)))
 
 
-def test_headings_and_landmarks_are_in_order(tree):
+def test_headings_and_landmarks_are_in_order(tree: Tree) -> None:
     levels = [int(tag[1]) for tag, _, _ in tree.elements if re.fullmatch(r"h\d", tag)]
     assert levels.count(1) == 1
     assert levels[0] == 1
@@ -216,7 +219,7 @@ def test_headings_and_landmarks_are_in_order(tree):
     assert all("main" in ways for ways in within)
 
 
-def test_what_names_or_describes_is_there_and_ids_are_used_once(tree):
+def test_what_names_or_describes_is_there_and_ids_are_used_once(tree: Tree) -> None:
     ids = [attributes["id"] for _, attributes, _ in tree.elements if "id" in attributes]
     assert len(ids) == len(set(ids))
     figures = tree.of("figure")
@@ -230,7 +233,7 @@ def test_what_names_or_describes_is_there_and_ids_are_used_once(tree):
         assert not [name for name in attributes if name.startswith("on")]
 
 
-def test_tables_have_scopes_and_names_and_folds_a_summary(tree):
+def test_tables_have_scopes_and_names_and_folds_a_summary(tree: Tree) -> None:
     assert len(tree.of("table")) == len(tree.of("caption")) > 3
     assert {th["scope"] for th in tree.of("th")} == {"row", "col"}
     assert len(tree.of("details")) == len(tree.of("summary")) > 3
@@ -240,18 +243,18 @@ def test_tables_have_scopes_and_names_and_folds_a_summary(tree):
         assert not (tag in ("a", "button", "input", "details") and "summary" in within)
 
 
-def luminance(colour):
+def luminance(colour: str) -> float:
     values = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
     linear = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
     return float(linear @ [0.2126, 0.7152, 0.0722])
 
 
-def contrast(one, other):
+def contrast(one: str, other: str) -> float:
     low, high = sorted((luminance(one), luminance(other)))
     return (high + 0.05) / (low + 0.05)
 
 
-def palettes(page):
+def palettes(page: Path) -> Iterator[dict[str, str]]:
     """The style's variables on light and on dark paper."""
     found = re.findall(r":root \{(.*?)\}", markup(page))
     each = [dict(re.findall(r"--(\w+): (#[0-9a-fA-F]{6})", text)) for text in found]
@@ -260,7 +263,7 @@ def palettes(page):
         yield named | next(one for one in each if one.get("c0") == colour)
 
 
-def test_text_has_contrast_in_both_themes_and_graphics_too(page_file):
+def test_text_has_contrast_in_both_themes_and_graphics_too(page_file: Path) -> None:
     light, dark = palettes(page_file)
     neutrals = ((INK, GREY, PALE), DARK_NEUTRALS)
     for palette, aside in zip((light, dark), neutrals, strict=True):
@@ -272,7 +275,7 @@ def test_text_has_contrast_in_both_themes_and_graphics_too(page_file):
         assert contrast(palette["bar"], palette["rail"]) >= 3.0
 
 
-def test_every_colour_of_a_trace_has_one_for_dark_paper(model_page):
+def test_every_colour_of_a_trace_has_one_for_dark_paper(model_page: Path) -> None:
     content = data(model_page)
     known = {colour.lower() for colour in content["dark"]}
     for name, figure in content["figures"].items():
@@ -285,7 +288,7 @@ def test_every_colour_of_a_trace_has_one_for_dark_paper(model_page):
 # ---- what is proposed, and obstacles -------------------------------------------------------------
 
 
-def test_obstacles_are_told_hit_by_hit():
+def test_obstacles_are_told_hit_by_hit() -> None:
     row = {
         "log": "f/a.csv", "time_s": 1.25, "time_se_s": 1e-6, "speed_m_s": 12.0, "added": 2e-5,
         "missed": 3e-6, "rmse": 3e-6, "rmse_steady": 1e-6, "noise_floor": 1e-6, "excess": 2e-6,
@@ -303,7 +306,7 @@ def test_obstacles_are_told_hit_by_hit():
     assert len(section.tables[0].rows) == 5
 
 
-def test_a_model_that_does_not_move_says_so():
+def test_a_model_that_does_not_move_says_so() -> None:
     log = SimpleNamespace(
         log="f/a.csv", hits_s=np.array([1.0, 2.0]), road=SimpleNamespace(kind="cleat")
     )
@@ -331,7 +334,7 @@ def test_what_is_unknown_is_named_with_the_command_that_writes_it_down(monkeypat
     assert offered == [answer.card.command]
 
 
-def test_options_of_the_page_are_in_its_commands():
+def test_options_of_the_page_are_in_its_commands() -> None:
     asked = ReportRequest(("a.csv",), Path("s.toml"), Path("m.toml"), channel="c 1")
     assert asked.report_command().endswith("--channel 'c 1' -o report.html")
     line = asked.with_options("tirelog propose a.csv --model m.toml")

@@ -1,5 +1,6 @@
 """Closed form: what pictures of revolutions show of waveforms that are known, a panel per log."""
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -7,9 +8,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tests.cli.conftest import folder, tirelog
+from tests.cli.conftest import Command, folder, tirelog
 from tests.diagnosis.toy import stack_of
-from tirelog.data.recording import Conditions
+from tirelog.data.recording import Conditions, Stack
 from tirelog.plots.record import picture
 from tirelog.plots.turns import (
     KINDS,
@@ -17,6 +18,7 @@ from tirelog.plots.turns import (
     around_the_wheel,
     speed_classes,
 )
+from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.tables import FOOTPRINT
 
 __all__ = ["folder", "tirelog"]
@@ -25,7 +27,7 @@ PHI = np.linspace(-np.pi, np.pi, 128, endpoint=False) + np.pi / 128
 RADIUS_M = 0.3
 
 
-def sketch(log="a.csv", turns=60):
+def sketch(log: str = "a.csv", turns: int = 60) -> TurnsSketch:
     """Revolutions at 10 and at 20 m/s, twice as high at 20: 100 cos(phi) microstrain at 10."""
     speed = np.where(np.arange(turns) < turns // 2, 10.0, 20.0)
     scatter = np.random.default_rng(2).normal(0.0, 1e-3, turns)
@@ -46,14 +48,14 @@ def sketch(log="a.csv", turns=60):
     return TurnsSketch(recording, found, turns_of(values, speed, 0.1 * np.arange(turns)), 1)
 
 
-def turns_of(values, speed_m_s, time_s):
+def turns_of(values: FloatArray, speed_m_s: FloatArray, time_s: FloatArray) -> Stack:
     """Revolutions as they are cut out of a log."""
     conditions = Conditions.of(len(values), speed_m_s=speed_m_s, time_s=time_s)
     numbers = np.arange(len(values))
     return stack_of(values=values, noise=1e-6, conditions=conditions, manoeuvre=numbers)
 
 
-def test_revolutions_of_like_speed_are_taken_together():
+def test_revolutions_of_like_speed_are_taken_together() -> None:
     slow, fast = speed_classes(sketch().turns)
     assert [slow[:2], fast[:2]] == [(10.0, 30), (20.0, 30)]
     assert slow[2] == pytest.approx(1e-4 * np.cos(PHI), abs=1e-6)
@@ -61,14 +63,14 @@ def test_revolutions_of_like_speed_are_taken_together():
     assert np.median(fast[3]) == pytest.approx(1e-6, rel=0.1)
 
 
-def test_a_contact_length_has_the_error_that_all_passages_share():
+def test_a_contact_length_has_the_error_that_all_passages_share() -> None:
     length, se, scatter = sketch(turns=600).length
     assert length == pytest.approx(0.12, abs=2e-4)
     assert scatter == pytest.approx(1e-3, rel=0.15)
     assert se == pytest.approx(3e-3, rel=0.01)  # the scatter alone would leave 0.05 mm
 
 
-def test_around_the_wheel_zero_is_a_circle_and_the_patch_is_below():
+def test_around_the_wheel_zero_is_a_circle_and_the_patch_is_below() -> None:
     axes = Figure().add_subplot(projection="polar")
     wave = np.where(np.abs(PHI) < 0.2, -1500.0, 500.0)
     zero = around_the_wheel(axes, [(PHI, wave, 0 * wave, "10 m/s")], ["black"], 0.2)
@@ -81,7 +83,7 @@ def test_around_the_wheel_zero_is_a_circle_and_the_patch_is_below():
 
 
 @pytest.mark.parametrize("kind", [kind for kind in FOOTPRINT if kind != "page"])
-def test_each_log_has_its_panel_or_colour_in_microstrain(kind):
+def test_each_log_has_its_panel_or_colour_in_microstrain(kind: str) -> None:
     figure = picture(KINDS[kind]([sketch("a.csv"), sketch("b.csv")]))
     figure.draw_without_rendering()
     words = [a.get_title(place) for a in figure.axes for place in ("left", "center")]
@@ -95,7 +97,7 @@ def test_each_log_has_its_panel_or_colour_in_microstrain(kind):
 
 
 @pytest.mark.parametrize(("kind", "suffix"), [("polar", "svg"), ("waterfall", "pdf")])
-def test_the_command_draws_it(folder, tirelog, kind, suffix):
+def test_the_command_draws_it(folder: Path, tirelog: Command, kind: str, suffix: str) -> None:
     path = folder / f"p.{suffix}"
     given = ("-o", "f.csv", "--plot", str(path), "--plot-kind", kind)
     assert tirelog("footprint", "log.csv", *given).status == 0
