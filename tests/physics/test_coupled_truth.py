@@ -1,6 +1,4 @@
-"""Property: the coupled ring of the models moves as the simulator's tire: modes in space against
-finite elements that turn with the belt.
-"""
+"""Property: the models' coupled ring moves as the simulator's finite elements."""
 
 from functools import cache
 
@@ -147,9 +145,7 @@ def test_natural_frequencies():
 
 
 def test_waves_on_the_turning_belt():
-    """At 30 m/s: what is heard beside the tire of the waves of 2 to 6 lobes, which the truth counts
-    on the belt itself.
-    """
+    """At 30 m/s: what is heard beside the tire of the waves of 2 to 6 lobes."""
     spin = 30.0 / RADIUS
     values, shapes = belt(64).vibrations(spin)
     share = np.abs(np.fft.fft(shapes, axis=0)) / np.linalg.norm(np.fft.fft(shapes, axis=0), axis=0)

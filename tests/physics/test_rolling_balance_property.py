@@ -87,9 +87,7 @@ def test_the_offset_is_where_the_pressure_acts_in_space(carcass, effect):
 
 
 def test_a_hub_comes_nearer_by_belt_and_tread():
-    """The road yields nothing: R (1 - cos(edge)) is what the hub came down, less the belt's yield
-    at the edge, where the tread is not pressed.
-    """
+    """R (1 - cos(edge)) is what the hub came down, less the belt's yield at the edge."""
     rows = revolutions(RING, DRIVEN, points=3072)
     told = {name: column[0] for name, column in forces(RING, DRIVEN).items()}
     edge = told["patch_length_m"] / 2.0 / RING.values["radius_m"]

@@ -1,6 +1,4 @@
-"""Closed form: asperities by their heights one by one, water by Reynolds' equation in steps, tread
-that wears off by the lever arm of a worn model.
-"""
+"""Closed form: asperities one by one, water by Reynolds' equation, tread that wears."""
 
 import numpy as np
 import pytest
