@@ -1,4 +1,4 @@
-"""Closed form: stamps made from a known clock, also one whose rate wanders, and the axis of them."""
+"""Closed form: stamps made from a known clock, one of wandering rate too, and their axis."""
 
 import numpy as np
 import pytest
@@ -376,9 +376,7 @@ def test_a_gap_in_a_wandering_clock_is_a_gap():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_gaps_of_a_steady_clock_are_found_by_what_ticks_lack(seed):
-    """Where in its tick a gap lies is not told; elsewhere times are off by some periods at most,
-    where few ticks lie between two gaps.
-    """
+    """Where in its tick a gap lies is not told."""
     rng = np.random.default_rng(100 + seed)
     rate = rng.uniform(10.0, 100.0)
     period = np.full(int(400 * rate), 1.0 / rate)

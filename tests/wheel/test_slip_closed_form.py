@@ -101,9 +101,7 @@ def pulls(table, true):
     ],
 )
 def test_a_speed_that_comes_late_is_no_slip_and_hides_none(slips, reading):
-    """A delay of 0.5 s at 1.5 m/s^2 and 15 m/s looks like a slip of 0.05; one that follows the
-    acceleration stays.  5 is what no row may be off by, rms 1.5 what rows of one error allow.
-    """
+    """A delay of 0.5 s at 1.5 m/s^2 and 15 m/s looks like a slip of 0.05."""
     stretches = tuple((a, slips * slip) for a, slip in STRETCHES)
     recording, true = drive(stretches=stretches, **reading)
     table = tirelog.slip(recording)
