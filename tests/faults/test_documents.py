@@ -1,10 +1,6 @@
-"""Faults: files of tables that go further than any of ours or say what they may not are refused,
-with their line, whatever their kind.
-"""
+"""Faults: tables' files that go too far, or say what they may not, are refused by line."""
 
 import time
-from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
@@ -26,7 +22,7 @@ from tirelog.storage.schema import (
 from tirelog.storage.whole import DEEPEST, json_value, toml_tables
 from tirelog.wheel.calibration import read_calibration
 
-FILES: dict[str, Callable[[Path], object]] = {
+FILES = {
     "setup": load_setup,
     "calibration": read_calibration,
     "scenario": load_scenario,

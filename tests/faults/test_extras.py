@@ -4,7 +4,6 @@ import io
 import struct
 import sys
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -181,7 +180,7 @@ def test_a_name_is_one_that_a_setup_can_spell(name, made):
     assert proper(name).rstrip("_") == made
 
 
-FILES: dict[str, tuple[str, Callable[[Path], object], str]] = {
+FILES = {
     "TDMS": ("nptdms", lambda path: writers.tdms(path, COLUMNS, 100.0), "/run/inner"),
     "Excel": (
         "python_calamine",

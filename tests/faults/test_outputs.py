@@ -84,15 +84,6 @@ def test_the_mode_of_an_older_file_is_kept(tmp_path):
     assert stat.S_IMODE(path.stat().st_mode) == 0o640
 
 
-def test_a_link_is_followed(tmp_path):
-    (tmp_path / "far").mkdir()
-    (tmp_path / "t.csv").symlink_to("far/real.csv")
-    with whole_file(tmp_path / "t.csv") as part:
-        part.write_text("1")
-    assert (tmp_path / "t.csv").is_symlink()
-    assert (tmp_path / "far" / "real.csv").read_text() == "1"
-
-
 def test_a_pipe_is_written_through(tmp_path):
     pipe, got = tmp_path / "pipe", []
     os.mkfifo(pipe)
@@ -106,9 +97,7 @@ def test_a_pipe_is_written_through(tmp_path):
 
 
 def device(path, minor):
-    """An own device of the memory driver's (3 is null, 7 is full): a fault of ours must not meet
-    the machine's.
-    """
+    """An own device of the memory driver's (3 is null, 7 is full), not the machine's."""
     try:
         os.mknod(path, 0o666 | stat.S_IFCHR, os.makedev(1, minor))
         path.open("wb").close()

@@ -1,6 +1,4 @@
-"""Faults: files that tirelog wrote and reads back damaged, and an output that is an input
-elsewhere, end with a message that names the file.
-"""
+"""Faults: damaged files of tirelog's own, and outputs that are inputs, are named."""
 
 import gzip
 import json

@@ -2,10 +2,8 @@
 
 import random
 import zlib
-from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -22,8 +20,6 @@ from tirelog.runs.temporary import CHUNK
 
 FILTERS = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
 
-
-Maker = Callable[[h5py.File, Path], None]
 TIMES_S = np.linspace(0.0, 20.0, SIZE) ** 1.1
 
 
@@ -198,7 +194,7 @@ def _provenance(text):
 S, ONE = "channels/s", {"chunks": (CHUNK,)}
 GROWING = {"shape": (SIZE,), "maxshape": (None,), "dtype": "i4"}
 NUMBER_OF_400 = b'{"counts": {"a": 1' + b"0" * 400 + b"}}"
-HOSTILE: dict[str, Maker] = {
+HOSTILE = {
     "external link": _external_link,
     "link for a group": _soft_groups,
     "raw storage of another file": _raw_storage,
@@ -276,9 +272,7 @@ def test_columns_that_were_exchanged_are_told(tmp_path, capsys):
 
 
 def test_a_closed_recording_says_so(tmp_path):
-    """Kept longer than it is open: a run, a log that went through a temporary run, and times of
-    their own.
-    """
+    """Kept longer than it is open: a run, a log by a temporary run, times of their own."""
     write(tmp_path / "r.h5", source(), times_s=TIMES_S)
     rows = [f"{k / 100 + 0.003 * (k % 3)},{k % 7}" for k in range(3000)]
     (tmp_path / "log.csv").write_text("time_s,c\n" + "\n".join(rows) + "\n")

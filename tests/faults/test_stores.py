@@ -11,13 +11,7 @@ import pytest
 from tirelog.cli import run
 from tirelog.errors import OutputError, ReadError, is_outside_log
 from tirelog.storage import remote
-from tirelog.storage.remote import (
-    address,
-    list_remote,
-    match_remote,
-    read_several,
-    write_remote,
-)
+from tirelog.storage.remote import address, list_remote, match_remote, read_several, write_remote
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
@@ -62,9 +56,7 @@ def test_an_address_of_this_machine_is_one_place_however_it_is_spelt(tmp_path):
 
 @pytest.mark.parametrize("name", ["drive.csv", "drive.csv.gz", "encoder.h5", "drive_messages.mcap"])
 def test_a_store_that_goes_is_no_damage_of_the_log(tmp_path, monkeypatch, capfd, name):
-    """A store whose answer is an error from the second half of the object on, of a kind that says
-    nothing of a connection.
-    """
+    """A store that answers with an error from the second half of the object on."""
     memory = pytest.importorskip("fsspec").filesystem("memory")
     source = SAMPLES / name
     data = (

@@ -1,6 +1,4 @@
-"""Faults: the n-th call of the system fails, and a command ends as if it had never begun, or says
-what it lost.
-"""
+"""Faults: the n-th system call fails, and a command undoes or says what it lost."""
 
 import _pyio
 import builtins
