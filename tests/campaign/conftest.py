@@ -56,9 +56,7 @@ def manifest(tmp_path):
 
 @pytest.fixture
 def in_this_process(monkeypatch):
-    """Campaigns whose logs are worked on here, for tests of what is done and not of where: a worker
-    takes two seconds to begin.
-    """
+    """Campaigns whose logs are worked on here, as a worker takes two seconds to begin."""
     monkeypatch.setattr(
         runner, "_on_processes", lambda tasks, workers: (make_tables(task) for task in tasks)
     )

@@ -1,6 +1,4 @@
-"""Property: a store elsewhere gives the same results as this machine, to tables and campaigns,
-killed or not. Faults: what is not there, who may not ask, a host that does not answer.
-"""
+"""Property: a store elsewhere gives the same results as this machine, killed or not."""
 
 import socket
 import subprocess
@@ -74,9 +72,7 @@ def test_what_is_not_there_and_who_may_not_ask(bucket, manifest, tmp_path, monke
 
 @pytest.fixture
 def far(bucket, tmp_path):
-    """(manifest here, the same campaign's manifest with logs, setup and output in the store, its
-    output there).
-    """
+    """(manifest here, the same with logs, setup and output in the store, its output there)."""
     here, store = make_campaign(tmp_path, logs=5), s3fs.S3FileSystem()
     for path in [*(tmp_path / "logs").iterdir(), tmp_path / "setup.toml"]:
         store.put(str(path), f"{bucket}/{path.relative_to(tmp_path)}")

@@ -1,16 +1,14 @@
-"""Faults: a campaign that is killed or told to end leaves no process, and its own temporary files
-only until the next run.
-"""
+"""Faults: a campaign that is killed or told to end leaves no process and no litter."""
 
 import os
 import signal
-import subprocess
 import sys
 
 import pytest
 
 from tests.campaign.conftest import dataset, make_campaign
 from tests.campaign.processes import PATIENCE_S, alive, begun, children, kill_all, stuck, waited_for
+from tests.processes import python
 from tirelog.campaign.ledger import Folder, _half_written
 from tirelog.cli import run
 
@@ -51,14 +49,11 @@ def test_an_ended_campaign_leaves_no_process(tmp_path, how):
 
 @LINUX
 def test_a_worker_that_comes_to_life_after_its_parent_has_gone_ends(tmp_path):
-    """The parent's number is not the one that the kernel names: as if it had ended before the
-    worker began.
-    """
+    """As if the parent had ended before the worker began."""
     program = (
         "from tirelog.runtime import end_with_parent; end_with_parent(1 << 30); print('alive')"
     )
-    found = subprocess.run([sys.executable, "-c", program], capture_output=True, check=False)
-    assert (found.returncode, found.stdout) == (1, b"")
+    assert python(program, status=1).stdout == ""
 
 
 @pytest.mark.usefixtures("in_this_process")

@@ -1,6 +1,4 @@
-"""Faults: a disk that is full stops a campaign with advice, leaves nothing half-written, and holds
-nothing against the logs.
-"""
+"""Faults: a full disk stops a campaign, half-writes nothing and is not held against logs."""
 
 import os
 import resource

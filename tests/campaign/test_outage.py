@@ -1,6 +1,4 @@
-"""Property: whatever happened to a campaign, one run after all is well again gives the result of an
-undisturbed one.
-"""
+"""Property: one run after an outage gives the result of an undisturbed one."""
 
 import errno
 import os

@@ -1,6 +1,4 @@
-"""Property: the truth (differences on a grid) and the models (modes) share no line of code, and
-agree to 1e-4 of the peak or better.
-"""
+"""Property: truth (differences) and models (modes) share no code and agree to 1e-4."""
 
 from dataclasses import replace
 
@@ -109,8 +107,7 @@ def test_waveforms(carcass, observable, name):
     "name", ["viscous_damping", "hysteresis", "pressure_offset", "edge_impact", "rough_contact"]
 )
 def test_middle_of_the_fronts_of_a_ring_that_leans(name):
-    """Where the truth's accelerometer reads half of its level, by its own table of angles, against
-    the same in a zero stretch."""
+    """Where the truth's accelerometer reads half of its level, by its table of angles."""
     made = truth_of("ring", name)
 
     def middle(speed):
@@ -129,9 +126,7 @@ def test_middle_of_the_fronts_of_a_ring_that_leans(name):
 
 @pytest.mark.parametrize("pressure_Pa", [2.2e5, 1.6e5])
 def test_width_between_fronts_at_every_load_and_pressure(pressure_Pa):
-    """At the model's load between the places where the truth's accelerometer reads half of its
-    level, by its own table of angles; at other loads these move as the steepest ones do, from which
-    the contact's edges keep their distance."""
+    """By the truth's half levels at the model's load, its steepest places at others."""
     made = world(truth="ring", conditions={"inflation_pressure_Pa": pressure_Pa})
     sensor = Sensor("radial_acceleration")
     model = modelled(made, "patch_width").with_values({"load_N": 3434.0})

@@ -1,6 +1,4 @@
-"""Closed form: the truth's ring as a sum, its contact and friction against the papers' numbers, a
-torque in the air, and where each effect that no catalogue has is, with its parity and exponent.
-"""
+"""Closed form: the truth's ring, contact, friction, torque and uncatalogued effects."""
 
 from dataclasses import replace
 
@@ -21,9 +19,7 @@ TRACTION = Planted("traction", "exact", {"slip_per_g": 0.0, "lever_m": 0.018})
 
 
 def test_ring_under_a_point_load_by_its_modes():
-    """Sum over n of the errata's modal stiffness; inextensible, so the mean of w vanishes; n = 1
-    has the stiffness k_v + k_w.
-    """
+    """Sum over n of the errata's modal stiffness."""
     damped = {"radial_damping_N_s_m2": 200.0, "tangential_damping_N_s_m2": 90.0}
     made, ring = scenario(truth="ring", tire=damped), Ring(2048, 2.0 * np.pi * R)
     speed, load = 18.0, 1000.0
@@ -42,9 +38,7 @@ def test_ring_under_a_point_load_by_its_modes():
 
 
 def test_contact_of_the_errata_s_tire():
-    """Table 2 of P3: half angles of 4.6 degrees at 1000 N and 11.3 at 3500 N by the errata (loads
-    radial there, vertical here: 5 %).
-    """
+    """Table 2 of P3 by the errata (loads radial there, vertical here: 5 %)."""
     tire = {"rolling_radius_m": 0.3, "flexural_stiffness_N_m2": 2.0}
     made = scenario(truth="ring", tire=tire, conditions={"inflation_pressure_Pa": 1.2e5})
     road = FlatRoadContact(made, Ring(2048, 2 * np.pi * 0.3))
@@ -54,9 +48,7 @@ def test_contact_of_the_errata_s_tire():
 
 
 def test_slip_onset_of_the_literature():
-    """P2 (15): x_s = 35.0 mm at sigma = 0.15, L = 50 mm; the friction's radial load has no
-    resultant (errata).
-    """
+    """P2 (15): x_s = 35.0 mm at sigma = 0.15, L = 50 mm."""
     ring = Ring(8192, 2 * np.pi * R)
     at = instants(11.11, 400 * 9.81, 0.05, 0.15)
     tangential, radial, onset_m = friction(
@@ -116,9 +108,7 @@ def added(name, speed, **parameters):
 @pytest.mark.parametrize("name", OUTSIDE)
 @pytest.mark.parametrize("exponent", [0.0, 1.0, 2.0])
 def test_size_follows_the_stated_exponent(name, exponent):
-    """The size of the strain at two low speeds, where the beam itself hardly answers to speed; a
-    resonance by its first peak.
-    """
+    """The size of the strain at two low speeds, where the beam itself hardly answers to speed."""
     size = []
     for speed in (2.0, 4.0):
         # a resonance that rings as far along the tread at both speeds
@@ -188,9 +178,7 @@ def test_stiffening_of_the_other_form_hardens_with_the_deflection_itself():
 
 
 def test_passages_know_the_wind_up():
-    """In hard braking the sensor arrives early, and the passage is where its place is in the patch
-    centre all the same: once a turn, at the minimum of an undamped outer grating.
-    """
+    """Once a turn, at the minimum of an undamped outer grating, in hard braking too."""
     drive = [{"duration_s": 1.0, "speed_m_s": 20.0}, {"duration_s": 2.0, "speed_m_s": 8.0}]
     made = simulate(scenario(manoeuvres=drive, tire={"torsional_stiffness_N_m2": 5e4}))
     sensor = made.scenario.channels["s"]

@@ -1,11 +1,8 @@
-"""Property: for every scenario strength and size zero are off, another form is another shape, what
-is added shows and changes nothing else, samples are what is true, and seeds decide everything.
-"""
+"""Property: zero is off, forms differ, samples are what is true, seeds decide everything."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -114,9 +111,7 @@ def test_roughness_has_its_size_and_reach():
 
 
 def test_dissipation_factor_is_the_time_integral():
-    """int eps'^2 ds = (1/c) int (d eps/dt)^2 dt over a revolution of the clean signal (errata), at
-    constant speed.
-    """
+    """int eps'^2 ds = (1/c) int (d eps/dt)^2 dt over a revolution (errata)."""
     made = simulate(scenario(channels={"s": {"kind": "fbg_strain", "sampling_rate_Hz": 25000.0}}))
     times = np.array(made.truth["channels"]["s"]["passages"]["time_s"])
     stamps, rate = made.stamp_s["s"], np.gradient(strain(made), 1 / 25000.0)
@@ -128,7 +123,7 @@ def test_dissipation_factor_is_the_time_integral():
     )
 
 
-ALL: dict[str, Any] = {
+ALL = {
     "run_out": {"amplitudes_microstrain": [30.0, 15.0, 8.0], "phases_deg": [10.0, 200.0]},
     "force_variation": {"shares": [0.012, 0.006, 0.004]},
     "load_wander": {"share": 0.03},

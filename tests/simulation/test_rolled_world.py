@@ -1,6 +1,4 @@
-"""Property: a log whose tire moved says what its truth says: passages, cleats, load steps, speed
-ramps, wheel angle, accelerations.
-"""
+"""Property: a log whose tire moved says what its truth says."""
 
 from __future__ import annotations
 
@@ -19,7 +17,7 @@ from .worlds import world as steady_world
 
 pytestmark = pytest.mark.xdist_group("rolled world")  # one worker makes what these tests share
 
-CHANNELS: dict[str, Any] = {
+CHANNELS = {
     "inner": {"kind": "strain", "angle_deg": 70.0, "surface": "inner"},
     "outer": {"kind": "fbg_strain", "angle_deg": 70.0},
     "acc": {"kind": "radial_acceleration", "angle_deg": 200.0},
@@ -235,9 +233,7 @@ def test_standing_start_and_stop():
 
 
 def test_an_undamped_tire_begins_quietly():
-    """The log begins after a settling in which belt and hub are damped; what rings on is a
-    thousandth of the load.
-    """
+    """The log begins after a settling in which belt and hub are damped."""
     motion = world(
         simulate(
             scenario(0.3, tire={}, vehicle={}, grid_points=1536, channels={"s": CHANNELS["inner"]})

@@ -1,6 +1,4 @@
-"""Property: the stepped tire converges, keeps its energy, loses what its dampers take, and rolls
-steadily as the steady ring stands; against the models: `tests/physics/test_coupled_truth.py`.
-"""
+"""Property: the stepped tire keeps its energy and rolls steadily as the steady ring."""
 
 import numpy as np
 import pytest
@@ -28,9 +26,7 @@ DAMPED = {"radial_damping_N_s_m2": 100.0, "tangential_damping_N_s_m2": 100.0}
 
 
 def test_energy_is_kept_without_damping():
-    """Dropped by 2 mm while it rolls, frictionless: after 2 s of bouncing and ringing the energy is
-    what it was.
-    """
+    """Dropped by 2 mm while it rolls, frictionless, and 2 s of bouncing."""
     of = belt(96, friction=0.0)
     drop = np.zeros(96), RADIUS - 0.002, 0.0
     tire = rolling(of, speed=SPEED, load=LOAD, start=drop)
@@ -45,9 +41,7 @@ def test_energy_is_kept_without_damping():
 
 
 def test_steady_rolling_is_the_steady_ring():
-    """Against the other truth: differences of order eight on a grid, contact by an active set,
-    nothing stepped.
-    """
+    """Against the other truth: differences on a grid, contact by an active set."""
     of = belt(192, **DAMPED)
     rolled = rolling(of, speed=SPEED, load=LOAD)
     rolled.damp_hub(3000.0)

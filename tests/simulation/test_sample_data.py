@@ -1,6 +1,4 @@
-"""Golden: sample_data is what its README says: complete, small, untouched, and still what the
-simulator makes of its scenarios.
-"""
+"""Golden: sample_data is what its README says and what its scenarios make."""
 
 from __future__ import annotations
 
@@ -18,7 +16,7 @@ from tirelog.simulation import load_scenario, simulate, to_recording
 from tirelog.simulation.scenario.schema import Manoeuvre, Nuisances
 
 FOLDER = Path(__file__).parents[2] / "sample_data"
-LOGS: dict[str, str] = runpy.run_path(str(FOLDER / "make.py"))["LOGS"]
+LOGS = runpy.run_path(str(FOLDER / "make.py"))["LOGS"]
 README = (FOLDER / "README.md").read_text(encoding="utf-8")
 TABLE = re.findall(r"^\| (\S+) \| (\d+) \| `([0-9a-f]{64})` \|$", README, re.MULTILINE)
 

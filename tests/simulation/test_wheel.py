@@ -130,9 +130,7 @@ def accelerometer(**more):
 
 
 def test_accelerometer_reads_centripetal_and_gravity():
-    """Outwards positive: -Omega^2 R far from the patch; specific force, so that at the top gravity
-    adds 1 g outwards.
-    """
+    """Outwards positive: -Omega^2 R far from the patch."""
     made = simulate(scenario_of(accelerometer()))
     angle = np.angle(
         np.exp(1j * tread_angle(made.world, made.scenario.channels["a"], made.stamp_s["a"]))

@@ -1,6 +1,4 @@
-"""Property: a simulated log that is written and read back by the package's own readers is the one
-in memory.
-"""
+"""Property: a simulated log that is written and read back is the one in memory."""
 
 import json
 import tomllib
@@ -86,9 +84,7 @@ def test_a_log_comes_back(tmp_path, drive, name):
 
 
 def test_strain_comes_back_through_wavelength_and_twin():
-    """P1 (1): the strain in the Recording is the tire's, the twin's temperature taken out, to
-    noise.
-    """
+    """P1 (1): the tire's strain, the twin's temperature taken out, to noise."""
     made = gratings()
     recording = to_recording(made)
     outer, inner = (recording.channels[n].read() for n in ("outer", "inner"))
