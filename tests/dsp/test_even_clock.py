@@ -1,6 +1,4 @@
-"""Property: scattered stamps become even ones only if the samples are even; sliding windows give
-what scipy.ndimage gives.
-"""
+"""Property: only even samples get even stamps; sliding windows are scipy.ndimage's."""
 
 import numpy as np
 import pytest

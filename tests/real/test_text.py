@@ -1,6 +1,4 @@
-"""Faults: foreign logs are read, where they are at hand: an interrogator's export at 20 Hz, and
-wheel speeds off a vehicle's bus.
-"""
+"""Faults: foreign logs, where they are at hand, are read."""
 
 from pathlib import Path
 

@@ -1,6 +1,4 @@
-"""Known truth for contact length and dissipation: finite differences of P1's beam and of a closed
-ring pressed onto a flat road.
-"""
+"""Known truth: finite differences of P1's beam and of a ring pressed onto a road."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Closed form: forms of the footprint by their equations, windows of samples, and the contact length
-of an accelerometer whose fronts are known.
-"""
+"""Closed form: the footprint by its equations, windows of samples, known fronts."""
 
 import numpy as np
 import pytest
@@ -11,17 +9,12 @@ from tirelog.data.recording import Channel, Recording, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.errors import UsageError
 from tirelog.products import tables_of
-from tirelog.strain.footprint.family import (
-    SHAPES,
-    EdgeFamily,
-)
+from tirelog.strain.footprint.family import SHAPES, EdgeFamily
 from tirelog.strain.footprint.measure import gather_windows
 
 
 def test_a_spectrum_fulfils_the_contact():
-    """p = k_t (delta - xi^2 / 2R - w) inside the patch: the pressure that the spectrum holds, with
-    what it does to a carcass (foundation one, in the equation's own units), adds up to a parabola.
-    """
+    """p = k_t (delta - xi^2 / 2R - w) inside the patch: both together are a parabola."""
     family, form = EdgeFamily(0.305, 900.0), np.array([[0.055, 0.04, 0.4, 1.5, 0.0, 0.0]])
     (L, ell, tension, tread, *_), kappa = form[0], family.kappa_1_m
     wave, terms = kappa * L, np.arange(0, 14, 2)
@@ -52,9 +45,7 @@ def by_quadrature(order, wave):
 
 
 def test_a_tire_s_own_pressure_and_stiffness():
-    """Shapes times the mean pressure on a parabola's carcass that is stiffer by wavelength, and
-    what the spectrum changes by with each of them.
-    """
+    """Shapes on a parabola's pressure, a carcass stiffer by wavelength, and derivatives."""
     rng, form = np.random.default_rng(907), np.array([[0.055, 0.04, 0.4, 0.0, 0.2, -0.1]])
     plain = EdgeFamily(0.305, 600.0)
     own = np.zeros(plain.own.size)

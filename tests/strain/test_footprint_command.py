@@ -1,6 +1,4 @@
-"""Property: `tirelog footprint`, `dissipation` and `inflation` on the command line: options,
-refusals, pictures, statuses.
-"""
+"""Property: the commands `footprint`, `dissipation` and `inflation`, and their refusals."""
 
 import numpy as np
 import pytest

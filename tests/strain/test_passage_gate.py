@@ -81,9 +81,7 @@ def test_what_is_no_tire_pass_gives_no_speed(name, kind):
 
 
 def test_lost_samples_between_many_passages_are_no_doubt(radius_m):
-    """The instrument reads four passages of every eight: a quarter of the pairs is not one turn
-    apart.
-    """
+    """The instrument reads four passages of every eight."""
     d = make_drive([0, 20], [15, 15], seed=1003)
     values = d.values.copy()
     values[(d.channel.axis.time() * 15 / (2 * np.pi * radius_m)) % 8 > 4.2] = np.nan

@@ -114,9 +114,7 @@ def test_constant_speeds_and_their_errors(radius_m, speed, noise_pm, most_m_s):
 
 
 def test_standard_errors_cover_in_the_manoeuvres(radius_m):
-    """All rows of six drives with kinks at different places: within one and within two standard
-    errors.
-    """
+    """All rows of six drives with kinks at different places."""
     pulls = []
     for seed in range(1250, 1256):
         rng = np.random.default_rng(seed)
@@ -185,9 +183,7 @@ QUICK = ([0, 12, 15, 18, 20], [8, 8, 0, -8, -8])
 def test_a_wheel_that_rolls_back_is_told_from_its_waveform(
     radius_m, plan, start_turns, pulse, most_m_s
 ):
-    """After a quick stop some third of a turn behind the patch, the next passage might by the times
-    alone be a turn on.
-    """
+    """By the times alone the next passage might be a turn on."""
     d = make_drive(*plan, seed=1010, start_turns=start_turns, pulse=pulse)
     found = found_once(d, radius_m, 0.01)
     back = d.speed_m_s < 0
@@ -207,9 +203,7 @@ def test_stop_and_go_is_not_taken_for_a_way_back(radius_m, start_turns):
 
 
 def test_the_centre_is_the_same_angle_at_every_speed(radius_m):
-    """The odd part of the waveform grows with speed; the centre follows it by less than a
-    millimetre from 6 to 25 m/s.
-    """
+    """The odd part of the waveform grows with speed."""
     centres = []
     for speed in (6.0, 25.0):
         d = make_drive([0, 20], [speed, speed], seed=1009)

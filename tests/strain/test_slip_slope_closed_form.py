@@ -1,6 +1,4 @@
-"""Closed form: friction of the road from how the slip grows with the force, against a brush's own
-slip and force, and a simulated log whose tire has a slip stiffness.
-"""
+"""Closed form: friction from how slip grows with force, against a brush's own."""
 
 import json
 from pathlib import Path

@@ -1,6 +1,4 @@
-"""Faults: `speed` on logs without a radius, with channels that tell no speed, few revolutions,
-nothing in the strain, or errors without bounds; and what is refused.
-"""
+"""Faults: `speed` on logs that lack what it needs; and what is refused."""
 
 from dataclasses import replace
 

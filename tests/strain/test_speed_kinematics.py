@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from tirelog.strain.passages.passage_flags import (
-    TURN_RAD,
-    kinematics,
-)
+from tirelog.strain.passages.passage_flags import TURN_RAD, kinematics
 
 
 def passage_times(omega0, alpha, turns):
@@ -34,9 +31,7 @@ def test_constant_acceleration_is_exact_at_every_passage(alpha, error_s):
 
 
 def test_noise_alone_has_the_error_of_the_centred_difference():
-    """omega (2 pi / omega = T): sigma_omega = omega sigma_t / (sqrt 2 T), from the two outer
-    passages.
-    """
+    """2 pi / omega = T: sigma_omega = omega sigma_t / (sqrt 2 T), of the outer passages."""
     error = motion(passage_times(60.0, 0.0, range(400)), 2e-6)["omega_se_rad_s"]
     expected = 60.0 * 2e-6 / np.sqrt(2) / (TURN_RAD / 60.0)
     np.testing.assert_allclose(error[2:-2], expected, rtol=1e-9)

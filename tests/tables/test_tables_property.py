@@ -1,6 +1,4 @@
-"""Property: a table says the same in every format, to the digits of its rounded values, and is made
-of columns that are known.
-"""
+"""Property: a table says the same in every format, in columns that are known."""
 
 import json
 
@@ -60,9 +58,7 @@ def test_a_column_is_registered_once():
 
 @pytest.mark.parametrize("format", TABLE_FORMATS)
 def test_a_later_log_may_say_less(tmp_path, format):
-    """What the setup of a later log leaves open is empty there; what only a later one has stands
-    nowhere, so it is refused.
-    """
+    """What the setup of a later log leaves open is empty there."""
     full = {
         "log": "a.csv",
         "revolution": np.arange(3),
