@@ -89,12 +89,7 @@ def _spline(random: Random, half: float) -> Shape:
 
 
 SHAPES: Mapping[str, Callable[[Random, float], Shape]] = MappingProxyType(
-    {
-        "box": _box,
-        "asymmetric": _asymmetric,
-        "fourier": _fourier,
-        "spline": _spline,
-    }
+    {"box": _box, "asymmetric": _asymmetric, "fourier": _fourier, "spline": _spline}
 )
 
 

@@ -1,6 +1,4 @@
-"""Closed form: what `compare` says of a beam with something planted: errors that rank models, a
-start that the physics does not compute, and the curve of an effect that is linear in its parameter.
-"""
+"""Closed form: what `compare` says of a beam with something planted."""
 
 from dataclasses import replace
 

@@ -1,7 +1,6 @@
 """Closed form: several gratings of one tire in one fit."""
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -31,7 +30,6 @@ from tirelog.inference.measured import measured_gratings, several_channels
 from tirelog.inference.stacks.cut import Stacks, places_of
 from tirelog.physics import Model
 from tirelog.simulation import scenario_of, simulate, to_recording
-from tirelog.vocabulary.arrays import FloatArray
 
 R, F, M, NOISE = 0.3126, 3600.0, 96, 2e-6
 PHI = (np.arange(M) + 0.5) * 2 * np.pi / M - np.pi
@@ -47,8 +45,6 @@ MODEL = TRUTH.with_parameters(
         for name in ("flexural_stiffness_N_m2", "foundation_stiffness_N_m2")
     }
 ).with_values({"lever_arm_m": 4.0e-4})
-#: strain at angles of the road [rad], of a grating at a place, with a lever arm of that ratio
-Added = Callable[[FloatArray, float, float], FloatArray]
 
 
 def grating(number, truth=TRUTH, added=None, place=0.0, grows=None):

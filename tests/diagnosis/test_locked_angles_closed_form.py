@@ -1,6 +1,4 @@
-"""Closed form: the mean waveform of a cell follows the truth when samples lock to fixed angles,
-however close two bins' angles are.
-"""
+"""Closed form: means follow the truth when samples lock to fixed angles."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -17,9 +15,7 @@ from tirelog.physics.model.model import Model
 
 
 def locked_revolutions(seed, k=75, m=256, noise=0.004):
-    """Values, angles and counts (k, m): at a bin's edge on the flank nearly all samples lie to one
-    side, two of them to the other.
-    """
+    """Values, angles, counts (k, m): nearly all samples lie to one side of a bin's edge."""
     random = np.random.default_rng(seed)
     width = 2.0 * np.pi / m
     grid = (np.arange(m) + 0.5) * width - np.pi
@@ -85,9 +81,7 @@ def test_a_passage_with_half_of_its_front_lost_lies_on_the_course_of_the_others(
 
 
 def two_cruises(samples, k=40, m=256):
-    """Angles and counts (2 k, m) of two cruises whose turns have so many samples exactly, half a
-    sample apart at the start, and which of the revolutions are the first cruise's.
-    """
+    """Angles and counts (2 k, m) of two cruises half a sample apart, and which are the first's."""
     phi, count = np.zeros((2 * k, m)), np.zeros((2 * k, m), np.int64)
     first = np.arange(2 * k) < k
     for rows, number, start in ((first, samples[0], 0.25), (~first, samples[1], 0.75)):

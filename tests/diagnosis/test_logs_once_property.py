@@ -1,6 +1,4 @@
-"""Property: a log counts once in an answer, whatever its name and its packing; what logs share in
-part is said.
-"""
+"""Property: a log counts once, whatever its name and packing; shared parts are said."""
 
 import gzip
 from itertools import islice
@@ -64,9 +62,9 @@ POOLING = {
 
 @pytest.mark.parametrize("name", POOLING)
 def test_a_copy_of_a_log_is_refused(folder, tirelog, model, name):
-    outcome = tirelog(*POOLING[name], "a.csv", "packed.csv.gz")
-    assert outcome.status == 2
-    assert "packed.csv.gz: holds the same samples of strain_1 as a.csv" in outcome.err
+    tirelog(*POOLING[name], "a.csv", "packed.csv.gz").refused(
+        "packed.csv.gz: holds the same samples of strain_1 as a.csv"
+    )
     assert not (folder / "fitted.toml").exists()
     assert not (folder / "page.html").exists()
 
@@ -85,28 +83,24 @@ def test_logs_of_two_tires_are_noticed(folder, tirelog, model):
 def test_the_name_does_not_matter(folder, tirelog, model, again):
     if again == "run.h5":
         assert tirelog("ingest", "a.csv", "-o", "run.h5").status == 0
-    outcome = tirelog("compare", "a.csv", again, "--model", model)
-    assert outcome.status == 2
-    assert f"{again}: holds the same samples" in outcome.err
+    tirelog("compare", "a.csv", again, "--model", model).refused(f"{again}: holds the same samples")
 
 
 def test_a_stretch_of_another_log_is_said(folder, tirelog, model):
-    outcome = tirelog("compare", "a.csv", "half.csv", "--model", model, "--format", "json")
-    assert outcome.status == 0
-    assert "half.csv: 100 % of its samples are in a.csv too and count twice" in outcome.err
+    outcome = tirelog("compare", "a.csv", "half.csv", "--model", model, "--format", "json").ended(
+        0, "half.csv: 100 % of its samples are in a.csv too and count twice"
+    )
     assert "half.csv: 100 % of its samples" in outcome.out
     outcome = tirelog("compare", "half.csv", "a.csv", "--model", model)
     assert "a.csv: 50 % of its samples are in half.csv too" in outcome.err
 
 
 def test_of_other_logs_nothing_is_said(folder, tirelog, model):
-    outcome = tirelog("compare", "a.csv", "other.csv", "--model", model)
-    assert outcome.status == 0
+    outcome = tirelog("compare", "a.csv", "other.csv", "--model", model).ended(0)
     assert "samples" not in outcome.err
 
 
 def test_a_table_says_that_its_rows_stand_twice(folder, tirelog):
-    outcome = tirelog("speed", "a.csv", "packed.csv.gz", "other.csv")
-    assert outcome.status == 0
+    outcome = tirelog("speed", "a.csv", "packed.csv.gz", "other.csv").ended(0)
     assert outcome.err.count("holds the same samples as") == 1
     assert "packed.csv.gz: holds the same samples as a.csv; their rows come twice" in outcome.err

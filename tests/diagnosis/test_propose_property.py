@@ -1,6 +1,4 @@
-"""Property: what `propose` writes can be read again, and lowers the error that `compare` says; it
-writes nothing if nothing is missing.
-"""
+"""Property: what `propose` writes can be read again and lowers the error."""
 
 from __future__ import annotations
 
@@ -20,12 +18,7 @@ from tirelog.diagnosis.compare import compare, start
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.diagnosis.propose.formulas import Atom, Choice, Draft, Scanned, entry_of
 from tirelog.diagnosis.propose.grammar import LAWS, forms
-from tirelog.diagnosis.propose.propose import (
-    LOCK_EVERY,
-    _Climb,
-    _without_needless,
-    propose,
-)
+from tirelog.diagnosis.propose.propose import LOCK_EVERY, _Climb, _without_needless, propose
 from tirelog.diagnosis.residual_structure import describe
 from tirelog.errors import UsageError
 from tirelog.inference.base import refit

@@ -1,6 +1,4 @@
-"""Closed form: how well means are known, of values in steps, and of neighbours that are alike,
-however many revolutions they have; against made-up means with known truth.
-"""
+"""Closed form: how well means of values in steps are known, against known truth."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -16,9 +14,7 @@ from tirelog.inference.stacks.align import step_of
 
 
 def locked(noise, seed, level=0.5):
-    """Revolutions in steps of one whose samples are always at the same angles, and the true
-    waveform of each manoeuvre (C, m).
-    """
+    """Revolutions in steps of one, always sampled at the same angles, and the truth (C, m)."""
     random = np.random.default_rng(seed)
     made = stack(seed, manoeuvres=4, revolutions=75, m=128)
     moved = made.phi_rad + random.uniform(-0.4, 0.4, (4, 128)) * 2 * np.pi / 128

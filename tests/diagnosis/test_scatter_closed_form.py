@@ -1,6 +1,4 @@
-"""Closed form: scatter of manoeuvres, the errors that it leaves, and the least extra error at which
-model and data agree.
-"""
+"""Closed form: scatter of manoeuvres, its errors, and the least extra error."""
 
 from types import SimpleNamespace
 

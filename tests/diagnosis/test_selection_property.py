@@ -1,6 +1,4 @@
-"""Property: the sign-flip test keeps its rate where revolutions are correlated inside manoeuvres
-and sees what repeats; what leaves an effect's range is remarked.
-"""
+"""Property: the sign-flip test keeps its rate; what leaves an effect's range is remarked."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -22,9 +20,7 @@ from tirelog.physics import Model
 
 
 def scores_of(random, manoeuvres, candidates, level=0.0):
-    """Candidates whose scores share what a manoeuvre does to all of them; `level` is what repeats
-    in the first.
-    """
+    """Candidates whose scores share what a manoeuvre does to all of them."""
     shared = random.standard_normal((manoeuvres, 1))
     own = [0.7 * shared + 0.7 * random.standard_normal((manoeuvres, 1)) for _ in range(candidates)]
     own[0] += level

@@ -1,6 +1,4 @@
-"""Property: in every comparison on an obstacle bands add up; a hit that was put in is found with
-the error that is said, and so are masses from a start that is off.
-"""
+"""Property: bands on an obstacle add up; hits and masses are found within their errors."""
 
 from dataclasses import replace
 from functools import cache

@@ -1,6 +1,4 @@
-"""Property: `compare` of a coupled ring finds the hits in logs of a tire that moved, simulated by
-finite elements; from the outside.
-"""
+"""Property: `compare` finds the hits in logs of a tire moved by finite elements."""
 
 import csv
 import io

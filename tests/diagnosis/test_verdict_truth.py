@@ -1,6 +1,4 @@
-"""Property: a verdict is true as a sentence; "the noise floor" is said only where held-out error
-and chi-square say so. Truth by `simulate`.
-"""
+"""Property: a verdict is true as a sentence. Truth by `simulate`."""
 
 from dataclasses import replace
 
@@ -179,8 +177,7 @@ def falling(manoeuvres):
 
 @pytest.mark.parametrize(("manoeuvres", "said"), [(13, "unknown"), (8, "falls with speed")])
 def test_what_falls_with_speed_is_not_said_to_follow_nothing(manoeuvres, said):
-    """P1's beam rises over the speeds at which the log falls; its fit ends against bounds, where
-    the tangent would explain everything and no values do."""
+    """P1's beam rises over the speeds at which the log falls."""
     model = preset_model("P1", observable="dissipation_factor").with_values(
         {"patch_half_length_m": 0.063}
     )

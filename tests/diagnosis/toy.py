@@ -1,6 +1,4 @@
-"""A measurement with known truth that shares nothing with the models: revolutions of a made-up
-waveform with every kind of scatter.
-"""
+"""A measurement with known truth that shares nothing with the models."""
 
 from __future__ import annotations
 
