@@ -1,4 +1,7 @@
-"""Property: texts are in plain words: subject, verb, object, and at most 25 words a sentence."""
+"""Property: texts are in plain words: subject, verb, object, and at most 25 words a sentence.
+
+A text is a docstring, or any string of the package: a message, a line of help, a page.
+"""
 
 import ast
 import re
@@ -28,7 +31,10 @@ MOST_WORDS = 25
 
 
 def texts(file: str, tree: ast.Module) -> Iterator[tuple[str, int, str, bool]]:
-    """(file, line, text, is it a docstring) of every text; X is for the values in it."""
+    """(file, line, text, is it a docstring) of every text; X is for the values in it.
+
+    A string that is one bare identifier is a key and no text.
+    """
     inside: set[ast.AST] = set()
     docs: set[ast.AST] = set()
     for node in ast.walk(tree):

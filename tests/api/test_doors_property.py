@@ -7,13 +7,13 @@ import pandas as pd
 import pytest
 
 import tirelog
-from tests.cli.conftest import SETUP
+from tests.cli.conftest import SETUP, Command
 from tirelog.tables.frame import read_table
 
 ENCODER = Path(__file__).parents[2] / "sample_data" / "encoder_ramp.h5"
 
 
-def test_a_log_is_ingested_drafted_and_checked(folder, command):
+def test_a_log_is_ingested_drafted_and_checked(folder: Path, command: Command) -> None:
     told = tirelog.ingest("log.csv", "run.h5")
     assert command("ingest", "log.csv", "-o", "by_command.h5").status == 0
     assert told.losses == []
@@ -38,7 +38,7 @@ def test_a_log_is_ingested_drafted_and_checked(folder, command):
     assert draft.text.replace("draft.toml", "drafted.toml") == drafted
 
 
-def test_a_calibration_is_learnt_and_applied(folder, command):
+def test_a_calibration_is_learnt_and_applied(folder: Path, command: Command) -> None:
     learning = ("phase-shift", str(ENCODER), "--calibrate", "c.toml", "-o", "p.parquet")
     assert command(*learning).status == 0
     learnt = tirelog.calibrate(ENCODER)
@@ -49,7 +49,7 @@ def test_a_calibration_is_learnt_and_applied(folder, command):
     assert table.phase_shift_detrended_deg.notna().any()
 
 
-def test_pictures_of_tables(folder):
+def test_pictures_of_tables(folder: Path) -> None:
     tirelog.plot_table("footprint", "log.csv", "p.png", kind="polar")
     assert (folder / "p.png").read_bytes().startswith(b"\x89PNG")
     for name, kind in (("speed", ""), ("footprint", "polar"), ("dissipation", "")):
@@ -65,7 +65,7 @@ def test_pictures_of_tables(folder):
     assert not (folder / "x.png").exists()
 
 
-def test_a_campaign_is_run_and_asked(folder, command):
+def test_a_campaign_is_run_and_asked(folder: Path, command: Command) -> None:
     (folder / "c.toml").write_text(
         '[campaign]\nname = "c"\noutput = "made"\n[[logs]]\nglob = "log.csv"\n[tables.speed]\n'
     )
@@ -78,7 +78,7 @@ def test_a_campaign_is_run_and_asked(folder, command):
     assert "1 done, 0 failed, 0 open" in command("campaign", "status", "c.toml").out
 
 
-def test_a_report_is_written_or_refused(folder):
+def test_a_report_is_written_or_refused(folder: Path) -> None:
     said = tirelog.write_report("log.csv", "r.html")
     assert said[0].startswith("r.html: ")
     page = (folder / "r.html").read_text()
@@ -92,7 +92,7 @@ def test_a_report_is_written_or_refused(folder):
             tirelog.write_report(**given)
 
 
-def test_a_ladder_is_kept_beside_its_model(folder):
+def test_a_ladder_is_kept_beside_its_model(folder: Path) -> None:
     model = tirelog.Model.new("beam", "patch_length")
     measured = tirelog.measure("log.csv", model)
     tirelog.ladder(measured, model, keep="m.toml")
@@ -101,13 +101,14 @@ def test_a_ladder_is_kept_beside_its_model(folder):
     assert kept[0]["steps"]
 
 
-def test_tables_that_differ_are_told(folder, command):
+def test_tables_that_differ_are_told(folder: Path, command: Command) -> None:
     table = tirelog.speed("log.csv")
     table.to_csv("old.csv", index=False)
     table.assign(speed_m_s=table.speed_m_s * 1.01).to_csv("new.csv", index=False)
     found = tirelog.check("new.csv", "old.csv")
     assert {one.column for one in found.differences} == {"speed_m_s"}
     assert tirelog.check("old.csv", "old.csv").differences == ()
-    command("check", "new.csv", "--against", "old.csv", "-o", "moved.parquet").ended(1)
+    outcome = command("check", "new.csv", "--against", "old.csv", "-o", "moved.parquet")
+    assert outcome.status == 1
     moved = pd.DataFrame(found.columns)
     assert read_table("moved.parquet")["column"].tolist() == moved["column"].tolist()

@@ -3,7 +3,6 @@
 import re
 import runpy
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -11,7 +10,7 @@ pytestmark = pytest.mark.xdist_group("notebook")  # one worker runs it
 
 ROOT = Path(__file__).parents[2]
 TOOL = runpy.run_path(str(ROOT / "docs" / "notebook" / "run.py"))
-NOTEBOOK: dict[str, Any] = TOOL["read"]()
+NOTEBOOK = TOOL["read"]()
 CODE = [cell for cell in NOTEBOOK["cells"] if cell["cell_type"] == "code"]
 RUN = [cell for cell in CODE if not TOOL["stored"](cell)]
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")

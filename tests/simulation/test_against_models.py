@@ -1,4 +1,10 @@
-"""Property: truth (differences) and models (modes) share no code and agree to 1e-4."""
+"""Property: the truth (differences on a grid) and the models (modes) share no line of code, and
+agree to 1e-4 of the peak or better.
+
+Only the exact forms can agree; the other forms are there to differ.
+"""
+
+from __future__ import annotations
 
 from dataclasses import replace
 
@@ -11,6 +17,8 @@ from tirelog.inference.cells.joint import model_of
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
 from tirelog.simulation.scenario.schema import BENDING_N_M2, PLANTABLE, Sensor
+from tirelog.simulation.steady.loads import Instants
+from tirelog.simulation.steady.waveforms import World
 
 from .worlds import world
 
@@ -43,7 +51,7 @@ CASES = [
 ]
 
 
-def truth_of(carcass, name=None):
+def truth_of(carcass: str, name: str | None = None) -> World:
     """A world on a fine grid, in which an effect may be planted."""
     return world(
         truth=carcass,
@@ -54,13 +62,13 @@ def truth_of(carcass, name=None):
     )
 
 
-def moment(w, **other):
+def moment(w: World, **other: float) -> Instants:
     """The world's instant at TIME, with other numbers in place of its own."""
     at = w.instants(np.array([TIME]))
     return replace(at, **{name: np.array([value]) for name, value in other.items()})
 
 
-def modelled(w, observable):
+def modelled(w: World, observable: str | list[str]) -> Model:
     """The model with a world's numbers and effects."""
     tire, truth = w.scenario.tire, w.scenario.truth
     numbers = vars(tire) | {
@@ -78,13 +86,13 @@ def modelled(w, observable):
     return model
 
 
-def conditions():
+def conditions() -> Conditions:
     drive = {"speed_m_s": SPEED, "acceleration_m_s2": ACCELERATION, "time_s": TIME, **DRIVEN}
     return Conditions.of(1, load_N=3434.0, inflation_pressure_Pa=2.2e5, temperature_K=0.0, **drive)
 
 
 @pytest.mark.parametrize(("carcass", "observable", "name"), CASES)
-def test_waveforms(carcass, observable, name):
+def test_waveforms(carcass: str, observable: str, name: str | None) -> None:
     """To 1e-4 of the peak, at both surfaces."""
     w = truth_of(carcass, name)
     phi, solution, model = w.ring.xi_m / R, w.solve(moment(w)), modelled(w, observable)
@@ -106,11 +114,12 @@ def test_waveforms(carcass, observable, name):
 @pytest.mark.parametrize(
     "name", ["viscous_damping", "hysteresis", "pressure_offset", "edge_impact", "rough_contact"]
 )
-def test_middle_of_the_fronts_of_a_ring_that_leans(name):
-    """Where the truth's accelerometer reads half of its level, by its table of angles."""
+def test_middle_of_the_fronts_of_a_ring_that_leans(name: str) -> None:
+    """Where the truth's accelerometer reads half of its level, by its own table of angles, against
+    the same in a zero stretch."""
     made = truth_of("ring", name)
 
-    def middle(speed):
+    def middle(speed: float) -> float:
         wave = made.waveform(made.solve(moment(made, speed=speed)), Sensor("radial_acceleration"))[
             0
         ]
@@ -125,8 +134,10 @@ def test_middle_of_the_fronts_of_a_ring_that_leans(name):
 
 
 @pytest.mark.parametrize("pressure_Pa", [2.2e5, 1.6e5])
-def test_width_between_fronts_at_every_load_and_pressure(pressure_Pa):
-    """By the truth's half levels at the model's load, its steepest places at others."""
+def test_width_between_fronts_at_every_load_and_pressure(pressure_Pa: float) -> None:
+    """At the model's load between the places where the truth's accelerometer reads half of its
+    level, by its own table of angles; at other loads these move as the steepest ones do, from which
+    the contact's edges keep their distance."""
     made = world(truth="ring", conditions={"inflation_pressure_Pa": pressure_Pa})
     sensor = Sensor("radial_acceleration")
     model = modelled(made, "patch_width").with_values({"load_N": 3434.0})
