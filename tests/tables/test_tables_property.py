@@ -8,13 +8,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
 
-from tests.tables.speed_rows import PART
-from tirelog.errors import UsageError
+from tirelog.errors import ReadError, UsageError
 from tirelog.tables.frame import read_table
 from tirelog.tables.writer import TableWriter
 from tirelog.vocabulary.columns import ALL, COLUMNS, TABLES
 from tirelog.vocabulary.tables import TABLE_FORMATS
 
+#: three rows of the speed table, of a log whose name holds a comma
+PART = {
+    "quality": np.array(["ok", "gap;spike", "ok"], dtype=object),
+    "log": "a, b.csv",
+    "channel": "strain_1",
+    "revolution": np.array([0, 1, 2]),
+    "time_s": np.array([0.1, 1234.5678901234, 1e-7]),
+    "speed_m_s": np.array([14.0000000001234, np.nan, 3.0]),
+}
 ORDER = ["log", "channel", "revolution", "time_s", "speed_m_s", "quality"]
 
 
@@ -110,3 +118,10 @@ def test_rows_of_many_parts_are_all_there(tmp_path):
     rows = (tmp_path / "t.csv").read_text().splitlines()
     assert rows[1:] == [f"a.csv,{k},ok" for k in range(count)]
     assert table.rows == count
+
+
+@pytest.mark.parametrize("name", ["t.csv", "t.parquet", "t.json"])
+def test_what_is_no_table(tmp_path, name):
+    (tmp_path / name).write_bytes(b"")
+    with pytest.raises(ReadError, match="is not a table"):
+        read_table(tmp_path / name)
