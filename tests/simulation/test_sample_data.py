@@ -71,3 +71,10 @@ def test_log_is_still_what_the_simulator_makes(log):
                 channel.kind, 1e-3 * np.nanmax(np.abs(want))
             )
             assert np.nanmax(np.abs(got - want)) < 1.1 * step
+
+
+def test_hidden_effect_is_in_the_truth_alone():
+    for log in ("hidden_1", "hidden_2", "unknown_1", "unknown_2"):
+        name = "water_film" if log.startswith("hidden") else "ring_down"
+        assert f'"name": "{name}"' in (FOLDER / f"{log}.csv.gz.truth.json").read_text("utf-8")
+        assert name not in (FOLDER / f"{log}.toml").read_text("utf-8")
