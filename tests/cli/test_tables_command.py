@@ -77,11 +77,6 @@ def test_usage(folder, tirelog, arguments, words):
     assert words in outcome.err.replace("\n", " ")
 
 
-def test_a_file_where_the_folder_should_be(folder, tirelog):
-    (folder / "made").write_text("")
-    tirelog("tables", "log.csv", "-o", "made").refused("it is a file; give the path of a folder")
-
-
 def test_a_channel_that_fails_is_not_waited_for(several, tirelog, monkeypatch):
     from tirelog.strain.passages import find as passage_surface
 
