@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from tirelog.simulation import simulate
+from tirelog.simulation.rolling import step_kernel as kernel
+from tirelog.simulation.rolling.world import TrueProfile
 from tirelog.simulation.scenario.schema import PLANTABLE, Planted, Sensor
 from tirelog.simulation.sensors.sampling import passages, tread_angle
 from tirelog.simulation.steady.carcass import FlatRoadContact, carcass
@@ -191,3 +193,11 @@ def test_passages_know_the_wind_up():
         near = np.abs(stamps - passage) < 0.004
         assert abs(stamps[near][np.argmin(values[near])] - passage) < 0.001
     assert min(made.truth["channels"]["s"]["passages"]["phase_shift_deg"]) < -1.0
+
+
+def test_a_wavy_road_at_a_distance():
+    waves = TrueProfile(np.array([0.0, 1.0]), np.zeros(2), 0.004, 0.8)
+    start = (np.zeros(64), 1.0, 0.0)
+    constants = rolling(belt(64), speed=0.0, load=0.0, start=start, profile=waves).constants
+    found = [kernel.road_at(x, waves.corner_m, waves.height_m, constants) for x in (0.2, 0.4, -1)]
+    np.testing.assert_allclose(found, [(0.004, 0.01 * np.pi), (0.008, 0.0), (0.0, 0.0)], atol=1e-12)
