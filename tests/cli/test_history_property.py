@@ -1,6 +1,9 @@
 """Property: the ladders kept beside a model are shown as they were."""
 
 import json
+from pathlib import Path
+
+from tests.cli.conftest import Command
 
 STEP = {
     "rmse_fit": 2e-6,
@@ -14,7 +17,7 @@ STEP = {
 LADDER = {"climbed": "2026-01-02T03:04:05+00:00", "observable": "strain", "verdict": "at_the_floor"}
 
 
-def test_every_step_of_every_ladder(model, tirelog):
+def test_every_step_of_every_ladder(model: Path, tirelog: Command) -> None:
     first = LADDER | {
         "steps": [
             STEP | {"step": 0, "effect": "base"},
