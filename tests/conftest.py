@@ -1,6 +1,4 @@
-"""For all tests: signals that end a process do so, also where the tests were started by `nohup` or
-in the background; and tests that share something dear share it.
-"""
+"""For all tests: signals end processes under `nohup` too; tests share what is dear."""
 
 from __future__ import annotations
 

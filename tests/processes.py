@@ -13,11 +13,13 @@ def python(
     *words: str,
     folder: Path | None = None,
     without: str = "no such variable",
+    status: int = 0,
     **variables: str,
 ) -> subprocess.CompletedProcess[str]:
     """What a program of Python does, in a `folder`, with more `variables` of the environment.
 
-    It does not have this process' own variables that have `without` in their names. It ends well.
+    It does not have this process' own variables that have `without` in their names. It ends with
+    the `status`.
     """
     kept = {name: value for name, value in os.environ.items() if without not in name}
     done = subprocess.run(
@@ -28,5 +30,5 @@ def python(
         cwd=folder,
         env=kept | variables,
     )
-    assert done.returncode == 0, done.stderr[-2000:]
+    assert done.returncode == status, done.stderr[-2000:]
     return done

@@ -1,7 +1,4 @@
-"""The package's sources as tests look at them, parsed once in a process.
-
-A file of tests that asks for them is marked `xdist_group("sources")`, so that one worker has them.
-"""
+"""The package's sources, parsed once: their tests are marked `xdist_group("sources")`."""
 
 from __future__ import annotations
 

@@ -1,10 +1,4 @@
-"""Property: the house does not grow back. Who needs room makes room.
-
-Budgets of files and statements per folder, of constants, classes, and of what a reader has to
-follow: the files that a command runs through, the length of a function, its parameters. Statements
-are those of the syntax tree without docstrings, so that neither long lines nor formatting change
-them. A budget is lowered as soon as its folder shrinks.
-"""
+"""Property: the house does not grow back."""
 
 from __future__ import annotations
 

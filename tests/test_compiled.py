@@ -1,6 +1,4 @@
-"""Property: a compiled kernel gives what the same source gives as plain Python, wherever its cache
-can or cannot be kept.
-"""
+"""Property: a kernel gives what its source gives as plain Python, with or without a cache."""
 
 import json
 import os

@@ -11,7 +11,7 @@ from tirelog.vocabulary.columns import COLUMNS
 
 ROOT = Path(__file__).parents[1]
 GENERATE = runpy.run_path(str(ROOT / "docs" / "generate.py"))
-MADE: dict[Path, str] = GENERATE["made"]()
+MADE = GENERATE["made"]()
 
 
 @pytest.mark.parametrize("path", MADE, ids=lambda path: path.name)

@@ -16,11 +16,7 @@ def test_the_sentence_is_made_of_the_parts() -> None:
     assert str(words) == "unknown table 'x'; allowed are speed, footprint; choose one"
     clause = SetupError("no radius", allowed="a radius is needed", do="add it", file="a", line=3)
     assert str(clause) == "a:3: no radius; a radius is needed; add it"
-    assert (clause.what, clause.allowed, clause.do) == (
-        "no radius",
-        "a radius is needed",
-        "add it",
-    )
+    assert (clause.what, clause.allowed, clause.do) == ("no radius", "a radius is needed", "add it")
     assert str(UsageError("no log", do="give one")) == "no log; give one"
 
 

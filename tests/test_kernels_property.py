@@ -1,11 +1,4 @@
-"""Property: every compiled kernel of the package gives what the same source gives as plain Python.
-
-The kernels are found in the package; `kernel_calls` has what commands call them with. Kernels that
-only others call are met in these, and one that no call comes to fails. Results, and every array
-that is handed over, agree to the bit, signs of zero included. No kernel has fast-math, so no sum is
-reordered; but one with a power, a sine or the like takes it from another library when compiled, and
-is allowed a rounding (`rounds`).
-"""
+"""Property: every compiled kernel of the package gives what its source gives as plain Python."""
 
 from __future__ import annotations
 
@@ -71,9 +64,7 @@ def within(kernel: Kernel) -> set[Kernel]:
 
 
 def rounds(kernel: Kernel) -> bool:
-    """True if a kernel, or one that it calls, takes powers, elementary functions or complex
-    products.
-    """
+    """True if it takes powers, elementary functions or complex products."""
     return any(
         isinstance(node, ast.Pow)
         or (isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in ELEMENTARY)

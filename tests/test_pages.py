@@ -1,6 +1,4 @@
-"""Property: the pages for whoever works on the project name files, folders and commands that are
-there.
-"""
+"""Property: the project's pages name files, folders and commands that are there."""
 
 import re
 from pathlib import Path

@@ -1,11 +1,7 @@
-"""Property: what Python gives is what the commands write, whatever way the logs are given; parts
-of a prediction sum to the whole.
-"""
+"""Property: what Python gives is what the commands write, whatever way the logs are given."""
 
 import json
 import pickle
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
@@ -14,7 +10,7 @@ import pandas as pd
 import pytest
 
 import tirelog
-from tests.cli.conftest import Command
+from tests.processes import python
 from tirelog.physics.model.file import as_toml
 from tirelog.tables.frame import read_table
 from tirelog.vocabulary.columns import COLUMNS
@@ -25,16 +21,15 @@ DRIVE = {"speed_m_s": [10.0, 20.0], "water_depth_mm": 1.0, "acceleration_m_s2": 
 PHI = np.linspace(-0.8, 0.8, 41)
 
 
-def test_import_is_light() -> None:
+def test_import_is_light():
     code = (
         "import sys, tirelog; tirelog.__version__; dir(tirelog); "
         "print(sorted({'numpy', 'pandas', 'numba', 'scipy', 'typer'} & set(sys.modules)))"
     )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.strip() == "[]"
+    assert python(code).stdout.strip() == "[]"
 
 
-def test_an_unknown_name_is_no_attribute() -> None:
+def test_an_unknown_name_is_no_attribute():
     with pytest.raises(AttributeError, match="tirelog"):
         tirelog.sped  # noqa: B018
 
@@ -49,7 +44,7 @@ def test_a_table_is_the_command_s(folder, command, name):
     assert table.attrs["descriptions"]["speed_m_s"] == COLUMNS["speed_m_s"].meaning
 
 
-def test_logs_by_path_open_and_several(folder: Path) -> None:
+def test_logs_by_path_open_and_several(folder):
     one = tirelog.speed("log.csv")
     with tirelog.open_log(folder / "log.csv", setup="log.toml") as log:
         several = tirelog.speed([log, Path("log.csv")])
@@ -57,14 +52,14 @@ def test_logs_by_path_open_and_several(folder: Path) -> None:
     assert several.time_s[: len(one)].equals(one.time_s)
 
 
-def test_lost_input_is_warned_of(folder: Path) -> None:
+def test_lost_input_is_warned_of(folder):
     with tirelog.open_log("log.csv") as log:
         log.losses.append("is cut off; copy it again")
         with pytest.warns(UserWarning, match="log.csv: is cut off"):
             tirelog.speed(log)
 
 
-def test_the_regressions_of_dissipation(folder: Path, command: Command) -> None:
+def test_the_regressions_of_dissipation(folder, command):
     assert command("dissipation", "log.csv", "--fit", "-o", "fit.parquet").status == 0
     written, table = read_table("fit.parquet"), tirelog.dissipation("log.csv", fit=True)
     assert list(table.columns) == list(written.columns)
@@ -72,7 +67,7 @@ def test_the_regressions_of_dissipation(folder: Path, command: Command) -> None:
     assert any("no regression" in remark for remark in table.attrs["remarks"]) == (not len(table))
 
 
-def test_a_log_that_is_closed_refuses_to_be_read(folder: Path) -> None:
+def test_a_log_that_is_closed_refuses_to_be_read(folder):
     log = tirelog.open_log("log.csv")
     channel = next(iter(log.channels.values()))
     assert channel.read(0, 3).size == 3
@@ -82,7 +77,7 @@ def test_a_log_that_is_closed_refuses_to_be_read(folder: Path) -> None:
         channel.read(0, 3)
 
 
-def test_a_setup_is_a_path_an_object_or_a_dict(folder: Path) -> None:
+def test_a_setup_is_a_path_an_object_or_a_dict(folder):
     (folder / "setup.toml").write_text((folder / "log.toml").read_text())
     (folder / "log.toml").unlink()
     read = tirelog.load_setup("setup.toml")
@@ -95,7 +90,7 @@ def test_a_setup_is_a_path_an_object_or_a_dict(folder: Path) -> None:
     assert tirelog.write_report("log.csv", "r.html", setup=tables)
 
 
-def test_a_model_is_a_path_an_object_or_a_dict(folder: Path) -> None:
+def test_a_model_is_a_path_an_object_or_a_dict(folder):
     tirelog.save_model(tirelog.Model.new("beam", "patch_length"), "m.toml")
     forms = ("m.toml", folder / "m.toml", tirelog.load_model("m.toml"))
     forms = (*forms, tomllib.loads((folder / "m.toml").read_text()))
@@ -116,7 +111,7 @@ def test_a_model_is_a_path_an_object_or_a_dict(folder: Path) -> None:
     assert "--model m.toml" in (folder / "r.html").read_text()
 
 
-def test_dir_has_the_public_names_alone() -> None:
+def test_dir_has_the_public_names_alone():
     names = set(dir(tirelog)) - {"__doc__", "__version__"}
     assert names >= set(tirelog.__all__)
     values = {name: getattr(tirelog, name) for name in names}
@@ -124,13 +119,13 @@ def test_dir_has_the_public_names_alone() -> None:
     assert pickle.loads(pickle.dumps(values)) == values  # as processes of a pool take them
 
 
-def test_a_number_is_a_cut_off_in_hertz(folder: Path) -> None:
+def test_a_number_is_a_cut_off_in_hertz(folder):
     table = tirelog.footprint("log.csv", cutoff=400)
     assert table.equals(tirelog.footprint("log.csv", cutoff="400Hz"))
     assert not table.equals(tirelog.footprint("log.csv", cutoff=200.0))
 
 
-def test_contributions_sum_to_the_whole() -> None:
+def test_contributions_sum_to_the_whole():
     model = BEAM.with_effect("water_film", amplitude=0.08).with_effect("stiffening")
     stiff = next(n for n in model.parameters if n.startswith("stiffening."))
     model = model.with_values({stiff: model.parameters[stiff].probe})
@@ -180,7 +175,7 @@ def test_contributions_sum_to_the_whole() -> None:
         (lambda: tirelog.speed("log.csv", start="noon"), "start noon; allowed are seconds"),
     ],
 )
-def test_what_cannot_be_is_a_tirelog_error(folder: Path, ask, says: str) -> None:
+def test_what_cannot_be_is_a_tirelog_error(folder, ask, says):
     with pytest.raises(tirelog.TirelogError, match=says):
         ask()
 

@@ -50,15 +50,13 @@ def dataset(output: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture
-def manifest(tmp_path: Path) -> Path:
+def manifest(tmp_path):
     return make_campaign(tmp_path)
 
 
 @pytest.fixture
-def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Campaigns whose logs are worked on here, for tests of what is done and not of where: a worker
-    takes two seconds to begin.
-    """
+def in_this_process(monkeypatch):
+    """Campaigns whose logs are worked on here, as a worker takes two seconds to begin."""
     monkeypatch.setattr(
         runner, "_on_processes", lambda tasks, workers: (make_tables(task) for task in tasks)
     )

@@ -1,8 +1,5 @@
 """Campaigns as processes of their own: begun, held up at a known place, and killed with all that
 they have started.
-
-Nothing here counts on how long something takes: it waits for an event, and gives up only after
-PATIENCE_S.  What runs on is stopped at a gate, so that it cannot finish before it is killed.
 """
 
 import os

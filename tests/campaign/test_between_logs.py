@@ -1,9 +1,4 @@
-"""Property: what only differences of load or water between logs reveal is found by the campaign,
-and not claimed from one log.
-"""
-
-from pathlib import Path
-from typing import Any
+"""Property: effects that only differences of load or water between logs reveal are found."""
 
 import pytest
 
@@ -13,7 +8,7 @@ from tirelog.cli import run
 
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", list(HIDDEN))
-def test_a_campaign_finds_what_one_log_does_not(effect: str, tmp_path: Path) -> None:
+def test_a_campaign_finds_what_one_log_does_not(effect, tmp_path):
     manifest, logs = make(tmp_path / "campaign", effect, seed=31)
     if effect == "stiffening":  # its nonlinear foundation takes long
         manifest.write_text(
@@ -32,7 +27,7 @@ def test_a_campaign_finds_what_one_log_does_not(effect: str, tmp_path: Path) -> 
         report_shows(whole, manifest.parent / "results", tmp_path / "page.html")
 
 
-def report_shows(whole: dict[str, Any], results: Path, page: Path) -> None:
+def report_shows(whole, results, page):
     """The sections that a report on logs with a model has, made of the campaign's folder alone."""
     assert run(["report", "--campaign", str(results), "-o", str(page), "--quiet"]) == 0
     text = page.read_text()

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 from dataclasses import fields
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -22,7 +21,7 @@ from tirelog.data.setup import parse_setup
 from tirelog.inference.cells.pieces import joined_pieces, pieces_of
 
 
-def call(*arguments: object) -> int:
+def call(*arguments):
     return run([str(a) for a in arguments])
 
 
@@ -50,7 +49,7 @@ def test_what_changed_or_is_gone_is_done_again_and_nothing_else(
     parts = {path: path.stat().st_mtime_ns for path in results.rglob("part.parquet")}
     assert len(parts) == 8
 
-    def touched() -> set[str]:
+    def touched():
         now = {p: p.stat().st_mtime_ns for p in results.rglob("part.parquet")}
         return {p.parent.name for p in now if now[p] != parts.get(p)}
 
@@ -70,7 +69,7 @@ def test_what_changed_or_is_gone_is_done_again_and_nothing_else(
 
 
 @pytest.mark.slow
-def test_killed_at_any_moment_and_resumed(tmp_path: Path) -> None:
+def test_killed_at_any_moment_and_resumed(tmp_path):
     """The same folder, undisturbed and killed at random moments: the same dataset, bit for bit."""
     manifest = make_campaign(tmp_path, logs=10)
     results = tmp_path / "results"
@@ -100,7 +99,7 @@ def test_one_run_at_a_time(tmp_path):
     assert call("campaign", "run", manifest, "--quiet") == 0  # the lock did not outlive its holder
 
 
-def test_conditions_of_the_campaign_are_in_the_setup(manifest: Path) -> None:
+def test_conditions_of_the_campaign_are_in_the_setup(manifest):
     from tirelog.campaign.manifest import load_manifest
 
     campaign = load_manifest(manifest)
@@ -166,7 +165,7 @@ def test_logs_that_left_the_manifest_are_named(manifest, tmp_path, capfd, in_thi
     assert "does not have: logs_run_3.csv;" in capfd.readouterr().err
 
 
-def test_a_thinned_share_spans_the_speeds_and_files_give_the_same_bits() -> None:
+def test_a_thinned_share_spans_the_speeds_and_files_give_the_same_bits():
     pieces = joined_pieces([pieces_of(stack(seed, manoeuvres=12, m=32)) for seed in (1, 2)])
     again = read_pieces(pieces_bytes(pieces))
     for f in fields(pieces):

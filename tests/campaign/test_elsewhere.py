@@ -1,14 +1,9 @@
-"""Property: a store elsewhere gives the same results as this machine, to tables and campaigns,
-killed or not. Faults: what is not there, who may not ask, a host that does not answer.
-"""
+"""Property: a store elsewhere gives the same results as this machine, killed or not."""
 
 import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import pytest
@@ -24,7 +19,7 @@ s3fs = pytest.importorskip("s3fs")
 
 
 @pytest.fixture
-def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+def bucket(monkeypatch):
     """An S3 bucket on this machine, which may be slow to answer."""
     monkeypatch.setattr(remote, "ANSWER_S", PATIENCE_S)
     monkeypatch.setattr(runner, "make_tables", patient)
@@ -76,10 +71,8 @@ def test_what_is_not_there_and_who_may_not_ask(bucket, manifest, tmp_path, monke
 
 
 @pytest.fixture
-def far(bucket: str, tmp_path: Path) -> tuple[Path, Path, str]:
-    """(manifest here, the same campaign's manifest with logs, setup and output in the store, its
-    output there).
-    """
+def far(bucket, tmp_path):
+    """(manifest here, the same with logs, setup and output in the store, its output there)."""
     here, store = make_campaign(tmp_path, logs=5), s3fs.S3FileSystem()
     for path in [*(tmp_path / "logs").iterdir(), tmp_path / "setup.toml"]:
         store.put(str(path), f"{bucket}/{path.relative_to(tmp_path)}")
@@ -90,14 +83,14 @@ def far(bucket: str, tmp_path: Path) -> tuple[Path, Path, str]:
     return here, tmp_path / "far.toml", f"{bucket}/results"
 
 
-def there(results: str, to: Path) -> dict[str, bytes]:
+def there(results, to):
     """Every file of the dataset in a store, with its bytes."""
     s3fs.S3FileSystem.clear_instance_cache()
     s3fs.S3FileSystem().get(results, str(to), recursive=True)
     return dataset(to)
 
 
-def written(results: str) -> dict[str, Any]:
+def written(results):
     """When each file in a store was written, but for the summary."""
     store = s3fs.S3FileSystem(use_listings_cache=False)
     names = [name for name in store.find(results) if "summary" not in name]
@@ -105,7 +98,7 @@ def written(results: str) -> dict[str, Any]:
 
 
 @pytest.mark.slow
-def test_a_store_as_source_and_target(far: tuple[Path, Path, str], tmp_path: Path) -> None:
+def test_a_store_as_source_and_target(far, tmp_path):
     here, manifest, results = far
     assert run(["campaign", "run", str(here), "--quiet"]) == 0
     assert run(["campaign", "run", str(manifest), "--quiet", "--workers", "2"]) == 0
@@ -127,7 +120,7 @@ def test_a_store_as_source_and_target(far: tuple[Path, Path, str], tmp_path: Pat
 
 
 @pytest.mark.slow
-def test_killed_and_resumed(far: tuple[Path, Path, str], tmp_path: Path) -> None:
+def test_killed_and_resumed(far, tmp_path):
     _, manifest, results = far
     assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
     want = there(results, tmp_path / "whole")

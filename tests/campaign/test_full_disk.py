@@ -1,13 +1,9 @@
-"""Faults: a disk that is full stops a campaign with advice, leaves nothing half-written, and holds
-nothing against the logs.
-"""
+"""Faults: a full disk stops a campaign, half-writes nothing and is not held against logs."""
 
 import os
 import resource
 import subprocess
 import sys
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -17,7 +13,7 @@ TIRELOG = (sys.executable, "-m", "tirelog", "campaign", "run")
 
 
 @pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
+def small_disk(tmp_path):
     """A disk of 3 MB."""
     place = tmp_path / "disk"
     place.mkdir()
@@ -28,7 +24,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", str(place)], check=True)
 
 
-def left_over(output: Path) -> list[str]:
+def left_over(output):
     """What is neither a whole part nor the campaign's own."""
     own = ("lock", "hashes.json", "summary.csv", "part.parquet")
     return [
@@ -39,7 +35,7 @@ def left_over(output: Path) -> list[str]:
 
 
 @pytest.mark.slow
-def test_a_full_disk_and_room_again(small_disk: Path, tmp_path: Path) -> None:
+def test_a_full_disk_and_room_again(small_disk, tmp_path):
     manifest = make_campaign(tmp_path, logs=4, seconds=20.0)
     assert subprocess.run([*TIRELOG, str(manifest), "--quiet"], check=False).returncode == 0
     want = dataset(tmp_path / "results")
@@ -60,10 +56,10 @@ def test_a_full_disk_and_room_again(small_disk: Path, tmp_path: Path) -> None:
     assert dataset(small_disk / "results") == want
 
 
-def test_files_that_may_not_grow(tmp_path: Path) -> None:
+def test_files_that_may_not_grow(tmp_path):
     manifest = make_campaign(tmp_path, logs=2)
 
-    def limited() -> None:
+    def limited():
         resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 
     outcome = subprocess.run(

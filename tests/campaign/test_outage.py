@@ -1,13 +1,9 @@
-"""Property: whatever happened to a campaign, one run after all is well again gives the result of an
-undisturbed one.
-"""
+"""Property: one run after an outage gives the result of an undisturbed one."""
 
 import errno
 import os
 import tempfile
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import pytest
@@ -18,7 +14,7 @@ from hypothesis.stateful import RuleBasedStateMachine, rule, run_state_machine_a
 from tests.campaign.conftest import dataset, make_campaign
 from tests.cli.conftest import pulse_rows
 from tirelog.campaign import runner
-from tirelog.campaign.ledger import Entry, Ledger
+from tirelog.campaign.ledger import Ledger
 from tirelog.cli import run
 from tirelog.errors import ReadError
 
@@ -29,8 +25,8 @@ pytestmark = pytest.mark.usefixtures("in_this_process")
 GONE = "SlowDown"
 
 
-def refusing(what: int | str) -> Callable[..., Any]:
-    def refused(*_: Any, **__: Any) -> Any:
+def refusing(what):
+    def refused(*_, **__):
         if isinstance(what, int):
             raise OSError(what, os.strerror(what))
         raise ReadError(f"cannot be reached ({what})") from ConnectionError()
@@ -38,11 +34,11 @@ def refusing(what: int | str) -> Callable[..., Any]:
     return refused
 
 
-def campaign(manifest: Path, *options: str) -> int:
+def campaign(manifest, *options):
     return run(["campaign", "run", str(manifest), "--quiet", *options])
 
 
-def states(manifest: Path) -> list[str]:
+def states(manifest):
     return list(pd.read_csv(manifest.parent / "results" / "summary.csv")["status"])
 
 
@@ -62,7 +58,7 @@ def test_five_in_a_row_end_the_run_which_is_summed_up(tmp_path, monkeypatch, cap
     """What was done before stands in it; no log that stays open is called failed."""
     manifest, usual, asked = make_campaign(tmp_path, logs=7, seconds=0.5), runner.open_recording, 0
 
-    def first_alone(*given: Any, **more: Any) -> Any:
+    def first_alone(*given, **more):
         nonlocal asked
         asked += 1
         return usual(*given, **more) if asked == 1 else refusing(errno.ETIMEDOUT)()
@@ -88,25 +84,25 @@ def test_five_in_a_row_end_the_run_which_is_summed_up(tmp_path, monkeypatch, cap
 class Disturbed(RuleBasedStateMachine):
     """A campaign of two short logs to which things happen."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__()
         self.place = tempfile.TemporaryDirectory()
         self.manifest = make_campaign(Path(self.place.name), logs=2, seconds=0.5)
         self.logs = 2
 
     @rule()
-    def run(self) -> None:
+    def run(self):
         assert campaign(self.manifest) == 0
 
     @rule(number=st.sampled_from([errno.EIO, errno.EMFILE, errno.ETIMEDOUT]))
-    def outage(self, number: int) -> None:
+    def outage(self, number):
         with pytest.MonkeyPatch.context() as broken:
             broken.setattr(runner, "open_recording", refusing(number))
             campaign(self.manifest)
 
     @rule(after=st.integers(0, 1))
-    def kill(self, after: int) -> None:
-        def killed(tasks: list[runner.LogTask], workers: int) -> Iterator[Entry]:
+    def kill(self, after):
+        def killed(tasks, workers):
             yield from map(runner.make_tables, tasks[:after])
             raise KeyboardInterrupt
 
@@ -115,25 +111,25 @@ class Disturbed(RuleBasedStateMachine):
             campaign(self.manifest)
 
     @rule(which=st.integers(0, 1), speed=st.integers(8, 16))
-    def edit(self, which: int, speed: int) -> None:
+    def edit(self, which, speed):
         self._write(which, speed)
 
     @rule(speed=st.integers(8, 16))
-    def add(self, speed: int) -> None:
+    def add(self, speed):
         if self.logs < 4:
             self._write(self.logs, speed)
             self.logs += 1
 
-    def _write(self, which: int, speed: int) -> None:
+    def _write(self, which, speed):
         rows = "\n".join(pulse_rows(0.5, float(speed)))
         log = self.manifest.parent / "logs" / f"run_{which}.csv"
         log.write_text(f"time_s,CH1,CH2\n{rows}\n")
 
     @rule()
-    def retry(self) -> None:
+    def retry(self):
         campaign(self.manifest, "--retry-failed")
 
-    def teardown(self) -> None:
+    def teardown(self):
         assert campaign(self.manifest) == 0
         mended = dataset(self.manifest.parent / "results")
         text = self.manifest.read_text().replace('"results"', '"fresh"')
@@ -144,7 +140,7 @@ class Disturbed(RuleBasedStateMachine):
 
 
 @pytest.mark.slow
-def test_one_run_mends_what_happened() -> None:
+def test_one_run_mends_what_happened():
     run_state_machine_as_test(  # type: ignore[no-untyped-call]
         Disturbed,
         settings=settings(

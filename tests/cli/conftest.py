@@ -1,10 +1,11 @@
 """A small log with known pulses, its setup, and the command line in this process."""
 
+from __future__ import annotations
+
 import re
 import shlex
 from collections.abc import Callable, Iterator
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,14 +39,23 @@ class Outcome(NamedTuple):
     out: str
     err: str
 
+    def ended(self, status: int, *said: str) -> Outcome:
+        """Itself; AssertionError unless it ended with this status and these words in its error."""
+        assert self.status == status, self.err
+        assert [words for words in said if words not in self.err] == [], self.err
+        assert "Traceback" not in self.err
+        return self
+
+    def refused(self, *said: str, status: int = 2) -> None:
+        """AssertionError unless it ended with this status and these words in its error."""
+        self.ended(status, *said)
+
 
 Command = Callable[..., Outcome]
 
 
 def pulse_rows(seconds: float = 4.0, speed_m_s: float = 12.0) -> list[str]:
-    """Rows of a log of a wheel at constant speed: time, strain grating with pulses, temperature
-    twin.
-    """
+    """Rows of a log at constant speed: time, strain grating with pulses, temperature twin."""
     return list(_rows(seconds, speed_m_s))
 
 
@@ -91,7 +101,7 @@ def refuse_other_options(one: Any, words: str) -> None:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     """A folder with log.csv and its setup, made the working folder."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "log.csv").write_text("time_s,CH1,CH2\n" + "\n".join(pulse_rows()) + "\n")
@@ -100,7 +110,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def tirelog(capfdbinary: pytest.CaptureFixture[bytes]) -> Command:
+def tirelog(capfdbinary):
     """Run a command line, as it is typed or by its words; status, standard output, and error."""
 
     def call(*arguments: object) -> Outcome:
@@ -114,7 +124,7 @@ def tirelog(capfdbinary: pytest.CaptureFixture[bytes]) -> Command:
 
 
 @pytest.fixture
-def model(folder: Path, tirelog: Command) -> Path:
+def model(folder, tirelog):
     """The file of a new beam model, in the folder of the log."""
     assert tirelog("model new --carcass beam --setup log.toml -o beam.toml").status == 0
     return folder / "beam.toml"

@@ -51,17 +51,15 @@ def test_all_tables_of_one_channel(two_gratings, tirelog):
 
 
 def test_a_channel_that_is_not_there_is_refused_before_anything_is_written(two_gratings, tirelog):
-    refused = tirelog("speed", "log.csv", "-o", "one.csv", "--channel", "strain_3")
-    assert refused.status == 2
-    assert "strain_1, strain_2" in refused.err
+    tirelog("speed", "log.csv", "-o", "one.csv", "--channel", "strain_3").refused(
+        "strain_1, strain_2"
+    )
     assert not (two_gratings / "one.csv").exists()
-    other_kind = tirelog("speed", "log.csv", "--channel", "temp_1")
-    assert other_kind.status == 2
+    other_kind = tirelog("speed", "log.csv", "--channel", "temp_1").ended(2)
     assert not other_kind.out
 
 
 def test_the_rows_of_a_phase_shift_are_of_the_accelerometer(tirelog):
-    chosen = tirelog("phase-shift", SAMPLES / "encoder.h5", "--channel", "acceleration")
-    assert chosen.status == 0
+    chosen = tirelog("phase-shift", SAMPLES / "encoder.h5", "--channel", "acceleration").ended(0)
     assert chosen.out == tirelog("phase-shift", SAMPLES / "encoder.h5").out
     assert tirelog("phase-shift", SAMPLES / "encoder.h5", "--channel", "encoder").status == 2

@@ -1,27 +1,24 @@
-"""Faults: what a broken, truncated or hostile input meets on the command line, and with which
-status.
-"""
+"""Faults: what a broken, truncated or hostile input meets on the command line."""
 
 import errno
 import gzip
 import json
 import lzma
 import zlib
-from pathlib import Path
 from types import SimpleNamespace
 
 import h5py
 import numpy as np
 import pytest
 
-from tests.cli.conftest import SETUP, Command, pulse_rows
+from tests.cli.conftest import SETUP, pulse_rows
 from tests.readers.mcap_files import START_NS, write_json
 from tirelog.cli.pages import ladder_bars
 
 HEADER = "time_s,CH1,CH2\n"
 
 
-def message(err: str) -> str:
+def message(err):
     """The one error line, in the contract's form."""
     lines = [line for line in err.splitlines() if line.startswith("tirelog: error: ")]
     assert lines, err
@@ -30,14 +27,14 @@ def message(err: str) -> str:
     return lines[0]
 
 
-def with_rows(change: dict[int, str]) -> bytes:
+def with_rows(change):
     rows = pulse_rows()
     for number, text in change.items():
         rows[number] = text
     return (HEADER + "\n".join(rows) + "\n").encode()
 
 
-def scaled(factor: float) -> bytes:
+def scaled(factor):
     """The log with its stamps running at another rate."""
     rows = [row.split(",") for row in pulse_rows()]
     lines = (f"{float(a) * factor:.6f},{b},{c}\n" for a, b, c in rows)
@@ -46,10 +43,7 @@ def scaled(factor: float) -> bytes:
 
 ROWS = (HEADER + "0.0,1550,1542\n" * 100).encode()
 UNREADABLE = {
-    "empty": (b"", "is empty"),
     "blank": (b" \n\n\n", "is empty"),
-    "header only": (HEADER.encode(), "holds no rows of numbers"),
-    "prose": (b"Dear Sir,\nthe log is lost.\n" * 20, "holds no rows of numbers"),
     "binary": (bytes(range(256)) * 64, "is not text"),
     "control characters": (b"\x01\x02\x03\x04abc\n" * 100, "is not text"),
     "nul in every row": (ROWS.replace(b",1542", b",15\x0042"), "is not text (a NUL byte at"),
@@ -67,11 +61,10 @@ UNREADABLE = {
 
 
 @pytest.mark.parametrize("name", UNREADABLE)
-def test_nothing_can_be_read(folder: Path, tirelog: Command, name: str) -> None:
+def test_nothing_can_be_read(folder, tirelog, name):
     data, words = UNREADABLE[name]
     (folder / "log.csv").write_bytes(data)
-    outcome = tirelog("speed", "log.csv")
-    assert outcome.status == 4, outcome.err
+    outcome = tirelog("speed", "log.csv").ended(4)
     assert message(outcome.err).startswith("tirelog: error: log.csv: ")
     assert words in message(outcome.err)
     assert outcome.err.count(";") >= 2
@@ -86,24 +79,22 @@ LOST = {
 
 
 @pytest.mark.parametrize("name", LOST)
-def test_some_of_it_is_lost(folder: Path, tirelog: Command, name: str) -> None:
+def test_some_of_it_is_lost(folder, tirelog, name):
     (folder / "log.csv").write_bytes(LOST[name])
-    outcome = tirelog("speed", "log.csv")
-    assert outcome.status == 3, outcome.err
+    outcome = tirelog("speed", "log.csv").ended(3)
     assert message(outcome.err).startswith("tirelog: error: log.csv")
     assert len(outcome.out.splitlines()) > 10
 
 
 def test_a_full_disk_is_told_of_the_run_that_was_asked_for(folder, tirelog, monkeypatch):
-    def full(*_: object, **__: object) -> None:
+    def full(*_, **__):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(h5py.File, "create_dataset", full)
     said = message(tirelog("ingest log.csv -o a.h5").err)
     assert said.startswith("tirelog: error: a.h5: cannot be written (No space left on device); the")
     monkeypatch.setattr("tirelog.runs.temporary.RunWriter.append", full)
-    outcome = tirelog("ingest log.csv -o a.h5")
-    assert outcome.status == 2
+    outcome = tirelog("ingest log.csv -o a.h5").ended(2)
     assert message(outcome.err).startswith("tirelog: error: a.h5: cannot be written (No space")
     assert "run: cannot be written (No space" in message(tirelog("speed log.csv").err)
     assert sorted(path.name for path in folder.iterdir()) == ["log.csv", "log.toml"]
@@ -131,9 +122,7 @@ def test_a_setup_is_not_blamed_for_a_damaged_log(folder, tirelog, name, damaged)
 
 @pytest.mark.parametrize("table", ["speed", "footprint", "dissipation"])
 def test_a_log_refused_for_its_second_channel_leaves_no_row(folder, tirelog, table):
-    """A wrong surface shows when the channel is read: after the first one's rows, if they go to a
-    file, which keeps what it held.
-    """
+    """A wrong surface shows when the channel is read: after the first one's rows."""
     rows = [row.split(",") for row in pulse_rows()]
     mirrored = [f"{a},{b},{3100.0 - float(b):.4f}" for a, b, _ in rows]
     (folder / "log.csv").write_text(HEADER + "\n".join(mirrored) + "\n")
@@ -151,12 +140,11 @@ def test_a_log_refused_for_its_second_channel_leaves_no_row(folder, tirelog, tab
     assert not list(folder.glob("*.part*"))
 
 
-def test_a_missing_column_costs_that_channel_only(folder: Path, tirelog: Command) -> None:
+def test_a_missing_column_costs_that_channel_only(folder, tirelog):
     (folder / "log.toml").write_text(
         SETUP.replace("[log]", '[channels.other]\nkind = "strain"\nsource = "CH7"\n[log]')
     )
-    outcome = tirelog("speed log.csv")
-    assert outcome.status == 3
+    outcome = tirelog("speed log.csv").ended(3)
     assert "CH7" in message(outcome.err)
     assert len(outcome.out.splitlines()) > 10
 
@@ -172,11 +160,10 @@ QUIET = {
 
 
 @pytest.mark.parametrize("name", QUIET)
-def test_ordinary_data_with_little_in_it(folder: Path, tirelog: Command, name: str) -> None:
+def test_ordinary_data_with_little_in_it(folder, tirelog, name):
     lines, revolutions = QUIET[name]
     (folder / "log.csv").write_text(HEADER + "\n".join(lines) + "\n")
-    outcome = tirelog("speed", "log.csv")
-    assert outcome.status == 0, outcome.err
+    outcome = tirelog("speed", "log.csv").ended(0)
     rows = outcome.out.splitlines()[1:]
     assert len(rows) == revolutions
     # no speed without a neighbour on either side
@@ -193,25 +180,21 @@ REPAIRED = {
 def test_a_clock_that_stumbles_is_repaired_and_said(folder, tirelog, name):
     clean = tirelog("speed", "log.csv").out.splitlines()
     (folder / "log.csv").write_bytes(REPAIRED[name])
-    outcome = tirelog("speed", "log.csv")
-    assert outcome.status == 0, outcome.err
+    outcome = tirelog("speed", "log.csv").ended(0)
     assert len(outcome.out.splitlines()) == len(clean)
     assert "repaired" in tirelog("info", "log.csv").out
 
 
-def test_a_rate_that_contradicts_the_stamps(folder: Path, tirelog: Command) -> None:
+def test_a_rate_that_contradicts_the_stamps(folder, tirelog):
     (folder / "log.toml").write_text(SETUP + "sampling_rate_Hz = 2500.0\n")
     (folder / "log.csv").write_bytes(scaled(1.02))
-    outcome = tirelog("speed", "log.csv")
-    assert outcome.status == 0
-    assert "2500" in outcome.err
+    tirelog("speed", "log.csv").ended(0, "2500")
     (folder / "log.csv").write_bytes(scaled(2.0))
-    outcome = tirelog("speed", "log.csv")
-    assert outcome.status == 2
+    outcome = tirelog("speed", "log.csv").ended(2)
     assert "1250" in message(outcome.err)
 
 
-def test_a_wrong_grating_window(folder: Path, tirelog: Command) -> None:
+def test_a_wrong_grating_window(folder, tirelog):
     (folder / "log.toml").write_text(
         SETUP.replace('source = "CH1"', "window_nm = [1500.0, 1502.0]")
     )
@@ -221,35 +204,15 @@ def test_a_wrong_grating_window(folder: Path, tirelog: Command) -> None:
     assert len(outcome.out.splitlines()) <= 1
 
 
-def test_a_setup_s_source_is_a_name_not_a_path(folder: Path, tirelog: Command) -> None:
+def test_a_setup_s_source_is_a_name_not_a_path(folder, tirelog):
     (folder / "log.toml").write_text(SETUP.replace('"CH1"', '"/etc/passwd"'))
     outcome = tirelog("speed", "log.csv")
     assert outcome.status in (3, 4)
     assert "root:" not in outcome.out + outcome.err
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        "compare none.csv --model none.toml --plot",
-        "ladder none.csv --model none.toml --save",
-        "ladder none.csv --model none.toml --plot",
-        "footprint none.csv --plot",
-        "diagnose none.csv --model none.toml -o",
-        "model fit none.csv --model none.toml -o",
-        *(f"{command} none.csv -o" for command in ("speed", "report", "simulate", "ingest")),
-    ],
-)
-def test_a_folder_that_is_not_there_is_told_before_the_work(folder, tirelog, words):
-    """Even before the logs and models are looked for, which are not there either."""
-    for place in ("nodir/x.png", "log.csv/x.png"):
-        outcome = tirelog(f"{words} {place}")
-        assert outcome.status == 2
-        assert message(outcome.err).startswith(f"tirelog: error: {place}: cannot be written (No")
-
-
 @pytest.mark.parametrize("log", [".", "/", "", "..", "x" * 300, "a" * 5000 + ".csv"])
-def test_a_log_that_is_no_file(folder: Path, tirelog: Command, log: str) -> None:
+def test_a_log_that_is_no_file(folder, tirelog, log):
     for command in (["speed"], ["info"], ["ingest", "-o", "run.h5"]):
         outcome = tirelog(command[0], log, *command[1:])
         assert outcome.status in (2, 4), outcome.err
@@ -257,10 +220,8 @@ def test_a_log_that_is_no_file(folder: Path, tirelog: Command, log: str) -> None
     assert sorted(p.name for p in folder.iterdir()) == ["log.csv", "log.toml"]
 
 
-def test_names_of_a_log_do_not_reach_the_terminal_raw(folder: Path, tirelog: Command) -> None:
-    """Topics and columns that clear the screen, set a title, turn the writing round or begin a
-    message of their own.
-    """
+def test_names_of_a_log_do_not_reach_the_terminal_raw(folder, tirelog):
+    """Names that clear the screen, set a title, turn writing round or begin a message."""
     hostile = "/\x1b[2J\x9b31m\u202e\ntirelog: error: a lie"
     topic = [(hostile, START_NS + 10**6 * i, {hostile: i, "v": i}) for i in range(99)]
     write_json(folder / "log.mcap", topic)
@@ -284,16 +245,13 @@ def test_names_of_a_log_do_not_reach_the_terminal_raw(folder: Path, tirelog: Com
 def test_a_model_against_nothing_that_can_be_read(folder, tirelog, name):
     assert tirelog("model new --carcass beam --setup log.toml -o beam.toml").status == 0
     (folder / "empty.csv").write_text("")
-    outcome = tirelog(name, "empty.csv", "--setup", "log.toml", "--model", "beam.toml")
-    assert outcome.status == 4
+    outcome = tirelog(name, "empty.csv", "--setup", "log.toml", "--model", "beam.toml").ended(4)
     assert outcome.err.count("error:") == 1
     assert "is empty" in outcome.err
 
 
 def test_a_few_irregular_stamps_do_not_take_the_log_with_them(folder, tirelog):
-    """A short topic from a bus beside the strain: its times are its stamps, and the strain is read
-    as without it.
-    """
+    """A short topic from a bus: its times are its stamps, the strain is as without it."""
     times_s = np.cumsum(np.random.default_rng(5).uniform(0.01, 0.09, 69))
     cells = [row.split(",") for row in pulse_rows()]
     strain = [
@@ -307,13 +265,12 @@ def test_a_few_irregular_stamps_do_not_take_the_log_with_them(folder, tirelog):
     speed = '[channels.v]\nkind = "vehicle_speed"\nsource = "/can:v"\n'
     (folder / "log.toml").write_text(sources + speed)
     alone = tirelog("speed", "log.mcap", "--setup", "alone.toml")
-    both = tirelog("speed", "log.mcap")
-    assert both.status == 0, both.err
+    both = tirelog("speed", "log.mcap").ended(0)
     assert both.out == alone.out
     assert len(both.out.splitlines()) > 10
 
 
-def test_the_ladder_s_bars_obey_no_name(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_ladder_s_bars_obey_no_name(capsys):
     names = {"effect": "a\x1b[31m", "sentence": "b\x1b]0;c\x07", "rmse_heldout": None}
     step = SimpleNamespace(step=1, rmse_fit=1e-6, noise_floor=1e-6, **names)
     ladder_bars(SimpleNamespace(observable="strain", unit="1", steps=[step], rmse_untouched=None))

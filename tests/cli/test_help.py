@@ -39,8 +39,7 @@ def test_an_error_of_options_points_to_the_help_of_its_command(tirelog):
     for path, one in ALL.items():
         options = {p.opts[0] for p in one.params if p.param_type_name == "option" and not p.is_flag}
         for option in ("--bogus", *sorted(options)):
-            done = tirelog(*path.split(), "x", option)
-            assert done.status == 2
+            done = tirelog(*path.split(), "x", option).ended(2)
             assert f"; see tirelog {path} --help" in done.err, done.err
 
 

@@ -2,11 +2,10 @@
 
 import os
 import warnings
-from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import Command, commands
+from tests.cli.conftest import commands
 from tirelog.cli.app import command
 
 #: command lines that would write on their log, setup, model or another input (names that are links
@@ -72,9 +71,7 @@ def test_an_input_is_never_an_output(folder, tirelog, name):
     for table in ("t.csv", "u.csv"):
         (folder / table).write_text("log,channel,revolution,time_s,quality\na,b,0,1.0,ok\n")
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-    outcome = tirelog(OVERWRITES[name])
-    assert outcome.status == 2, outcome.err
-    assert "no output takes the place of an input" in outcome.err
+    tirelog(OVERWRITES[name]).refused("no output takes the place of an input")
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
@@ -89,34 +86,30 @@ TWO_OUTPUTS = {
 
 
 @pytest.mark.parametrize("name", TWO_OUTPUTS)
-def test_two_outputs_are_never_one_file(folder: Path, tirelog: Command, name: str) -> None:
+def test_two_outputs_are_never_one_file(folder, tirelog, name):
     (folder / "made").mkdir()
     (folder / "same").symlink_to("made")
     (folder / "p_link").symlink_to("p.png")
     (folder / "m").write_text("")
     before = sorted(folder.rglob("*"))
-    outcome = tirelog(f"{TWO_OUTPUTS[name]} --format csv")
-    assert outcome.status == 2, outcome.err
-    assert "is given for two outputs" in outcome.err
+    tirelog(f"{TWO_OUTPUTS[name]} --format csv").refused("is given for two outputs")
     assert sorted(folder.rglob("*")) == before
 
 
-def test_two_outputs_may_both_go_nowhere(folder: Path, tirelog: Command) -> None:
+def test_two_outputs_may_both_go_nowhere(folder, tirelog):
     outcome = tirelog("phase-shift", "log.csv", "-o", "/dev/null", "--calibrate", "/dev/null")
     assert "two outputs" not in outcome.err
 
 
-def test_a_new_model_takes_no_setup_s_place(folder: Path, tirelog: Command) -> None:
+def test_a_new_model_takes_no_setup_s_place(folder, tirelog):
     setup = (folder / "log.toml").read_text()
-    outcome = tirelog("model", "new", "-o", "log.toml")
-    assert outcome.status == 2
-    assert "is no model file" in outcome.err
+    tirelog("model", "new", "-o", "log.toml").refused("is no model file")
     assert (folder / "log.toml").read_text() == setup
     for _ in range(2):  # a model may be replaced
         assert tirelog("model", "new", "-o", "beam.toml").status == 0
 
 
-def test_an_unreadable_log_leaves_the_older_table(folder: Path, tirelog: Command) -> None:
+def test_an_unreadable_log_leaves_the_older_table(folder, tirelog):
     assert tirelog("speed", "log.csv", "-o", "t.csv").status == 0
     assert tirelog("tables", "log.csv", "-o", "made", "--table", "speed").status == 0
     table = (folder / "t.csv").read_bytes()
@@ -125,24 +118,22 @@ def test_an_unreadable_log_leaves_the_older_table(folder: Path, tirelog: Command
         ["speed", "log.csv", "-o", "t.csv"],
         ["tables", "log.csv", "-o", "made", "--table", "speed"],
     ):
-        outcome = tirelog(*arguments)
-        assert outcome.status == 4, outcome.err
+        outcome = tirelog(*arguments).ended(4)
         assert outcome.out == ""
     assert (folder / "t.csv").read_bytes() == table == (folder / "made" / "speed.csv").read_bytes()
     assert tirelog("speed", "log.csv", "-o", "new.csv").status == 4
     assert not (folder / "new.csv").exists()
 
 
-def test_a_log_that_cannot_be_read_does_not_stop_the_others(folder: Path, tirelog: Command) -> None:
+def test_a_log_that_cannot_be_read_does_not_stop_the_others(folder, tirelog):
     (folder / "bad.csv").write_bytes(b"")
-    outcome = tirelog("speed nope.csv bad.csv log.csv --setup log.toml")
-    assert outcome.status == 3
-    assert "error: nope.csv: cannot be read (No such file or directory)" in outcome.err
-    assert "error: bad.csv: is empty" in outcome.err
+    outcome = tirelog("speed nope.csv bad.csv log.csv --setup log.toml").ended(
+        3, "error: nope.csv: cannot be read (No such file or directory)", "error: bad.csv: is empty"
+    )
     assert outcome.out.splitlines()[1].startswith("log.csv,strain_1,0,")
 
 
-def test_credentials_are_in_no_message(folder: Path, tirelog: Command) -> None:
+def test_credentials_are_in_no_message(folder, tirelog):
     outcome = tirelog(
         "speed 'nosuch://me:s3cr3t@host/a.csv?X-Amz-Signature=s3cr3t' --setup log.toml"
     )
@@ -153,7 +144,7 @@ def test_credentials_are_in_no_message(folder: Path, tirelog: Command) -> None:
 
 @pytest.mark.filterwarnings("default")  # the tests' own rule would make an error of it
 def test_a_library_s_warning_is_no_message(folder, tirelog, monkeypatch):
-    def warns(*_: object) -> None:
+    def warns(*_):
         warnings.warn("overflow encountered", RuntimeWarning, stacklevel=1)
 
     shown: list[object] = []

@@ -1,6 +1,4 @@
-"""Property: a model is edited in its place, whole and only if nothing failed; what else a command
-reads is never written over.
-"""
+"""Property: a model is edited in its place, whole; nothing else that is read is written."""
 
 import gzip
 import re
@@ -10,14 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import Command
 from tirelog.physics.model.file import load_model
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
 
 @pytest.fixture
-def model(folder: Path, tirelog: Command) -> Path:
+def model(folder, tirelog):
     """A model beside a log of eighty revolutions."""
     with gzip.open(SAMPLES / "hidden_1.csv.gz", "rt") as log:
         (folder / "log.csv").write_text("".join(islice(log, 25_000)))
@@ -26,7 +23,7 @@ def model(folder: Path, tirelog: Command) -> Path:
     return folder / "m.toml"
 
 
-def test_an_edited_model_may_keep_its_name(model: Path, tirelog: Command) -> None:
+def test_an_edited_model_may_keep_its_name(model, tirelog):
     assert tirelog("model", "add", "m.toml", "wear", "-o", "m.toml").status == 0
     assert 'name = "wear"' in model.read_text()
     assert tirelog("model", "remove", "m.toml", "wear", "-o", "./m.toml").status == 0
@@ -35,8 +32,7 @@ def test_an_edited_model_may_keep_its_name(model: Path, tirelog: Command) -> Non
     assert tirelog("model", "set", "linked.toml", "wheel=on").status == 0
     assert 'wheel = "on"' in model.read_text()
     before = model.read_text()
-    outcome = tirelog("model", "fit", "log.csv", "--model", "m.toml", "-o", "m.toml")
-    assert outcome.status == 0, outcome.err
+    tirelog("model", "fit", "log.csv", "--model", "m.toml", "-o", "m.toml").ended(0)
     assert model.read_text() != before
     assert not list(model.parent.glob(".*.part"))
 
@@ -53,7 +49,7 @@ def test_an_edited_model_may_keep_its_name(model: Path, tirelog: Command) -> Non
         "fit log.csv log.csv --model m.toml -o m.toml",
     ],
 )
-def test_what_failed_leaves_the_model_as_it_was(model: Path, tirelog: Command, words: str) -> None:
+def test_what_failed_leaves_the_model_as_it_was(model, tirelog, words):
     whole = (SAMPLES / "hidden_2.csv.gz").read_bytes()
     (model.parent / "cut.csv.gz").write_bytes(whole[:200_000])
     shutil.copy(SAMPLES / "hidden_2.toml", model.parent / "cut.toml")
@@ -119,8 +115,6 @@ def test_a_change_is_read_back(model, tirelog, change, place, value, bare):
     ("change", "says"),
     [
         ("lever_arm=1", "nearest: lever_arm_m); list: `tirelog model show"),
-        ("lever_arm_m=0,001", "the decimal sign is a point: 0.001"),
-        ("lever_arm_m=3mm", "3 mm is 0.003 m"),
         ("lever_arm_m", "allowed are NAME=NUMBER"),
         ("lever_arm_m=9", "lies outside its bounds"),
         ("lever_arm_m=1:0", "min < max"),
@@ -130,7 +124,5 @@ def test_a_change_is_read_back(model, tirelog, change, place, value, bare):
 )
 def test_a_change_that_cannot_be_is_refused(model, tirelog, change, says):
     before = model.read_bytes()
-    done = tirelog("model", "set", "m.toml", "line_mass_kg_m=5", change)
-    assert done.status == 2
-    assert says in done.err
+    tirelog("model", "set", "m.toml", "line_mass_kg_m=5", change).refused(says)
     assert model.read_bytes() == before

@@ -1,9 +1,4 @@
-"""Property: every command that README.md and the pages show is taken, and runs on sample_data; what
-they show as its output has the words of its output (numbers are for the golden tests).
-
-What is not run, and why, stands in PARSED_ONLY; the parser must take these, too. A command that
-stands on several pages is run once.
-"""
+"""Property: every command of README.md and the pages runs on sample_data, as shown."""
 
 import gzip
 import io
@@ -11,7 +6,6 @@ import re
 import shlex
 import shutil
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -54,7 +48,7 @@ class Typed(NamedTuple):
     shown: str  # what a console block shows below it
 
 
-def typed() -> Iterator[Typed]:
+def typed():
     """Every line of the pages' blocks that a shell would take, with the folder it is typed in."""
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
@@ -74,7 +68,7 @@ def typed() -> Iterator[Typed]:
 ALL = list(typed())
 
 
-def own(line: str) -> list[str]:
+def own(line):
     """The tirelog commands in a line, which may be a pipe."""
     parts = [part.strip() for part in re.split(r"\||&&|;(?![^']*')", re.sub(r"'[^']*'", "Q", line))]
     for part in parts:
@@ -85,21 +79,21 @@ def own(line: str) -> list[str]:
 COMMANDS = list(dict.fromkeys((t.folder, c) for t in ALL for c in own(t.line)))
 
 
-def reason(words: str) -> str | None:
+def reason(words):
     """Why a command is not run; None if it is."""
     if PLACEHOLDER.search(words):
         return "a word in capitals stands for a name of one's own"
     return next((why for start, why in PARSED_ONLY.items() if words.startswith(start)), None)
 
 
-def parse(words: list[str]) -> None:
+def parse(words):
     """The parser takes the command; nothing is run."""
     one, rest = command_of(words)
     assert not hasattr(one, "commands"), words
     assert not one.make_context("tirelog", rest).args
 
 
-def test_the_pages_have_commands_and_the_list_of_those_not_run_is_of_use() -> None:
+def test_the_pages_have_commands_and_the_list_of_those_not_run_is_of_use():
     lines = [words for _, words in COMMANDS]
     assert len(lines) > 40
     assert len({line.split()[1] for line in lines}) > 12
@@ -113,7 +107,7 @@ def test_a_page_s_command_is_taken(folder, words, tmp_path, monkeypatch):
     parse(shlex.split(words)[1:])
 
 
-def test_every_command_in_a_sentence_exists() -> None:
+def test_every_command_in_a_sentence_exists():
     """Commands in running text may lack arguments; their names and options are there."""
     found = 0
     for page in PAGES:
@@ -164,7 +158,7 @@ def test_the_pages_run_from_top_to_bottom(tmp_path, monkeypatch, capfd):
     assert len(printed) > 25
 
 
-def standard_input(line: str) -> io.TextIOWrapper:
+def standard_input(line):
     """What the line's pipe brings: a file unpacked by gzip, or nothing."""
     packed = re.match(r"gzip -dc (\S+) \|", line)
     piped = io.BytesIO(gzip.decompress(Path(packed[1]).read_bytes()) if packed else b"")

@@ -1,11 +1,9 @@
 """Faults: a file that is given as another kind of file is called by its name, with what to type."""
 
 import re
-from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import Command
 from tests.cli.test_printed_commands import SCENARIO
 
 #: (command, the file and what it is, what is needed, what to do with it)
@@ -32,36 +30,31 @@ def test_a_file_in_the_wrong_role_is_named(folder, tirelog, words, role, use):
     (folder / "c.toml").write_text('[campaign]\noutput = "o"\n[[logs]]\nglob = "*.csv"\n')
     assert tirelog("model", "new", "--setup", "log.toml", "-o", "m.toml").status == 0
     outcome = tirelog(*words.split())
-    assert outcome.status == 2
-    assert f"{role} is needed here" in outcome.err
-    assert use in outcome.err
+    outcome.refused(f"{role} is needed here", use)
     assert len(outcome.err.split("error:")) == 2
 
 
-def test_who_has_no_model_is_told_what_makes_one(folder: Path, tirelog: Command) -> None:
-    outcome = tirelog("compare", "log.csv")
-    assert outcome.status == 2
+def test_who_has_no_model_is_told_what_makes_one(folder, tirelog):
+    outcome = tirelog("compare", "log.csv").ended(2)
     found = re.search(r"`tirelog (model new [^`]*)` makes a model", outcome.err)
     assert found
     words = found[1].replace("SETUP.toml", "log.toml").split()
     assert tirelog(*words).status == 0
 
 
-def test_a_setup_without_a_radius_is_named_by_its_file(folder: Path, tirelog: Command) -> None:
+def test_a_setup_without_a_radius_is_named_by_its_file(folder, tirelog):
     setup = (folder / "log.toml").read_text()
     lines = [line for line in setup.splitlines() if "radius" not in line]
     (folder / "log.toml").write_text("\n".join(lines))
-    outcome = tirelog("speed", "log.csv")
-    assert outcome.status == 2
-    assert "log.toml: the setup has no radius" in outcome.err
+    tirelog("speed", "log.csv").refused("log.toml: the setup has no radius")
     assert "file" not in tirelog("info", "log.csv").out.split("setup:")[-1]
 
 
-def test_passages_are_counted_as_they_are(folder: Path, tirelog: Command) -> None:
+def test_passages_are_counted_as_they_are(folder, tirelog):
     assert tirelog("model", "new", "--setup", "log.toml", "-o", "m.toml").status == 0
     rows = (folder / "log.csv").read_text().splitlines()
     (folder / "log.csv").write_text("\n".join(rows[:1200]) + "\n")
-    outcome = tirelog("compare", "log.csv", "--model", "m.toml")
-    assert outcome.status == 2
-    assert "3 passages in channel strain_1; at least 8 in a row are needed" in outcome.err
+    outcome = tirelog("compare", "log.csv", "--model", "m.toml").ended(
+        2, "3 passages in channel strain_1; at least 8 in a row are needed"
+    )
     assert "0 whole" not in outcome.err

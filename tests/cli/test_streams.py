@@ -10,14 +10,14 @@ from pathlib import Path
 import h5py
 import pytest
 
-from tests.cli.conftest import SETUP, Command, pulse_rows
+from tests.cli.conftest import SETUP, pulse_rows
 
 HEADER = "time_s,CH1,CH2\n"
 #: a busy machine may take so long [s] for what takes one second
 PATIENCE_S = 240
 
 
-def shell(line: str, **environment: str) -> subprocess.CompletedProcess[bytes]:
+def shell(line, **environment):
     """A command line whose `tirelog` is this one."""
     line = line.replace("tirelog", f"{sys.executable} -m tirelog")
     return subprocess.run(
@@ -44,13 +44,13 @@ def test_streams_that_are_closed_or_full(folder, line, status, words):
 
 
 @pytest.mark.parametrize("line", ["effects | true", "speed log.csv log.csv log.csv | head -1"])
-def test_a_reader_that_leaves_is_no_error(folder: Path, line: str) -> None:
+def test_a_reader_that_leaves_is_no_error(folder, line):
     done = shell(f"tirelog {line}; exit ${{PIPESTATUS[0]}}")
     assert done.returncode == 0
     assert b"rror" not in done.stderr
 
 
-def test_names_that_are_not_utf8(folder: Path) -> None:
+def test_names_that_are_not_utf8(folder):
     os.rename(folder / "log.csv", os.fsencode(folder) + b"/l\xf6g.csv")
     done = shell("tirelog info l*g.csv --setup log.toml", PYTHONIOENCODING="ascii", LC_ALL="C")
     assert done.returncode == 0, done.stderr
@@ -93,7 +93,7 @@ def test_what_stops_a_command_leaves_no_result(folder, words, how):
         assert sorted(path.name for path in folder.rglob("*")) == ["log.csv", "log.toml", "tmp"]
 
 
-def test_a_named_pipe_is_read_once(folder: Path) -> None:
+def test_a_named_pipe_is_read_once(folder):
     os.mkfifo(folder / "pipe")
     done = shell(f"cat log.csv > pipe & timeout {PATIENCE_S} tirelog info pipe --setup log.toml")
     assert done.returncode == 0, done.stderr
@@ -108,10 +108,9 @@ def test_a_named_pipe_is_read_once(folder: Path) -> None:
     assert done.stdout.startswith(b"pipe: hdf5")
 
 
-def test_what_cannot_be_read_is_no_failed_write(folder: Path, tirelog: Command) -> None:
+def test_what_cannot_be_read_is_no_failed_write(folder, tirelog):
     if not Path("/proc/self/mem").exists():
         pytest.skip("no such file here")
-    outcome = tirelog("info", "/proc/self/mem", "--setup", "log.toml")
-    assert outcome.status == 4
+    outcome = tirelog("info", "/proc/self/mem", "--setup", "log.toml").ended(4)
     said = "tirelog: error: /proc/self/mem: cannot be read (Input/output error)"
     assert outcome.err.startswith(said)

@@ -6,28 +6,27 @@ import pandas as pd
 import pytest
 
 import tirelog as tirelog_module
-from tests.cli.conftest import Command, pulse_rows
+from tests.cli.conftest import pulse_rows
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
 
-def between(table: pd.DataFrame, start: float, stop: float) -> pd.DataFrame:
+def between(table, start, stop):
     inside = (table["time_s"] >= start) & (table["time_s"] < stop)
     return table[inside].reset_index(drop=True)
 
 
 @pytest.mark.parametrize("name", ["speed", "footprint", "dissipation"])
-def test_a_stretch_is_a_part_of_the_table(folder: Path, tirelog: Command, name: str) -> None:
+def test_a_stretch_is_a_part_of_the_table(folder, tirelog, name):
     assert tirelog(name, "log.csv", "-o", "whole.csv").status == 0
-    done = tirelog(name, "log.csv", "--from", "1.2", "--to", "2.5", "-o", "part.csv")
-    assert done.status == 0, done.err
+    tirelog(name, "log.csv", "--from", "1.2", "--to", "2.5", "-o", "part.csv").ended(0)
     whole, part = pd.read_csv("whole.csv"), pd.read_csv("part.csv")
     assert 5 < len(part) < len(whole) - 5
     pd.testing.assert_frame_equal(part, between(whole, 1.2, 2.5), check_exact=True)
 
 
 @pytest.mark.parametrize("name", ["slip", "phase_shift", "strain_shift", "grip", "wheel_angle"])
-def test_a_notebook_has_the_same_stretch(name: str) -> None:
+def test_a_notebook_has_the_same_stretch(name):
     log = SAMPLES / ("cleat.csv.gz" if "strain" in name else "encoder.h5")
     log = SAMPLES / "drive.csv.gz" if name == "grip" else log
     function = getattr(tirelog_module, name)
@@ -38,9 +37,8 @@ def test_a_notebook_has_the_same_stretch(name: str) -> None:
     pd.testing.assert_frame_equal(part, between(whole, begin + 0.5, begin + 1.5), check_exact=True)
 
 
-def test_all_tables_of_a_stretch(folder: Path, tirelog: Command) -> None:
-    done = tirelog("tables", "log.csv", "-o", "made", "--from", "1", "--to", "2")
-    assert done.status == 0, done.err
+def test_all_tables_of_a_stretch(folder, tirelog):
+    tirelog("tables", "log.csv", "-o", "made", "--from", "1", "--to", "2").ended(0)
     for name in ("speed", "footprint", "dissipation"):
         whole = getattr(tirelog_module, name)("log.csv")
         part = pd.read_csv(f"made/{name}.csv")
@@ -48,12 +46,11 @@ def test_all_tables_of_a_stretch(folder: Path, tirelog: Command) -> None:
 
 
 @pytest.mark.parametrize("begin", ["2024-05-01T12:00:01", "2024-05-01 12:00:01.0", "12:00:01"])
-def test_a_stamp_is_a_moment_of_the_log(folder: Path, tirelog: Command, begin: str) -> None:
+def test_a_stamp_is_a_moment_of_the_log(folder, tirelog, begin):
     rows = [row.split(",", 1) for row in pulse_rows()]
     stamped = [f"2024-05-01T12:00:0{float(t):.4f},{rest}" for t, rest in rows]
     (folder / "log.csv").write_text("time_s,CH1,CH2\n" + "\n".join(stamped) + "\n")
-    by_stamp = tirelog("speed", "log.csv", "--from", begin, "--to", "2.5")
-    assert by_stamp.status == 0, by_stamp.err
+    by_stamp = tirelog("speed", "log.csv", "--from", begin, "--to", "2.5").ended(0)
     assert by_stamp.out == tirelog("speed", "log.csv", "--from", "1", "--to", "2.5").out
     if len(begin) > len("12:00:01"):  # with an offset from UTC it is of the log's clock too
         zoned = tirelog("speed", "log.csv", "--from", f"{begin}+02:00", "--to", "2.5")
@@ -65,7 +62,6 @@ def test_a_stamp_is_a_moment_of_the_log(folder: Path, tirelog: Command, begin: s
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ("speed log.csv --from 100", "no sample lies in --from 100; the log goes from 0 s"),
         ("speed log.csv --to=-1", "no sample lies in --to -1"),
         ("speed log.csv --from 3 --to 2", "no sample lies"),
         ("speed log.csv --from nan", "--from nan; allowed are seconds since"),
@@ -79,12 +75,10 @@ def test_a_stamp_is_a_moment_of_the_log(folder: Path, tirelog: Command, begin: s
 )
 def test_a_stretch_that_cannot_be_is_refused(folder, tirelog, words, says):
     done = tirelog(words)
-    assert done.status == 2
-    assert says in done.err
+    done.refused(says)
     assert done.out == ""
 
 
-def test_a_stretch_without_rows_is_an_empty_table(folder: Path, tirelog: Command) -> None:
-    done = tirelog("speed", "log.csv", "--from", "1", "--to", "1.0001")
-    assert done.status == 0
+def test_a_stretch_without_rows_is_an_empty_table(folder, tirelog):
+    done = tirelog("speed", "log.csv", "--from", "1", "--to", "1.0001").ended(0)
     assert done.out.count("\n") == 1

@@ -104,7 +104,7 @@ def test_what_takes_long_is_said_in_a_terminal(tirelog, folder, monkeypatch, wor
     said, open_lines = [], []
 
     @contextmanager
-    def line(*, shown: bool):
+    def line(*, shown):
         open_lines.append(shown)
         yield lambda text, *more: said.append(text)
         open_lines.pop()

@@ -1,8 +1,4 @@
-"""Property: who follows the how-tos for a condition, an observable and a table has them everywhere.
-
-The pages' own blocks are put into a copy of the package, in the files that they name and no others;
-a fresh process then uses the new condition, effect, observable and table.
-"""
+"""Property: who follows the how-tos for a condition, an observable and a table has them all."""
 
 import re
 import shutil
@@ -107,7 +103,7 @@ assert "## strain-range" in pages["tables_page"]() and "`--outside`" in pages["t
 """
 
 
-def follow(page: str, copy: Path) -> set[str]:
+def follow(page, copy):
     """Make the changes of a how-to in the copy; the files that it touched."""
     text = (ROOT / "docs" / "howto" / page).read_text(encoding="utf-8")
     touched = set()
@@ -125,9 +121,7 @@ def follow(page: str, copy: Path) -> set[str]:
     return touched
 
 
-def test_a_condition_with_its_effect_is_two_files_an_observable_and_a_table_are_three(
-    tmp_path: Path,
-) -> None:
+def test_a_condition_with_its_effect_is_two_files_an_observable_and_a_table_are_three(tmp_path):
     ignored = shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "tirelog", tmp_path / "tirelog", ignore=ignored)
     assert len(follow("condition.md", tmp_path)) == 2
@@ -138,7 +132,7 @@ def test_a_condition_with_its_effect_is_two_files_an_observable_and_a_table_are_
     python(script, folder=tmp_path, PYTHONPATH=str(tmp_path))
 
 
-def test_the_page_s_own_effect_is_read(tmp_path: Path) -> None:
+def test_the_page_s_own_effect_is_read(tmp_path):
     text = (ROOT / "docs" / "python_effects.md").read_text(encoding="utf-8")
     [code] = re.findall(r"^```python\n(from tirelog\.physics import.*?)^```$", text, re.M | re.S)
     (tmp_path / "mine.py").write_text(code)

@@ -1,15 +1,11 @@
-"""Faults: a setup or log that cannot be a tire's is refused, with what it probably is, before any
-command says anything.
-"""
+"""Faults: a setup or log that cannot be a tire's is refused with what it probably is."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.cli.conftest import Outcome
 from tirelog.cli import run
 from tirelog.data.setup import parse_setup
 from tirelog.errors import SetupError
@@ -46,7 +42,7 @@ RADIUS_M, SPEED_M_S, RATE_HZ = 0.305, 12.0, 1000.0
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     """A log of a grating that passes the patch once a turn at 12 m/s for 6 s."""
     time = np.arange(int(6 * RATE_HZ)) / RATE_HZ
     around = 2 * np.pi * RADIUS_M
@@ -59,41 +55,31 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def write(path: Path, table: np.ndarray, first: int = 0) -> str:
+def write(path, table, first=0):
     """The log of a table, its columns from the `first` on."""
     names = ",".join(["time_s", "wavelength", "pressure", "car", "load"][first:])
     np.savetxt(path, table[:, first:], "%.6f", ",", header=names, comments="")
     return str(path)
 
 
-Command = Callable[..., tuple[int, str, str]]
-
-
 @pytest.fixture
-def command(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> Command:
-    """(status, standard output, standard error) of a command on the log under a changed setup."""
+def command(folder, monkeypatch, capfd):
+    """The outcome of a command on the log under a changed setup."""
 
-    def call(
-        *words: str, log: str = "log.csv", old: str = "", new: str = ""
-    ) -> tuple[int, str, str]:
+    def call(*words, log="log.csv", old="", new=""):
         monkeypatch.chdir(folder)
         assert old in SETUP
         (folder / "log.toml").write_text(SETUP.replace(old, new, 1) if old else SETUP)
         capfd.readouterr()
-        status = run([*words, log, "--setup", "log.toml"])
-        out, err = capfd.readouterr()
-        return status, out, err
+        return Outcome(run([*words, log, "--setup", "log.toml"]), *capfd.readouterr())
 
     return call
 
 
-def test_a_plausible_log_is_only_read(command: Command) -> None:
-    status, out, err = command("speed")
-    assert status == 0
-    assert out.count(",ok\n") > 30
-    assert "median" not in err
+def test_a_plausible_log_is_only_read(command):
+    told = command("speed").ended(0)
+    assert told.out.count(",ok\n") > 30
+    assert "median" not in told.err
 
 
 TWIN = """
@@ -109,26 +95,19 @@ temperature_sensitivity_nm_K = 0.010
 
 
 @pytest.mark.parametrize("both", [False, True])
-def test_a_wrong_twin_is_told_before_the_strain_that_it_corrects(
-    command: Command, both: bool
-) -> None:
-    """The strain reads the twin's temperature, so with a wrong unit it reads nonsense that is none
-    of its own.
-    """
+def test_a_wrong_twin_is_told_before_the_strain_that_it_corrects(command, both):
+    """With a wrong unit of its twin the strain is nonsense that is none of its own."""
     unit = 'unit = "nm"\nreference_wavelength_nm = 1550.0\nsurface = "outer"'
     wrong = TWIN.replace('"nm"', '"pm"')
     own = unit.replace('"nm"', '"pm"') if both else unit
-    status, _, err = command("info", old=unit, new=own + wrong)
-    assert status == 2
-    assert "channel twin: wavelengths of 1.55 nm (median) against reference_wave" in err
-    assert 'write unit = "nm"' in err
-    assert "strain_1: wavelengths" not in err
+    said = "channel twin: wavelengths of 1.55 nm (median) against reference_wave"
+    told = command("info", old=unit, new=own + wrong).ended(2, said, 'write unit = "nm"')
+    assert "strain_1: wavelengths" not in told.err
 
 
-def test_a_run_of_it_is_not_written(command: Command, folder: Path) -> None:
-    status, _, err = command("ingest", "-o", "run.h5", old='unit = "nm"', new='unit = "pm"')
-    assert status == 2
-    assert 'write unit = "nm"' in err
+def test_a_run_of_it_is_not_written(command, folder):
+    wrong = command("ingest", "-o", "run.h5", old='unit = "nm"', new='unit = "pm"')
+    wrong.refused('write unit = "nm"')
     assert not (folder / "run.h5").exists()
 
 
@@ -209,7 +188,7 @@ DOUBTED = {
 
 
 @pytest.fixture(scope="module")
-def beam(tmp_path_factory: pytest.TempPathFactory) -> str:
+def beam(tmp_path_factory):
     model = ["--carcass", "beam", "--set", "load_N=3434", "--set", "radius_m=0.305"]
     path = str(tmp_path_factory.mktemp("model") / "beam.toml")
     assert run(["model", "new", *model, "-o", path, "--quiet"]) == 0
@@ -217,24 +196,19 @@ def beam(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_cannot_be_a_tire_s_is_refused_by_every_command(
-    case: str, command: Command, beam: str
-) -> None:
+def test_what_cannot_be_a_tire_s_is_refused_by_every_command(case, command, beam):
     """Each kind of input that once gave rows `ok` or a verdict."""
     old, new, *named = WRONG[case]
     for words in (["speed"], ["info"], ["setup", "check"], ["compare", "--model", beam], ["slip"]):
         status, out, err = command(*words, old=old, new=new)
-        assert status == 2, words
-        assert ",ok" not in out
-        assert ",implausible" not in out
-        for part in named:
-            assert part in out + err, words
+        assert (status, ",ok" in out, ",implausible" in out) == (2, False, False), words
+        assert [part for part in named if part not in out + err] == [], words
 
 
 @pytest.mark.parametrize("case", DOUBTED)
 def test_what_its_passages_contradict_has_no_ok_row_and_no_verdict(
-    case: str, command: Command, folder: Path, tmp_path: Path, beam: str
-) -> None:
+    case, command, folder, tmp_path, beam
+):
     old, new, factor, named = DOUBTED[case]
     log = "log.csv"
     if factor != 1:
@@ -248,9 +222,7 @@ def test_what_its_passages_contradict_has_no_ok_row_and_no_verdict(
     assert all("implausible" in row for row in rows)
     for words in (["setup", "check"], ["compare", "--model", beam], ["slip"]):
         status, out, err = command(*words, log=log, old=old, new=new)
-        assert status == 2, words
-        assert named in out + err, words
-        assert ",ok\n" not in out
+        assert (status, named in out + err, ",ok\n" in out) == (2, True, False), words
 
 
 @pytest.mark.parametrize(
@@ -261,69 +233,54 @@ def test_what_its_passages_contradict_has_no_ok_row_and_no_verdict(
         (WRONG["neighbour's reference"], "fbg_strain"),
     ],
 )
-def test_who_is_sure_says_so(command: Command, case: tuple[str, ...], name: str) -> None:
+def test_who_is_sure_says_so(command, case, name):
     sure = f'unusual = ["{name}"]'
-    err = command("speed", old=case[0], new=case[1])[2]
+    err = command("speed", old=case[0], new=case[1]).err
     assert f"if it is right, write {sure} under [log]" in err
     Path("log.toml").write_text(SETUP.replace(case[0], case[1], 1) + f"{sure}\n")
     assert run(["speed", "log.csv", "--quiet"]) == 0
 
 
-def test_an_unusual_quantity_has_a_known_name() -> None:
+def test_an_unusual_quantity_has_a_known_name():
     with pytest.raises(SetupError, match=r"unusual: no quantity is called 'load'"):
         parse_setup(SETUP + 'unusual = ["load"]\n')
 
 
 @pytest.mark.parametrize("name", ["speed", "footprint", "tables"])
-def test_a_swapped_surface_is_refused_by_all_tables(
-    command: Command, folder: Path, name: str
-) -> None:
+def test_a_swapped_surface_is_refused_by_all_tables(command, folder, name):
     more = ["-o", "out"] if name == "tables" else []
-    status, out, err = command(name, *more, old='"outer"', new='"inner"')
-    assert status == 2
-    assert "ok" not in out
-    assert "strain_1 shows a minimum, as the outer surface (groove) does in the patch" in err
-    assert 'write surface = "outer"' in err
+    said = "strain_1 shows a minimum, as the outer surface (groove) does in the patch"
+    told = command(name, *more, old='"outer"', new='"inner"')
+    assert "ok" not in told.ended(2, said, 'write surface = "outer"').out
 
 
-def test_a_cutoff_beyond_what_is_sampled(command: Command) -> None:
-    status, _, err = command("footprint", "--cutoff", "4000Hz")
-    assert status == 2
-    assert "--cutoff 4000Hz: channel strain_1 is sampled at 1000 Hz and holds nothing" in err
-    assert "above 500 Hz" in err
-    assert command("footprint", "--cutoff", "400Hz")[0] == 0
+def test_a_cutoff_beyond_what_is_sampled(command):
+    said = "--cutoff 4000Hz: channel strain_1 is sampled at 1000 Hz and holds nothing"
+    command("footprint", "--cutoff", "4000Hz").refused(said, "above 500 Hz")
+    command("footprint", "--cutoff", "400Hz").ended(0)
 
 
-def test_a_calibrated_radius_goes_with_the_unloaded_one(command: Command) -> None:
+def test_a_calibrated_radius_goes_with_the_unloaded_one(command):
     calibrate, old = ("speed", "--calibrate-radius"), "rolling_radius_m = 0.305\n"
-    assert command(*calibrate, old=old)[0] == 0
+    command(*calibrate, old=old).ended(0)
     old = f"unloaded_radius_m = 0.3126\n{old}"
-    status, out, err = command(*calibrate, old=old, new="unloaded_radius_m = 0.45\n")
-    assert status == 2
-    assert ",ok" not in out
-    assert "channel car: its speed over the wheel's gives a rolling radius of 0.305 m, 0.678" in err
-    assert "the unloaded radius of the setup, 0.45 m; allowed is 0.89 to 1.05" in err
+    told = command(*calibrate, old=old, new="unloaded_radius_m = 0.45\n").ended(
+        2,
+        "channel car: its speed over the wheel's gives a rolling radius of 0.305 m, 0.678",
+        "the unloaded radius of the setup, 0.45 m; allowed is 0.89 to 1.05",
+    )
+    assert ",ok" not in told.out
 
 
-def test_a_drive_is_no_inflation_test(command: Command) -> None:
-    status, out, err = command("inflation")
-    assert status == 2
-    assert ",ok" not in out
-    assert "no inflation test: the wheel turns, strain_1 passes the patch" in err
-
-
-def test_a_log_without_a_passage_says_so(command: Command, folder: Path) -> None:
+def test_a_log_without_a_passage_says_so(command, folder):
     table = np.loadtxt(folder / "log.csv", delimiter=",", skiprows=1)
     table[:, 1] = 1550.0 + 1e-4 * np.random.default_rng(1001).normal(size=len(table))
     write(folder / "still.csv", table)
-    status, _, err = command("speed", log="still.csv")
-    assert status == 0
-    assert "still.csv: strain_1: no passage of the patch in this log" in err
+    said = "still.csv: strain_1: no passage of the patch in this log"
+    command("speed", log="still.csv").ended(0, said)
 
 
-def test_a_speed_below_zero_is_no_speed_of_a_model(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_speed_below_zero_is_no_speed_of_a_model(folder, monkeypatch, capfd):
     monkeypatch.chdir(folder)
     assert run(["model", "new", "--preset", "P2", "-o", "beam.toml", "--quiet"]) == 0
     assert run(["model", "predict", "beam.toml", "--speed", "-5"]) == 2
@@ -340,9 +297,7 @@ def test_a_speed_below_zero_is_no_speed_of_a_model(
     ],
     ids=["bicycle", "truck", "aircraft", "farm"],
 )
-def test_tires_of_all_kinds_are_allowed(
-    load: float, pressure: float, unloaded: float, rolling: float, width: float
-) -> None:
+def test_tires_of_all_kinds_are_allowed(load, pressure, unloaded, rolling, width):
     values = {"3434.0": load, "width_m = 0.2": f"width_m = {width}", "2.2e5": pressure}
     text = SETUP
     for old, new in (values | {"0.3126": unloaded, "0.305": rolling}).items():

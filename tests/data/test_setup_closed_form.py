@@ -1,7 +1,5 @@
 """Closed form: a setup gives what stands in it, in SI, and belongs to the log that it is beside."""
 
-from pathlib import Path
-
 import pytest
 
 from tests.data.good_setup import GOOD
@@ -10,7 +8,7 @@ from tirelog.errors import SetupError
 from tirelog.runs.temporary import scaled_to_si
 
 
-def test_a_good_setup() -> None:
+def test_a_good_setup():
     setup = parse_setup(GOOD)
     assert list(setup.channels) == ["strain_1", "temp_1", "encoder"]
     assert setup.channels["strain_1"].window_nm == (1549.0, 1551.5)
@@ -29,22 +27,20 @@ def test_a_good_setup() -> None:
         ("temp_1", "nm", 1542.05, 5.0),
     ],
 )
-def test_a_wavelength_becomes_strain_or_temperature(
-    name: str, unit: str, recorded: float, value: float
-) -> None:
+def test_a_wavelength_becomes_strain_or_temperature(name, unit, recorded, value):
     setup = parse_setup(GOOD.replace('unit = "nm"', f'unit = "{unit}"'))
     factor, offset = scaled_to_si(setup.channels[name])
     assert factor * recorded + offset == pytest.approx(value, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", ["drive.toml", "drive.csv.toml"])
-def test_the_setup_beside_a_compressed_log(tmp_path: Path, name: str) -> None:
+def test_the_setup_beside_a_compressed_log(tmp_path, name):
     (tmp_path / name).write_text(GOOD)
     assert setup_beside(tmp_path / "drive.csv.gz") == tmp_path / name
     assert setup_beside(tmp_path / "other.csv") is None
 
 
-def test_the_road_of_a_log() -> None:
+def test_the_road_of_a_log():
     road = parse_setup(
         GOOD + '[road]\nkind = "cleat"\nheight_m = 0.01\nlength_m = 0.04\nposition_m = 12.5\n'
     ).road

@@ -1,7 +1,5 @@
 """Faults: a setup file that is wrong is refused: what is wrong, where, and what is allowed."""
 
-from pathlib import Path
-
 import pytest
 
 from tests.data.good_setup import GOOD
@@ -20,7 +18,6 @@ BAD = [
     ('surface = "inner"', 'surface = "iner"', 17, r"allowed are outer, inner"),
     ("[1549.0, 1551.5]", "[1551.5, 1549.0]", 18, r"pair \[low, high\]"),
     ('"temp_1"', '"temp_2"', 16, r"not another channel.*nearest: temp_1"),
-    ("[conditions]", "[condition]", 6, r"unknown key 'condition' in a setup.*nearest: conditions"),
     ("reference_wavelength_nm = 1550.0\n", "", 10, r"a grating needs its wavelength at rest"),
     ("driven = true", "driven = 1", 9, r"true or false"),
     # what is no tire's
@@ -37,28 +34,22 @@ BAD = [
 
 
 @pytest.mark.parametrize(("old", "new", "line", "message"), BAD)
-def test_a_bad_setup_is_refused_with_file_line_and_advice(
-    old: str, new: str, line: int, message: str
-) -> None:
+def test_a_bad_setup_is_refused_with_file_line_and_advice(old, new, line, message):
     with pytest.raises(SetupError, match=message) as caught:
         parse_setup(GOOD.replace(old, new, 1), "s.toml")
     assert caught.value.line == line
     assert str(caught.value).startswith(f"s.toml:{line}: ")
 
 
-def test_broken_toml_says_the_line(tmp_path: Path) -> None:
-    (tmp_path / "s.toml").write_text("[tire]\nname = \n")
-    with pytest.raises(SetupError, match="not TOML"):
-        load_setup(tmp_path / "s.toml")
-
-
-@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"x" * (2 << 20)])
-def test_what_is_no_setup_at_all(tmp_path: Path, content: bytes) -> None:
+@pytest.mark.parametrize(
+    ("content", "said"), [(b"\xff\xfe\x00", "is not UTF-8"), (b"x" * (2 << 20), "larger than")]
+)
+def test_what_is_no_setup_at_all(tmp_path, content, said):
     (tmp_path / "s.toml").write_bytes(content)
-    with pytest.raises(SetupError, match=r"UTF-8|larger than"):
+    with pytest.raises(SetupError, match=said):
         load_setup(tmp_path / "s.toml")
 
 
-def test_no_channels() -> None:
+def test_no_channels():
     with pytest.raises(SetupError, match="at least one"):
         parse_setup("[tire]\nname='x'\n")

@@ -30,12 +30,12 @@ DEFINITIONS = {
 }  # fmt: skip
 
 
-def test_every_unit_has_a_definition_here() -> None:
+def test_every_unit_has_a_definition_here():
     assert set(DEFINITIONS) == set(UNITS)
 
 
 @pytest.mark.parametrize("unit", DEFINITIONS)
-def test_unit_becomes_si(unit: str) -> None:
+def test_unit_becomes_si(unit):
     value, si = DEFINITIONS[unit]
     factor, offset = to_si(unit, UNITS[unit][0])
     assert factor * value + offset == pytest.approx(si, rel=1e-12)
@@ -47,20 +47,18 @@ SPELLINGS = {
 }  # fmt: skip
 
 
-def test_spellings() -> None:
+def test_spellings():
     """No unit of the table is a millipascal."""
     assert {written: canonical(written) for written in SPELLINGS} == SPELLINGS
 
 
-def test_unit_of_another_quantity_is_refused_with_what_is_allowed() -> None:
+def test_unit_of_another_quantity_is_refused_with_what_is_allowed():
     with pytest.raises(SetupError, match=r"'bar' is not one of m, mm, um, nm, pm"):
         to_si("bar", "length")
 
 
-def test_one_gravity() -> None:
-    """Models and estimators share one g; the catalogue's 9.81 is a scale with a name of its own;
-    the simulator keeps its own.
-    """
+def test_one_gravity():
+    """Models and estimators share one g."""
     found = {
         (file, node.value)
         for file, node in nodes()
@@ -87,5 +85,5 @@ def test_one_gravity() -> None:
         ("4.5", ""), ("on", ""), ("1:2", ""), ("5 furlongs", ""), ("1.2.3 m", ""), ("", ""),
     ],
 )  # fmt: skip
-def test_a_number_as_people_write_it_is_understood(text: str, means: str) -> None:
+def test_a_number_as_people_write_it_is_understood(text, means):
     assert likely_number(text) == means

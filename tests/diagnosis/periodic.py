@@ -89,12 +89,7 @@ def _spline(random: Random, half: float) -> Shape:
 
 
 SHAPES: Mapping[str, Callable[[Random, float], Shape]] = MappingProxyType(
-    {
-        "box": _box,
-        "asymmetric": _asymmetric,
-        "fourier": _fourier,
-        "spline": _spline,
-    }
+    {"box": _box, "asymmetric": _asymmetric, "fourier": _fourier, "spline": _spline}
 )
 
 
@@ -119,10 +114,7 @@ def drive(random: Random, manoeuvres: int, seconds: float) -> Array:
 def write_log(
     path: Path, seed: int, shape: str = "", *, manoeuvres: int = 7, seconds: float = 4.0
 ) -> str:
-    """The name of the shape of a log written at `path`, its setup beside it.
-
-    `shape`: one of SHAPES, by chance unless given.
-    """
+    """The name of the shape of a log written at `path`, its setup beside it."""
     random = np.random.default_rng(seed)
     name = shape or str(random.choice(list(SHAPES)))
     of_angle = SHAPES[name](random, random.uniform(0.15, 0.3))
@@ -165,10 +157,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
 def failures(
     folder: Path, carcass: str, log: str = "log.csv", commands: Iterable[str] = COMMANDS
 ) -> list[str]:
-    """What went wrong with each command on a log in the folder, with a fresh model.
-
-    A status other than 0, or an answer without its word.
-    """
+    """What went wrong with each command on a log in the folder, with a fresh model."""
     model, at = str(folder / "model.toml"), str(folder / log)
     setup = at.replace(".csv", ".toml")
     made = ["model", "new", "--carcass", carcass, "--setup", setup, "-o", model, "--quiet"]

@@ -1,8 +1,4 @@
-"""Closed form: what `compare` says of a beam with something planted: errors that rank models, a
-start that the physics does not compute, and the curve of an effect that is linear in its parameter.
-"""
-
-from __future__ import annotations
+"""Closed form: what `compare` says of a beam with something planted."""
 
 from dataclasses import replace
 
@@ -15,12 +11,10 @@ from tests.diagnosis.test_together_closed_form import F, R, several
 from tirelog.cli.pages import print_answer
 from tirelog.diagnosis.compare import compare, start
 from tirelog.diagnosis.results import effect_curves
-from tirelog.inference.base import Base
 from tirelog.inference.measured import MeasuredLogs
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.user_effects import effect_by_expression
 from tirelog.physics.spectral import Parameter
-from tirelog.vocabulary.arrays import FloatArray
 
 SIZE = 3e-5
 
@@ -29,11 +23,11 @@ LENGTH = MODEL.parameters["patch_half_length_m"]
 WRONG = MODEL.with_parameters({LENGTH.name: replace(LENGTH, value=1.3 * LENGTH.value).fixed()})
 
 
-def measured() -> MeasuredLogs:
+def measured():
     return MeasuredLogs([stack(manoeuvres=6, m=64)])
 
 
-def test_what_ranks_models_does_not_depend_on_them(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_ranks_models_does_not_depend_on_them(capsys):
     bad, good = (tirelog.compare(measured(), model) for model in (WRONG, MODEL))
     assert good.noise_floor_within == bad.noise_floor_within
     assert good.noise_floor_between != bad.noise_floor_between
@@ -47,7 +41,7 @@ def test_what_ranks_models_does_not_depend_on_them(capsys: pytest.CaptureFixture
     assert "do not rank models by excess" in page
 
 
-def test_errors_by_angle_add_up_to_that_of_all() -> None:
+def test_errors_by_angle_add_up_to_that_of_all():
     found = tirelog.compare(measured(), WRONG)
     of_angle = np.digitize(found.by_speed.phi_rad / found.half_angle_rad, [-1.5, -0.5, 0.5, 1.5])
     before, entry, patch, exit_, behind = np.bincount(of_angle, minlength=5).tolist()
@@ -58,7 +52,7 @@ def test_errors_by_angle_add_up_to_that_of_all() -> None:
     assert np.sqrt(whole) == pytest.approx(found.rmse)
 
 
-def test_models_are_ranked_on_the_same_logs_above_the_same_scatter() -> None:
+def test_models_are_ranked_on_the_same_logs_above_the_same_scatter():
     asked = tirelog.compare(measured(), WRONG, [MODEL])
     best, worse = asked.to_json()["ranking"]
     assert (best["free"], worse["free"]) == (worse["free"] + 1, best["free"] - 1)
@@ -71,7 +65,7 @@ def test_models_are_ranked_on_the_same_logs_above_the_same_scatter() -> None:
     assert tirelog.compare(measured(), WRONG).ranking == ()
 
 
-def test_several_observables_with_nothing_free_are_compared() -> None:
+def test_several_observables_with_nothing_free_are_compared():
     names = ("strain", "radial_acceleration")
     model = Model.new("beam", names, radius_m=R, load_N=F)
     held = model.with_parameters({name: p.fixed() for name, p in model.parameters.items()})
@@ -80,7 +74,7 @@ def test_several_observables_with_nothing_free_are_compared() -> None:
     assert min(part.rmse for part in found.parts) > 0.0
 
 
-def test_a_start_beyond_its_critical_speed_is_fitted() -> None:
+def test_a_start_beyond_its_critical_speed_is_fitted():
     """0.1 N m^2 on 1e5 N/m^2 carry no steady wave above 6.7 m/s; the log goes up to 24 m/s."""
     names = ("flexural_stiffness_N_m2", "foundation_stiffness_N_m2")
     free = {name: replace(MODEL.parameters[name], free=True) for name in names}
@@ -89,11 +83,11 @@ def test_a_start_beyond_its_critical_speed_is_fitted() -> None:
     assert found.rmse == pytest.approx(found.noise_floor, rel=0.05)
 
 
-def hump(xi: FloatArray, speed: FloatArray) -> FloatArray:
+def hump(xi, speed):
     return (speed / 20.0) * np.exp(-(((xi - 0.1) / 0.02) ** 2))
 
 
-def planted(*names: str, size: float = SIZE) -> Base:
+def planted(*names, size=SIZE):
     """A fit of humps to a log with one planted."""
     text = "A * (speed / 20) * exp(-((xi - 0.1) / 0.02) * ((xi - 0.1) / 0.02))"
     model, number = MODEL, Parameter("A", "1", "size", 1e-5, -1e-3, 1e-3, 1e-5)
@@ -102,7 +96,7 @@ def planted(*names: str, size: float = SIZE) -> Base:
     return start([stack(lambda xi, v: size * hump(xi, v), manoeuvres=9, m=96)], model)
 
 
-def test_the_curve_is_the_form_times_its_size_and_the_band_its_error() -> None:
+def test_the_curve_is_the_form_times_its_size_and_the_band_its_error():
     base = planted("hump")
     (curve,) = effect_curves(base, ["hump"])
     fitted = base.model.parameters["hump.A"]
@@ -120,14 +114,14 @@ def test_the_curve_is_the_form_times_its_size_and_the_band_its_error() -> None:
     assert np.abs(curve.measured).max() == pytest.approx(SIZE * form.max(), rel=0.1)
 
 
-def test_what_the_data_do_not_tell_has_no_band() -> None:
+def test_what_the_data_do_not_tell_has_no_band():
     base = planted("hump", "twin")
     curves = effect_curves(base, ["hump", "twin"])
     assert [curve.effect for curve in curves] == ["hump", "twin"]
     assert all(np.isnan(curve.error).all() for curve in curves)
 
 
-def test_a_model_without_it_that_cannot_be_computed_has_no_curve() -> None:
+def test_a_model_without_it_that_cannot_be_computed_has_no_curve():
     base = planted("hump", size=0.0)
     lone = replace(base, fit=replace(base.fit, model=MODEL))
     assert effect_curves(lone, ["hump"]) == []

@@ -8,7 +8,6 @@ import pytest
 
 from benchmarks.cases import Case, case
 from tests.diagnosis.toy import phase_shifts, stack
-from tirelog.data.recording import Stack
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.errors import ModelError, OutputError, UsageError
 from tirelog.inference.stacks.cut import Stacks, stacks_from_logs
@@ -94,7 +93,7 @@ def test_no_folder_for_what_is_put_aside(monkeypatch, tmp_path):
         Stacks(in_memory=0).add("log", [stack(1)])
 
 
-def by_load() -> Stack:
+def by_load():
     """Phase shifts [rad] that follow the load, which is measured, and nothing else."""
     drive = {"load_N": (3000.0, 4000.0), "acceleration_m_s2": (-3.0, 3.0)}
     return phase_shifts(5, 12, 6, lambda one: 0.03 * (one.load_N / 3500.0 - 1.0), 1e-3, **drive)

@@ -1,9 +1,4 @@
-"""Property: a fit finds the truth within its errors, from several logs and channels, and says what
-cannot be known.
-
-The truth is the beam's four roots (no formula of the package) plus noise. Fits are those of
-`model fit`, which are those of `compare`.
-"""
+"""Property: a fit finds the truth within its errors, and says what cannot be known."""
 
 from dataclasses import replace
 
@@ -238,9 +233,7 @@ def test_scatter_of_the_load_is_learnt_and_the_errors_hold(waves):
 
 
 def test_a_spoilt_revolution_is_in_the_errors(waves):
-    """One revolution in eighty of another tire, such as a passage cut wrongly at standstill: the
-    parameters stay within their errors, which grow.
-    """
+    """One revolution in eighty of another tire, such as a passage cut at standstill."""
     stack = measured(waves, 1500, repeats=16)
     values = stack.values.copy()
     values[7] = 0.5 * np.roll(values[7], 5)

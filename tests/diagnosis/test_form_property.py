@@ -1,8 +1,4 @@
-"""Property: the form of a tire is read out of its log, and an effect is named beside it.
-
-The truth is a belt whose every wave answers by its own stiffness, under a pressure (1 - u^6) that
-no series of the model holds: Fourier sums on 2048 points, none of the package's code.
-"""
+"""Property: the form of a tire is read out of its log, and an effect is named beside it."""
 
 from __future__ import annotations
 
@@ -16,7 +12,6 @@ import pytest
 import tirelog
 from tests.diagnosis.toy import done
 from tirelog.cli import run
-from tirelog.vocabulary.arrays import FloatArray
 
 pytestmark = pytest.mark.xdist_group("form")  # one worker makes what these tests share
 
@@ -26,22 +21,18 @@ LOAD_PER_G = 0.22
 FILM, FILM_LENGTH = 0.12, 0.4
 
 
-def pressure(xi_m: FloatArray, half_m: float) -> FloatArray:
+def pressure(xi_m, half_m):
     """Pressure over its mean on the patch, flat in the middle."""
     u = xi_m / half_m
     return np.where(np.abs(u) < 1.0, (1.0 - u**6) * 7.0 / 6.0, 0.0)
 
 
-def parabola(xi_m: FloatArray, half_m: float) -> FloatArray:
+def parabola(xi_m, half_m):
     return 1.5 * np.maximum(1.0 - (xi_m / half_m) ** 2, 0.0)
 
 
-def strain(speed: float, load_N: float, by_load: float = 0.0, film: float = 0.0) -> FloatArray:
-    """Strain around the wheel from angle -pi on, (POINTS,).
-
-    `by_load`: how much more of the flat pressure the patch has per relative change of the load;
-    `film`: height of a wedge of water ahead of the patch at 20 m/s, over the mean pressure.
-    """
+def strain(speed, load_N, by_load=0.0, film=0.0):
+    """Strain around the wheel from angle -pi on, (POINTS,)."""
     step = 2.0 * np.pi * RADIUS_M / POINTS
     half = HALF_M * np.sqrt(load_N / LOAD_N)
     within = (np.arange(16) + 0.5) / 16 - 0.5  # the edges fall between points
@@ -56,14 +47,7 @@ def strain(speed: float, load_N: float, by_load: float = 0.0, film: float = 0.0)
     return -3e-4 * np.fft.fftshift(np.fft.irfft(modes * q**2, POINTS))
 
 
-def write_log(
-    path: Path,
-    seed: int,
-    load_per_g: float,
-    load_N: float = LOAD_N,
-    by_load: float = 0.0,
-    film: float = 0.0,
-) -> Path:
+def write_log(path, seed, load_per_g, load_N=LOAD_N, by_load=0.0, film=0.0):
     """A log of a drive with five cruises, and its setup beside it."""
     rng = np.random.default_rng(seed)
     targets = rng.permutation([9.0, 12.0, 15.0, 18.0, 21.0]) + rng.uniform(-0.5, 0.5, 5)
@@ -98,7 +82,7 @@ def write_log(
     return path
 
 
-def model_of(folder: Path) -> str:
+def model_of(folder):
     """The path of a new model of a beam for the logs of a folder."""
     model = str(folder / "beam.toml")
     done("model", "new", "--setup", folder / "l11.toml", "-o", model)
@@ -106,13 +90,13 @@ def model_of(folder: Path) -> str:
     return model
 
 
-def measured(folder: Path, load_per_g: float) -> tuple[list[str], str]:
+def measured(folder, load_per_g):
     """The paths of two logs and of a new model of a beam."""
     logs = [str(write_log(folder / f"l{seed}.csv", seed, load_per_g)) for seed in (11, 12)]
     return logs, model_of(folder)
 
 
-def of_two_loads(folder: Path, film: float = 0.0) -> tuple[list[str], str]:
+def of_two_loads(folder, film=0.0):
     """The same under two loads, which the pressure follows."""
     logs = [
         str(write_log(folder / f"l{seed}.csv", seed, 0.0, share * LOAD_N, 2.5, film))
@@ -121,7 +105,7 @@ def of_two_loads(folder: Path, film: float = 0.0) -> tuple[list[str], str]:
     return logs, model_of(folder)
 
 
-def form(folder: Path, logs: list[str], model: str) -> tuple[Any, Any]:
+def form(folder, logs, model):
     """The rows that `form` writes of the contact pressure, and of the stiffness."""
     done("form", *logs, "--model", model, "-o", folder / "form.csv")
     rows = np.genfromtxt(
@@ -133,11 +117,11 @@ def form(folder: Path, logs: list[str], model: str) -> tuple[Any, Any]:
 
 
 @pytest.fixture(scope="module")
-def bare(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], str]:
+def bare(tmp_path_factory):
     return measured(tmp_path_factory.mktemp("bare"), 0.0)
 
 
-def test_the_pressure_is_that_of_the_truth(bare: tuple[list[str], str], tmp_path: Path) -> None:
+def test_the_pressure_is_that_of_the_truth(bare, tmp_path):
     own, waves = form(tmp_path, *bare)
     mean = LOAD_N / (2.0 * HALF_M)
     missed = own["contact_pressure_N_m"] / mean - pressure(own["xi_m"], HALF_M)
@@ -151,7 +135,7 @@ def test_the_pressure_is_that_of_the_truth(bare: tuple[list[str], str], tmp_path
     assert np.abs(waves["stiffness_N_m2"] / truth - 1.0).max() < 0.1
 
 
-def answer_json(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
+def answer_json(capsys, *arguments):
     """What a command answers as JSON."""
     capsys.readouterr()
     assert run([*arguments, "--format", "json", "--quiet"]) == 0
@@ -160,9 +144,7 @@ def answer_json(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str
 
 
 @pytest.mark.slow
-def test_a_fit_has_the_form_that_compare_reports(
-    bare: tuple[list[str], str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_fit_has_the_form_that_compare_reports(bare, tmp_path, capsys):
     logs, model = bare
     fitted = str(tmp_path / "fitted.toml")
     before = answer_json(capsys, "compare", *logs, "--model", model)
@@ -189,7 +171,7 @@ def test_a_fit_has_the_form_that_compare_reports(
     assert "pressure_2" not in Path(fitted).read_text(encoding="utf-8")
 
 
-def test_a_form_that_is_on_is_fitted(bare: tuple[list[str], str], tmp_path: Path) -> None:
+def test_a_form_that_is_on_is_fitted(bare, tmp_path):
     logs, model = bare
     asked = str(tmp_path / "on.toml")
     done("model", "set", model, "form=on", "-o", asked)
@@ -200,7 +182,7 @@ def test_a_form_that_is_on_is_fitted(bare: tuple[list[str], str], tmp_path: Path
 
 
 @pytest.mark.slow
-def test_a_form_is_no_missing_effect(bare: tuple[list[str], str]) -> None:
+def test_a_form_is_no_missing_effect(bare):
     logs, path = bare
     model = tirelog.load_model(path)
     found = tirelog.measure(logs, model)
@@ -217,9 +199,7 @@ def test_a_form_is_no_missing_effect(bare: tuple[list[str], str]) -> None:
 
 
 @pytest.mark.slow
-def test_what_follows_the_drive_is_named_beside_the_form(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_follows_the_drive_is_named_beside_the_form(tmp_path, capsys):
     logs, model = measured(tmp_path, LOAD_PER_G)
     answer = answer_json(capsys, "diagnose", *logs, "--model", model)
     assert (answer["verdict"], answer["selected"]) == ("missing", ["load_transfer"])
@@ -230,7 +210,7 @@ def test_what_follows_the_drive_is_named_beside_the_form(
 
 
 @pytest.mark.slow
-def test_a_form_may_follow_the_load(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_form_may_follow_the_load(tmp_path, capsys):
     """Two logs of two loads: no effect is named, and the pressure at their mean is read."""
     logs, model = of_two_loads(tmp_path)
     answer = answer_json(capsys, "diagnose", *logs, "--model", model)
@@ -242,9 +222,7 @@ def test_a_form_may_follow_the_load(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.slow
-def test_an_effect_that_a_form_has_learnt_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_effect_that_a_form_has_learnt_is_named(tmp_path, capsys):
     """Beside a form that was fitted without it, slopes show another effect in its place."""
     logs, model = of_two_loads(tmp_path, FILM)
     answer = answer_json(capsys, "diagnose", *logs, "--model", model)
@@ -255,7 +233,7 @@ def test_an_effect_that_a_form_has_learnt_is_named(
     assert strengths == pytest.approx({"amplitude": FILM, "length": FILM_LENGTH}, rel=0.1)
 
 
-def test_a_number_per_revolution_has_no_form(bare: tuple[list[str], str], tmp_path: Path) -> None:
+def test_a_number_per_revolution_has_no_form(bare, tmp_path):
     lengths = str(tmp_path / "lengths.toml")
     done("model", "new", "--observable", "patch_length", "-o", lengths)
     assert run(["form", *bare[0], "--model", lengths]) == 2

@@ -1,18 +1,13 @@
-"""Closed form: several gratings of one tire in one fit.
-
-The waveforms are the model's own, with noise: what is asked is the arithmetic of a fit to several
-gratings, and whose a shape is.
-"""
+"""Closed form: several gratings of one tire in one fit."""
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tests.diagnosis.toy import stack_of
-from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
+from tirelog.data.recording import Channel, Conditions, Recording, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.compare import comparison_of, measured_pieces, start_from
 from tirelog.diagnosis.fitted import FitOfLogs, fit_channels_measured
@@ -35,7 +30,6 @@ from tirelog.inference.measured import measured_gratings, several_channels
 from tirelog.inference.stacks.cut import Stacks, places_of
 from tirelog.physics import Model
 from tirelog.simulation import scenario_of, simulate, to_recording
-from tirelog.vocabulary.arrays import FloatArray
 
 R, F, M, NOISE = 0.3126, 3600.0, 96, 2e-6
 PHI = (np.arange(M) + 0.5) * 2 * np.pi / M - np.pi
@@ -51,17 +45,9 @@ MODEL = TRUTH.with_parameters(
         for name in ("flexural_stiffness_N_m2", "foundation_stiffness_N_m2")
     }
 ).with_values({"lever_arm_m": 4.0e-4})
-#: strain at angles of the road [rad], of a grating at a place, with a lever arm of that ratio
-Added = Callable[[FloatArray, float, float], FloatArray]
 
 
-def grating(
-    number: int,
-    truth: Model = TRUTH,
-    added: Added | None = None,
-    place: float = 0.0,
-    grows: Callable[[FloatArray], FloatArray] | None = None,
-) -> Stack:
+def grating(number, truth=TRUTH, added=None, place=0.0, grows=None):
     """Ten manoeuvres at a speed each; `added` strain of the road's and of the wheel's angle."""
     rng = np.random.default_rng([5, number])
     which = np.repeat(np.arange(SPEEDS.size), 5)
@@ -86,11 +72,7 @@ def grating(
     )
 
 
-def three(
-    *added: Added | None,
-    truths: tuple[Model, ...] = (TRUTH,) * 3,
-    grows: Callable[[FloatArray], FloatArray] | None = None,
-) -> list[list[Stack]]:
+def three(*added, truths=(TRUTH,) * 3, grows=None):
     """Three gratings; what is added to each, or one thing to all, and how it grows with speed."""
     each = added * 3 if len(added) == 1 else added or (None,) * 3
     return [
@@ -99,28 +81,28 @@ def three(
     ]
 
 
-def fitted(stacks: list[list[Stack]], model: Model = MODEL) -> JointBase:
+def fitted(stacks, model=MODEL):
     base = start_from(measured_pieces(stacks), model, several=False)
     assert isinstance(base, JointBase)
     return base
 
 
-def bump(at: float, size: float = 8e-6, width: float = 0.15) -> Added:
+def bump(at, size=8e-06, width=0.15):
     """A bending of the belt at an angle of the road, far from the patch."""
 
-    def shape(phi: FloatArray, place: float, ratio: float) -> FloatArray:
+    def shape(phi, place, ratio):
         off = np.angle(np.exp(1j * (phi - at)))
         return np.asarray(ratio * size * np.exp(-0.5 * (off / width) ** 2))
 
     return shape
 
 
-def splice(phi: FloatArray, place: float, ratio: float) -> FloatArray:
+def splice(phi, place, ratio):
     """The same fixed to the wheel, and narrower than the nodes of free shapes are apart."""
     return bump(2.0, 4e-5, 0.1)(phi + place, 0.0, ratio)
 
 
-def run_out(phi: FloatArray, place: float, ratio: float) -> FloatArray:
+def run_out(phi, place, ratio):
     return 2e-5 * np.cos(phi + place - 0.7)
 
 
@@ -168,7 +150,7 @@ def test_run_out_is_one_wave_that_each_grating_sees_from_its_place():
     assert other.reduced_chi2 > 3.0 * base.reduced_chi2
 
 
-def as_square_of_speed(speed: FloatArray) -> FloatArray:
+def as_square_of_speed(speed):
     """Nothing on average."""
     return np.asarray(speed**2 / np.mean(SPEEDS**2) - 1.0)
 
@@ -246,7 +228,7 @@ def test_of_many_gratings_those_at_the_most_distant_angles_are_searched():
 # ---- where they stand ---------------------------------------------------------------------------
 
 
-def recording(**angles: float | None) -> Recording:
+def recording(**angles):
     """A log with gratings, whose setup tells some of their angles."""
     text = "[tire]\nrolling_radius_m = 0.3\n"
     for name, angle in angles.items():
@@ -276,7 +258,7 @@ def test_channels_as_they_are_typed():
 
 
 @pytest.fixture(scope="module")
-def driven() -> Recording:
+def driven():
     """A simulated log with gratings at 20 and 150.5 degrees."""
     channels = {
         f"g{i + 1}": {

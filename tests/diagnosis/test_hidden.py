@@ -1,7 +1,5 @@
 """Property: planted effects are named, from the scenario to the verdict; a small part of the
-self-test. Nulls, twins and ladders of the sample logs are goldens.
-
-The truth is solved apart from the models.
+self-test.
 """
 
 import json
@@ -61,10 +59,7 @@ def test_a_hidden_effect_is_named_and_the_error_falls_to_the_floor(model):
 def test_a_baseline_that_follows_a_measured_temperature_is_named(
     model, seed, drift, warming, verdict, selected
 ):
-    """One number along the temperature comes before a drift, which has many along the log.
-
-    Also where the drift is needed beside it: patch and stiffness move as the tire warms.
-    """
+    """One number along the temperature comes before a drift, which has many along the log."""
     tables = tomllib.loads((SAMPLES / "scenarios" / "thermal_drift.toml").read_text())
     tables["effects"][0]["drift"] = drift
     tables["nuisances"] = {"warming": warming} if warming else {}

@@ -1,27 +1,18 @@
-"""Property: hum of the supply goes, what repeats with the wheel stays, and nothing else is taken.
-
-The waveform, its speeds and the hum are made here, revolution by revolution, without the package's
-simulator.
-"""
-
-from __future__ import annotations
+"""Property: hum of the supply goes, what repeats with the wheel stays, nothing else is taken."""
 
 import tracemalloc
-from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.diagnosis.toy import stack_of
-from tirelog.data.recording import Conditions, Stack
+from tirelog.data.recording import Conditions
 from tirelog.inference.stacks.hum import lines_said, without_hum
 
 RADIUS, BINS, NOISE = 0.3, 64, 1e-6
 
 
-def a_stack(
-    hum: float = 0.0, frequency: float = 50.0, wander: float = 0.0, seed: int = 1
-) -> tuple[Stack, Any, Any]:
+def a_stack(hum=0.0, frequency=50.0, wander=0.0, seed=1):
     """(stack, times (n, m), waveforms without hum): 12 s at 10 turns a second, then faster."""
     random = np.random.default_rng(seed)
     rate = np.concatenate([np.full(120, 10.0), np.linspace(10.0, 13.0, 150), np.full(80, 13.07)])

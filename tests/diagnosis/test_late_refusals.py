@@ -73,7 +73,7 @@ def test_what_cannot_be_written_is_refused_first(
     assert sorted(folder.iterdir()) == before
 
 
-@pytest.mark.parametrize("command", ["compare", "diagnose", "ladder"])
+@pytest.mark.parametrize("command", ["compare", "diagnose", "ladder", "footprint"])
 @pytest.mark.usefixtures("no_work")
 def test_a_picture_without_matplotlib_is_refused_first(
     folder: Path, tirelog: Command, command: str, monkeypatch: pytest.MonkeyPatch
@@ -83,6 +83,7 @@ def test_a_picture_without_matplotlib_is_refused_first(
         util, "find_spec", lambda name, *more: None if name == "matplotlib" else found(name, *more)
     )
     log, model, plot = (str(folder / name) for name in ("log.csv", "m.toml", "x.png"))
-    result = tirelog(command, log, "--model", model, "--plot", plot)
+    models = [] if command == "footprint" else ["--model", model]
+    result = tirelog(command, log, *models, "--plot", plot)
     assert result.status == 2
     assert "--plot needs matplotlib" in result.err

@@ -1,6 +1,4 @@
-"""Closed form: the mean waveform of a cell follows the truth when samples lock to fixed angles,
-however close two bins' angles are.
-"""
+"""Closed form: means follow the truth when samples lock to fixed angles."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -14,15 +12,10 @@ from tirelog.inference.cells.pieces import one_waveform
 from tirelog.inference.floor import at_mean_speed
 from tirelog.inference.stacks.align import Samples, refine_passages
 from tirelog.physics.model.model import Model
-from tirelog.vocabulary.arrays import FloatArray
 
 
-def locked_revolutions(
-    seed: int, k: int = 75, m: int = 256, noise: float = 0.004
-) -> tuple[np.ndarray, ...]:
-    """Values, angles and counts (k, m): at a bin's edge on the flank nearly all samples lie to one
-    side, two of them to the other.
-    """
+def locked_revolutions(seed, k=75, m=256, noise=0.004):
+    """Values, angles, counts (k, m): nearly all samples lie to one side of a bin's edge."""
     random = np.random.default_rng(seed)
     width = 2.0 * np.pi / m
     grid = (np.arange(m) + 0.5) * width - np.pi
@@ -51,9 +44,7 @@ def test_two_bins_at_one_place_do_not_make_a_slope():
         assert np.abs(part.shift).max() < 1.3 * steepest
 
 
-def constant_wheel(
-    samples_per_turn: float, turns: int = 60, rate_Hz: float = 2500.0
-) -> tuple[FloatArray, FloatArray]:
+def constant_wheel(samples_per_turn, turns=60, rate_Hz=2500.0):
     """Values of a wheel at constant speed, and its passage times."""
     period = samples_per_turn / rate_Hz
     time = np.arange(int(turns * samples_per_turn)) / rate_Hz
@@ -62,7 +53,7 @@ def constant_wheel(
     return values, period * (0.3 + np.arange(turns))
 
 
-def toy_samples(values: FloatArray, rate_Hz: float = 2500.0) -> Samples:
+def toy_samples(values, rate_Hz=2500.0):
     return Samples(
         Channel.of_array("toy", "strain", values, TimeAxis.uniform(values.size, rate_Hz))
     )
@@ -89,12 +80,8 @@ def test_a_passage_with_half_of_its_front_lost_lies_on_the_course_of_the_others(
     assert np.ptp(error[max(0, wrong - 3) : wrong + 4]) < 5e-5
 
 
-def two_cruises(
-    samples: tuple[int, int], k: int = 40, m: int = 256
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Angles and counts (2 k, m) of two cruises whose turns have so many samples exactly, half a
-    sample apart at the start, and which of the revolutions are the first cruise's.
-    """
+def two_cruises(samples, k=40, m=256):
+    """Angles and counts (2 k, m) of two cruises half a sample apart, and which are the first's."""
     phi, count = np.zeros((2 * k, m)), np.zeros((2 * k, m), np.int64)
     first = np.arange(2 * k) < k
     for rows, number, start in ((first, samples[0], 0.25), (~first, samples[1], 0.75)):

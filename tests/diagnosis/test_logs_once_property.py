@@ -1,6 +1,4 @@
-"""Property: a log counts once in an answer, whatever its name and its packing; what logs share in
-part is said.
-"""
+"""Property: a log counts once, whatever its name and packing; shared parts are said."""
 
 import gzip
 from itertools import islice
@@ -8,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import Command, tirelog
+from tests.cli.conftest import tirelog
 
 pytestmark = pytest.mark.xdist_group("logs once")  # one worker makes what these tests share
 
@@ -20,7 +18,7 @@ _LINES = 25_000
 
 
 @pytest.fixture(scope="module")
-def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def logs(tmp_path_factory):
     """A folder with the begin of a log, its copies, half of it and another one; a model of them."""
     folder = tmp_path_factory.mktemp("once")
     setup = (SAMPLES / "hidden_1.toml").read_text()
@@ -40,13 +38,13 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def folder(logs: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(logs, monkeypatch):
     monkeypatch.chdir(logs)
     return logs
 
 
 @pytest.fixture
-def model(folder: Path, tirelog: Command) -> str:
+def model(folder, tirelog):
     if not (folder / "m.toml").exists():
         assert tirelog("model", "new", "--setup", "a.toml", "-o", "m.toml").status == 0
     return "m.toml"
@@ -63,15 +61,15 @@ POOLING = {
 
 
 @pytest.mark.parametrize("name", POOLING)
-def test_a_copy_of_a_log_is_refused(folder: Path, tirelog: Command, model: str, name: str) -> None:
-    outcome = tirelog(*POOLING[name], "a.csv", "packed.csv.gz")
-    assert outcome.status == 2
-    assert "packed.csv.gz: holds the same samples of strain_1 as a.csv" in outcome.err
+def test_a_copy_of_a_log_is_refused(folder, tirelog, model, name):
+    tirelog(*POOLING[name], "a.csv", "packed.csv.gz").refused(
+        "packed.csv.gz: holds the same samples of strain_1 as a.csv"
+    )
     assert not (folder / "fitted.toml").exists()
     assert not (folder / "page.html").exists()
 
 
-def test_logs_of_two_tires_are_noticed(folder: Path, tirelog: Command, model: str) -> None:
+def test_logs_of_two_tires_are_noticed(folder, tirelog, model):
     setup = (folder / "other.toml").read_text()
     (folder / "wider.toml").write_text(setup.replace("0.305", "0.295").replace("0.3126", "0.3"))
     (folder / "wider.csv").write_text((folder / "other.csv").read_text())
@@ -82,31 +80,27 @@ def test_logs_of_two_tires_are_noticed(folder: Path, tirelog: Command, model: st
 
 
 @pytest.mark.parametrize("again", ["a.csv", "./a.csv", "copy.csv", "run.h5"])
-def test_the_name_does_not_matter(folder: Path, tirelog: Command, model: str, again: str) -> None:
+def test_the_name_does_not_matter(folder, tirelog, model, again):
     if again == "run.h5":
         assert tirelog("ingest", "a.csv", "-o", "run.h5").status == 0
-    outcome = tirelog("compare", "a.csv", again, "--model", model)
-    assert outcome.status == 2
-    assert f"{again}: holds the same samples" in outcome.err
+    tirelog("compare", "a.csv", again, "--model", model).refused(f"{again}: holds the same samples")
 
 
-def test_a_stretch_of_another_log_is_said(folder: Path, tirelog: Command, model: str) -> None:
-    outcome = tirelog("compare", "a.csv", "half.csv", "--model", model, "--format", "json")
-    assert outcome.status == 0
-    assert "half.csv: 100 % of its samples are in a.csv too and count twice" in outcome.err
+def test_a_stretch_of_another_log_is_said(folder, tirelog, model):
+    outcome = tirelog("compare", "a.csv", "half.csv", "--model", model, "--format", "json").ended(
+        0, "half.csv: 100 % of its samples are in a.csv too and count twice"
+    )
     assert "half.csv: 100 % of its samples" in outcome.out
     outcome = tirelog("compare", "half.csv", "a.csv", "--model", model)
     assert "a.csv: 50 % of its samples are in half.csv too" in outcome.err
 
 
-def test_of_other_logs_nothing_is_said(folder: Path, tirelog: Command, model: str) -> None:
-    outcome = tirelog("compare", "a.csv", "other.csv", "--model", model)
-    assert outcome.status == 0
+def test_of_other_logs_nothing_is_said(folder, tirelog, model):
+    outcome = tirelog("compare", "a.csv", "other.csv", "--model", model).ended(0)
     assert "samples" not in outcome.err
 
 
-def test_a_table_says_that_its_rows_stand_twice(folder: Path, tirelog: Command) -> None:
-    outcome = tirelog("speed", "a.csv", "packed.csv.gz", "other.csv")
-    assert outcome.status == 0
+def test_a_table_says_that_its_rows_stand_twice(folder, tirelog):
+    outcome = tirelog("speed", "a.csv", "packed.csv.gz", "other.csv").ended(0)
     assert outcome.err.count("holds the same samples as") == 1
     assert "packed.csv.gz: holds the same samples as a.csv; their rows come twice" in outcome.err

@@ -11,7 +11,7 @@ from benchmarks.cases import Case, case
 from tests.diagnosis.test_transient_truth import scenario
 from tests.diagnosis.toy import stack
 from tirelog import runtime
-from tirelog.data.recording import Channel, Conditions, Stack
+from tirelog.data.recording import Channel, Conditions
 from tirelog.diagnosis.compare import compare
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.inference.cells.pieces import pieces_of, pieces_of_all
@@ -129,7 +129,7 @@ def test_stretches_do_not_know_of_the_processes_that_share_them(recordings, monk
         same(one, other)
 
 
-def driven(seed: int, **more) -> Stack:
+def driven(seed, **more):
     """Forty cruises at two speeds in turn."""
     made = stack(seed, manoeuvres=40, revolutions=10, **more)
     speed = np.where(made.manoeuvre % 2, 12.0, 17.0)
@@ -139,7 +139,7 @@ def driven(seed: int, **more) -> Stack:
     )
 
 
-def two_driven_logs() -> Stacks:
+def two_driven_logs():
     stacks = Stacks()
     for seed in (1, 2):
         made = driven(seed)

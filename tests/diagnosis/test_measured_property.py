@@ -1,6 +1,4 @@
-"""Property: every command gives the same number, by one door from logs to measured revolutions, and
-says what was set apart.
-"""
+"""Property: every command gives the same number by one door, and says what was set apart."""
 
 import gzip
 import json

@@ -10,11 +10,7 @@ from benchmarks.nuisance_worlds import CaseOf
 from tests.diagnosis.planted import diagnosed, simulated
 from tirelog.diagnosis import diagnose
 from tirelog.diagnosis.candidates.assessment import at_noise_floor
-from tirelog.diagnosis.candidates.nuisances import (
-    allowed_nuisances,
-    groups_of,
-    nuisances_found,
-)
+from tirelog.diagnosis.candidates.nuisances import allowed_nuisances, groups_of, nuisances_found
 from tirelog.diagnosis.candidates.search import search_effects
 from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.diagnose import conclude

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.toy import stack_of
-from tirelog.data.recording import Conditions, Stack
+from tirelog.data.recording import Conditions
 from tirelog.diagnosis.compare import compare
 from tirelog.errors import ModelError
 from tirelog.inference.nuisances import asked_for, freed
@@ -17,7 +17,7 @@ TRUE = {"patch_half_length_m": 0.06, "patch_load_exponent": 0.63, "patch_pressur
 LOADS, PRESSURES, NOISE = (2800.0, 3600.0, 4400.0), (1.6e5, 2.0e5, 2.4e5), 4e-4
 
 
-def lengths(seed: int) -> list[Stack]:
+def lengths(seed):
     """Nine logs of twenty revolutions, a load and a pressure each."""
     rng, stacks = np.random.default_rng(seed), []
     drives = [(load, pressure) for load in LOADS for pressure in PRESSURES]
@@ -35,7 +35,7 @@ def lengths(seed: int) -> list[Stack]:
     return stacks
 
 
-def law(*free: str) -> Model:
+def law(*free):
     """A beam of patch lengths in which these numbers are free."""
     model = Model.new("beam", "patch_length", reference_load_N=3600.0, reference_pressure_Pa=2.0e5)
     parameters = model.parameters

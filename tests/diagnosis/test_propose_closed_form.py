@@ -1,7 +1,5 @@
 """Closed form: what forms are worth beside a base, how laws are written, what hats interpolate."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -13,16 +11,15 @@ from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.propose.formulas import polished, scan, strengths
 from tirelog.diagnosis.propose.grammar import LAWS
 from tirelog.diagnosis.propose.ground import Ground, measured_shapes
-from tirelog.vocabulary.arrays import FloatArray
 
 
-def bump(xi: FloatArray, speed: FloatArray) -> FloatArray:
+def bump(xi, speed):
     """3e-5 (v/20)^2 at 2 rad of the wheel, 0.3 rad wide."""
     off = np.angle(np.exp(1j * (xi / 0.3 - 2.0)))
     return 3e-5 * (speed / 20.0) ** 2 * np.exp(-0.5 * (off / 0.3) ** 2)
 
 
-def test_polishing_finds_the_law_and_the_size_of_a_planted_bump() -> None:
+def test_polishing_finds_the_law_and_the_size_of_a_planted_bump():
     """What is proposed of a ringing, fitted and by command: `test_propose_property.py`."""
     ground = Ground(start([stack(bump, m=64)], MODEL))
     scanned = scan(ground)
@@ -50,14 +47,12 @@ def test_polishing_finds_the_law_and_the_size_of_a_planted_bump() -> None:
         (4, {"tau": 25.0, "n": 0.0}, ("tau",), "(1 - exp(-time / tau))"),
     ],
 )
-def test_a_law_is_written_without_what_is_one(
-    law: int, numbers: dict[str, float], free: tuple[str, ...], written: str
-) -> None:
+def test_a_law_is_written_without_what_is_one(law, numbers, free, written):
     text = LAWS[law].text.format(load="3500")
     assert replace(LAWS[law], text=text, numbers=numbers).written(free) == written
 
 
-def test_hats_interpolate_straight_lines_and_close_on_themselves() -> None:
+def test_hats_interpolate_straight_lines_and_close_on_themselves():
     nodes, values = np.array([0.0, 0.1, 0.4, 1.0]), np.array([1.0, -2.0, 0.5, 3.0])
     x = np.linspace(-0.5, 1.5, 77)
     np.testing.assert_allclose(
@@ -68,8 +63,8 @@ def test_hats_interpolate_straight_lines_and_close_on_themselves() -> None:
     np.testing.assert_allclose(found, np.interp(x, nodes, values, period=1.5), atol=1e-12)
 
 
-def test_a_measured_shape_stands_still_in_its_frame_and_follows_its_law() -> None:
-    def recovery(xi: FloatArray, speed: FloatArray) -> FloatArray:
+def test_a_measured_shape_stands_still_in_its_frame_and_follows_its_law():
+    def recovery(xi, speed):
         return 4e-5 * speed / 20.0 * np.exp(-0.5 * ((since_exit(xi) / speed - 0.01) / 0.002) ** 2)
 
     ground = Ground(start([stack(recovery, m=96)], MODEL))

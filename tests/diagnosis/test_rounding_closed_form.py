@@ -1,6 +1,4 @@
-"""Closed form: how well means are known, of values in steps, and of neighbours that are alike,
-however many revolutions they have; against made-up means with known truth.
-"""
+"""Closed form: how well means of values in steps are known, against known truth."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -16,9 +14,7 @@ from tirelog.inference.stacks.align import step_of
 
 
 def locked(noise, seed, level=0.5):
-    """Revolutions in steps of one whose samples are always at the same angles, and the true
-    waveform of each manoeuvre (C, m).
-    """
+    """Revolutions in steps of one, always sampled at the same angles, and the truth (C, m)."""
     random = np.random.default_rng(seed)
     made = stack(seed, manoeuvres=4, revolutions=75, m=128)
     moved = made.phi_rad + random.uniform(-0.4, 0.4, (4, 128)) * 2 * np.pi / 128
@@ -83,9 +79,7 @@ def test_values_that_are_few_or_lost_have_no_step():
 
 @pytest.mark.parametrize("alike", [0.0, 0.7])
 def test_means_of_neighbours_that_are_alike(alike):
-    """Half of the manoeuvres are long, of 32 revolutions, the others of four and eight. (With each
-    piece's own scatter, as if neighbours were not alike, chi-square is 1.6 and 3.3.)
-    """
+    """Half of the manoeuvres are long, of 32 revolutions, the others of four and eight."""
     rng, squares, scatters = np.random.default_rng(1077), [], []
     stack = measured("phase_shift", 1, repeats=32)
     lengths = [32] * 4 + [4, 8, 4, 8, 4, 4] * 4

@@ -185,10 +185,7 @@ def test_what_is_the_same_or_unknown_and_followed_is_said(known, effects, said):
 
 @pytest.mark.parametrize(("own_p", "named"), [(0.005, "wear"), (0.4, None)])
 def test_a_name_needs_a_p_of_its_own(monkeypatch, own_p, named):
-    """`wear` leaves least, and `traction` alarms: its alarm is no evidence for wear.
-
-    What wear gains in eight manoeuvres is reached by 4 of 2^8 flips, times two candidates: 0.03.
-    """
+    """`wear` leaves least, and `traction` alarms: its alarm is no evidence for wear."""
 
     def variant(name, p):
         numbers = {"statistic": 9.0, "p": p, "gain": 5.0, "gain_error": 1.0, "removed": 3.0}

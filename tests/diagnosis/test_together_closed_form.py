@@ -1,8 +1,4 @@
-"""Closed form: several observables in one fit are what each alone says, put together.
-
-The waveforms are the model's own, with noise: what is asked here is the arithmetic of a fit to
-several, not whether a tire follows the model.
-"""
+"""Closed form: several observables in one fit are what each alone says, put together."""
 
 from dataclasses import replace
 from itertools import chain
@@ -12,7 +8,7 @@ import pytest
 
 from tests.diagnosis.toy import stack_of
 from tirelog.cli.pages import print_answer
-from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
+from tirelog.data.recording import Channel, Conditions, Recording, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.candidates.assessment import at_noise_floor
 from tirelog.diagnosis.compare import compare, comparison_of, measured_pieces, start_from
@@ -43,7 +39,7 @@ TRUTH = Model.new("beam", ALL, radius_m=R, load_N=F).with_values(
 )
 
 
-def measured(observable: str, seed: int, truth: Model = TRUTH, repeats: int = 5) -> Stack:
+def measured(observable, seed, truth=TRUTH, repeats=5):
     """Eight manoeuvres at a speed each, of the observable with noise."""
     rng = np.random.default_rng([seed, ALL.index(observable)])
     which = np.repeat(np.arange(SPEEDS.size), repeats)
@@ -71,17 +67,17 @@ def measured(observable: str, seed: int, truth: Model = TRUTH, repeats: int = 5)
     )
 
 
-def several(seed: int, *names: str, **truths: Model) -> list[list[Stack]]:
+def several(seed, *names, **truths):
     return [[measured(o, seed, truths.get(o, TRUTH))] for o in names or ALL]
 
 
-def compared(stacks, model: Model):
+def compared(stacks, model):
     """The comparison, from the model's own values: no other start is tried."""
     base = start_from(measured_pieces(stacks), model, several=False)
     return comparison_of(base, stacks)
 
 
-def only(model: Model, *free: str) -> Model:
+def only(model, *free):
     """The model with these parameters free and no other."""
     held = {n: p if n in free else p.fixed() for n, p in model.parameters.items()}
     return model.with_parameters(held)
@@ -125,7 +121,7 @@ def test_what_each_observable_alone_says_is_weighed_by_what_it_knows():
     assert of_strain.freedom == of_other.freedom == 1
 
 
-def TRUTH_OF(*observables: str) -> dict[str, float]:
+def TRUTH_OF(*observables):
     known = Model.new("beam", observables).parameters
     return {name: value for name, value in TRUTH.values.items() if name in known}
 

@@ -1,6 +1,4 @@
-"""Property: in every comparison on an obstacle bands add up; a hit that was put in is found with
-the error that is said, and so are masses from a start that is off.
-"""
+"""Property: bands on an obstacle add up; hits and masses are found within their errors."""
 
 from dataclasses import replace
 from functools import cache
@@ -10,7 +8,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from tests.diagnosis.toy import stack_of
-from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
+from tirelog.data.recording import Channel, Conditions, Recording, TimeAxis
 from tirelog.data.setup import RoadSetup, Setup
 from tirelog.diagnosis.obstacles import compare_transients, fit_hit, learn_motion, motion_at
 from tirelog.errors import UsageError
@@ -35,7 +33,7 @@ MODEL = Model.new(
 ROAD = RoadSetup(kind="cleat", height_m=0.006, length_m=0.04)
 
 
-def made(hit_s: float, seed: int) -> TransientLog:
+def made(hit_s, seed):
     """A log of the model itself: 3.5 s at constant spin, a hit at `hit_s`, white noise."""
     still = noiseless(hit_s)
     values = still.values + np.random.default_rng(seed).normal(0.0, NOISE, still.values.size)
@@ -43,7 +41,7 @@ def made(hit_s: float, seed: int) -> TransientLog:
 
 
 @cache
-def noiseless(hit_s: float, phase: float = 0.7) -> TransientLog:
+def noiseless(hit_s, phase=0.7):
     """The log before the noise; solved once for all seeds."""
     time = np.arange(round(3.5 * RATE)) / RATE
     passages = (np.arange(30) * 2.0 * np.pi + phase) / SPIN
@@ -121,7 +119,7 @@ def test_another_event_is_said_to_be_unlike():
     assert "little of what happened at" in result.remarks[0]
 
 
-def recording(values: np.ndarray, road: RoadSetup) -> tuple[Recording, Channel, Stack]:
+def recording(values, road):
     channel = Channel.of_array("groove", "strain", values, TimeAxis.uniform(values.size, RATE))
     passages = (np.arange(27) * 2.0 * np.pi + 0.7) / SPIN
     n = passages.size

@@ -1,9 +1,4 @@
-"""Property: `compare` of a coupled ring finds the hits in logs of a tire that moved, simulated by
-finite elements; from the outside.
-
-The model has the truth's numbers but for what the steady fit moves; what it misses of the obstacle
-is the difference of two solutions and what the fit leaves.
-"""
+"""Property: `compare` finds the hits in logs of a tire moved by finite elements."""
 
 import csv
 import io
@@ -14,20 +9,20 @@ import pytest
 
 from tirelog.api import answers
 from tirelog.cli import run
-from tirelog.simulation import Scenario, scenario_of, simulate, write_log
+from tirelog.simulation import scenario_of, simulate, write_log
 
 TIRE = {"radial_damping_N_s_m2": 200.0, "tangential_damping_N_s_m2": 200.0}
 #: numbers that the model has as the truth has them
 KNOWN = {"line_mass_kg_m": 4.5, "width_m": 0.14, "suspension_damping_N_s_m": 1500, **TIRE}
 
 
-def status(words: str, folder, *more: str) -> int:
+def status(words, folder, *more):
     """The exit status of a command; what has a suffix is a file of the folder."""
     typed = [str(folder / word) if "." in word else word for word in words.split()]
     return run([*typed, *more, "--quiet"])
 
 
-def scenario(**road) -> Scenario:
+def scenario(**road):
     return scenario_of(
         {
             "seed": 431,

@@ -1,6 +1,4 @@
-"""Property: a verdict is true as a sentence; "the noise floor" is said only where held-out error
-and chi-square say so. Truth by `simulate`.
-"""
+"""Property: a verdict is true as a sentence. Truth by `simulate`."""
 
 from dataclasses import replace
 
@@ -179,8 +177,7 @@ def falling(manoeuvres):
 
 @pytest.mark.parametrize(("manoeuvres", "said"), [(13, "unknown"), (8, "falls with speed")])
 def test_what_falls_with_speed_is_not_said_to_follow_nothing(manoeuvres, said):
-    """P1's beam rises over the speeds at which the log falls; its fit ends against bounds, where
-    the tangent would explain everything and no values do."""
+    """P1's beam rises over the speeds at which the log falls."""
     model = preset_model("P1", observable="dissipation_factor").with_values(
         {"patch_half_length_m": 0.063}
     )
@@ -253,13 +250,6 @@ def test_what_a_wheel_may_do_as_well_parts_less(two_pressures):
     assert min(less) < 0.99
 
 
-def test_a_probability_at_its_least_is_at_most_that():
-    assert least_p(8) == 2.0**-8
-    assert probability(2.0**-8, 8) == "<= 0.0039"
-    assert probability(1.0 / 16384, 40) == "<= 6.1e-05"
-    assert probability(0.02, 40) == "0.02"
-
-
 def coarse(step_nm, noise_nm):
     """The true model on a log in steps, and its remarks."""
     how = Case(plan="short", logs=1, duration=0.6, noise_nm=noise_nm, roughness=0.0)
@@ -305,3 +295,10 @@ def test_a_constant_effect_beside_another_is_not_given_to_the_form():
     effects = {"pressure_offset": {"offset": 0.3}, "aero_load": {}}
     found = diagnosed(fitted(case(effects, seed=313, how=Case(plan="short", logs=2)), angles=96))
     assert set(found.selected) == {"pressure_offset", "aero_load"}
+
+
+def test_a_probability_at_its_least_is_at_most_that():
+    assert least_p(8) == 2.0**-8
+    assert probability(2.0**-8, 8) == "<= 0.0039"
+    assert probability(1.0 / 16384, 40) == "<= 6.1e-05"
+    assert probability(0.02, 40) == "0.02"

@@ -1,6 +1,4 @@
-"""A measurement with known truth that shares nothing with the models: revolutions of a made-up
-waveform with every kind of scatter.
-"""
+"""A measurement with known truth that shares nothing with the models."""
 
 from __future__ import annotations
 
@@ -96,10 +94,7 @@ def phase_shifts(
     log: str = "a",
     **drive: Any,
 ) -> Stack:
-    """Phase shifts [rad] of steady drives of one log; `shifts` (n,) are those without noise.
-
-    `drive`: of each condition a number, or the range that one is drawn from for each manoeuvre.
-    """
+    """Phase shifts [rad] of steady drives of one log; `shifts` (n,) are those without noise."""
     random, manoeuvre = np.random.default_rng(seed), np.repeat(np.arange(manoeuvres), repeats)
     values = {
         name: random.uniform(*given, manoeuvres)[manoeuvre] if isinstance(given, tuple) else given

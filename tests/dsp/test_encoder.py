@@ -72,9 +72,7 @@ def test_repairs_keep_the_count(kind):
 
 @pytest.mark.parametrize("start", [0.1, 0.25, 0.75, 0.85])
 def test_a_turning_point_away_from_the_peak_is_inferred(start):
-    """A wheel that stops, rolls back 5 turns and comes forward again, turning at the share `start`
-    of a half tooth, then at another.
-    """
+    """A wheel stops, rolls back 5 turns and comes forward again."""
     time = np.arange(0, 32, 1 / RATE)
     turns = np.cumsum(np.interp(time, [0, 6, 9, 12, 15, 18, 32], [5, 5, 0, -1.6, 0, 5, 5])) / RATE
     turns += (start - (2 * STEPS * turns[90_000]) % 1) / (2 * STEPS)

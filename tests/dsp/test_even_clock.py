@@ -1,11 +1,12 @@
-"""Property: scattered stamps become even ones only if the samples are even."""
+"""Property: only even samples get even stamps; sliding windows are scipy.ndimage's."""
 
 import numpy as np
 import pytest
+from scipy.ndimage import median_filter, uniform_filter1d
 
 from tests.strain.conftest import RADIUS_M, make_drive
 from tirelog.data.recording import TimeAxis
-from tirelog.dsp.filters import even_axis, stamp_scatter
+from tirelog.dsp.filters import ROWS, even_axis, sliding_mean, sliding_median, stamp_scatter
 from tirelog.strain.dissipation import dissipation
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_quality
@@ -49,3 +50,14 @@ def test_slopes_of_uneven_samples_are_no_dissipation_that_is_ok(fine):
     passages = find_passages(channel, RADIUS_M)
     found = dissipation(channel, passages, None, speed_quality(passages))
     assert not good(found.quality).any()
+
+
+@pytest.mark.parametrize("size", [1, 5, 100, ROWS + 3])
+@pytest.mark.parametrize("width", [1, 2, 3, 9, 20])
+def test_means_and_medians_are_scipys(size, width):
+    x = 1e3 + np.random.default_rng(size).standard_normal(size)
+    np.testing.assert_allclose(
+        sliding_mean(x, width), uniform_filter1d(x, width, mode="reflect"), rtol=1e-12
+    )
+    if width % 2:
+        assert np.array_equal(sliding_median(x, width), median_filter(x, width, mode="reflect"))

@@ -1,6 +1,4 @@
-"""Faults: an accelerometer glued in inward, and one without its mean level, before a model of the
-acceleration is asked.
-"""
+"""Faults: an accelerometer glued in inward, and one without its mean level."""
 
 from dataclasses import replace
 from pathlib import Path

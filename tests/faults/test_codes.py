@@ -1,7 +1,5 @@
 """Faults: error codes in a channel beside the sensor move no number."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -56,7 +54,7 @@ def test_spikes_in_the_vehicle_s_speed_move_no_slip(tmp_path):
     assert np.mean(own.quality == "ok") > 0.98
 
 
-def slow(values: np.ndarray) -> np.ndarray:
+def slow(values):
     """What is left of a vehicle's speed at 100 Hz."""
     axis = TimeAxis.uniform(values.size, 100.0)
     channel = Channel.of_array("v", "vehicle_speed", values, axis)
@@ -64,7 +62,7 @@ def slow(values: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-4])
-def test_a_car_that_starts_after_a_long_stop_is_no_spike(noise: float) -> None:
+def test_a_car_that_starts_after_a_long_stop_is_no_spike(noise):
     random, n = np.random.default_rng(7303), 200_000
     ramp = np.clip((np.arange(n) - 0.98 * n) / 1000.0, 0.0, 12.0)
     values = ramp + np.where(ramp > 0.0, 0.05, noise) * random.standard_normal(n)
@@ -81,12 +79,12 @@ def test_a_car_that_starts_after_a_long_stop_is_no_spike(noise: float) -> None:
     ],
     ids=["set", "coarse steps", "resampled", "air lost at once"],
 )
-def test_steps_and_kinks_are_neither_codes_nor_spikes(values: np.ndarray) -> None:
+def test_steps_and_kinks_are_neither_codes_nor_spikes(values):
     assert np.isfinite(slow(values)).all()
 
 
 @pytest.mark.parametrize("border", [BLOCK_SAMPLES, 2 * BLOCK_SAMPLES])
-def test_codes_and_spikes_at_a_border_of_blocks_are_lost(border: int) -> None:
+def test_codes_and_spikes_at_a_border_of_blocks_are_lost(border):
     random = np.random.default_rng(7304)
     values = 20.0 + 0.01 * random.standard_normal(3 * BLOCK_SAMPLES)
     for place in range(-3, 4):
@@ -99,13 +97,13 @@ def test_codes_and_spikes_at_a_border_of_blocks_are_lost(border: int) -> None:
 
 
 @pytest.mark.parametrize("size", [20, 25, 3 * BLOCK_SAMPLES + 30])
-def test_noise_that_fills_no_cell_has_no_spikes(size: int) -> None:
+def test_noise_that_fills_no_cell_has_no_spikes(size):
     for seed in range(7310, 7330):
         values = 2.4e5 + 1e3 * np.random.default_rng(seed).standard_normal(size)
         assert np.isfinite(slow(values)).all()
 
 
-def strain(values: np.ndarray, rate_Hz: float, twin: np.ndarray | None = None) -> Channel:
+def strain(values, rate_Hz, twin=None):
     """The strain that is left of `values`, of which a `twin` was taken off."""
     axis = TimeAxis.uniform(values.size, rate_Hz)
     recorded = Channel.of_array("s", "fbg_strain", values, axis)
@@ -117,7 +115,7 @@ def strain(values: np.ndarray, rate_Hz: float, twin: np.ndarray | None = None) -
 
 @pytest.mark.parametrize("twin", [False, True])
 @pytest.mark.parametrize("disturbed", ["codes", "burst"])
-def test_a_limit_is_seen_beside_codes_and_bursts(disturbed: str, twin: bool) -> None:
+def test_a_limit_is_seen_beside_codes_and_bursts(disturbed, twin):
     random = np.random.default_rng(7305)
     turn = (np.arange(50_000) * 5 / 2500.0) % 1.0 - 0.5
     values = -600e-6 * np.exp(-((turn / 0.03) ** 2)) + 1e-6 * random.standard_normal(turn.size)
@@ -132,13 +130,13 @@ def test_a_limit_is_seen_beside_codes_and_bursts(disturbed: str, twin: bool) -> 
 
 
 @pytest.mark.parametrize("rate_Hz", [100.0, 2500.0])
-def test_a_code_behind_a_code_is_lost(rate_Hz: float) -> None:
+def test_a_code_behind_a_code_is_lost(rate_Hz):
     values = 1e-5 * np.random.default_rng(7306).standard_normal(4000)
     values[::400], values[200::400] = 9.0, 0.05
     assert np.nanmax(strain(values, rate_Hz).read()) < 1e-3
 
 
-def test_very_many_codes_share_their_flags() -> None:
+def test_very_many_codes_share_their_flags():
     values = np.random.default_rng(7307).standard_normal(400_000)
     values[::3] = 9999.0
     left = strain(values, 2500.0)
@@ -146,7 +144,7 @@ def test_very_many_codes_share_their_flags() -> None:
     assert len(left.flags) < 10
 
 
-def test_what_is_infinite_is_lost(tmp_path: Path) -> None:
+def test_what_is_infinite_is_lost(tmp_path):
     values = np.arange(400.0)
     values[[7, 80]] = np.inf, -np.inf
     with h5py.File(tmp_path / "log.h5", "w") as file:

@@ -4,7 +4,6 @@ import io
 import struct
 import sys
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -51,7 +50,7 @@ def test_without_its_library_the_line_that_installs_it(name, tmp_path, monkeypat
         assert message.endswith(f"install it: pip install 'tirelog[{what.extra}]'")
 
 
-def test_every_extra_is_one_that_can_be_installed() -> None:
+def test_every_extra_is_one_that_can_be_installed():
     import tomllib
 
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
@@ -69,11 +68,11 @@ NUMBERS = ["-1\n58\n3\n", "    -1,2\n    58,3\n", "    58\n    59\n", "    -1.0\
 
 
 @pytest.mark.parametrize("text", [*NUMBERS, "time,a\n    -1\n    58\n"])
-def test_a_column_of_numbers_is_no_universal_file(text: str) -> None:
+def test_a_column_of_numbers_is_no_universal_file(text):
     assert name_of(text.encode()) == ""
 
 
-def feather(table: dict[str, object], **options: object) -> bytes:
+def feather(table, **options):
     file = io.BytesIO()
     pyarrow.feather.write_feather(pa.table(table), file, **options)
     return file.getvalue()
@@ -107,7 +106,7 @@ def test_a_child_that_fails_or_says_nothing(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("at", [60, 900, -300])
-def test_a_feather_file_cut_or_changed(at: int, tmp_path: Path) -> None:
+def test_a_feather_file_cut_or_changed(at, tmp_path):
     data = bytearray(FEATHER)
     if at < 0:
         del data[at:]
@@ -122,7 +121,7 @@ NUMBER, SHAPE = (1, ("float64", 0)), (2, "geometry_msgs/msg/Vector3")
 GOOD = {"a/msg/B": ([("LIMIT", "int8", 3)], [("x", NUMBER), ("y", (3, (NUMBER, 3))), ("z", SHAPE)])}
 
 
-def test_definitions_of_names_are_let_through() -> None:
+def test_definitions_of_names_are_let_through():
     check_names(GOOD)
 
 
@@ -142,18 +141,18 @@ def test_definitions_of_names_are_let_through() -> None:
         {f"a/msg/B{k}": ([], []) for k in range(600)},
     ],
 )
-def test_definitions_with_more_than_names_make_no_code(types: dict) -> None:
+def test_definitions_with_more_than_names_make_no_code(types):
     with pytest.raises(ValueError, match=r"is no name|array of|more than|constant"):
         check_names(types)
 
 
-def conversion(formula: str, *inside: object) -> SimpleNamespace:
+def conversion(formula, *inside):
     blocks = {f"text_{k}": one for k, one in enumerate(inside)}
     return SimpleNamespace(formula=formula, referenced_blocks=blocks or None)
 
 
 @pytest.mark.parametrize("formula", ["", "X1 * 2.5e-3 + 1", "(x - 32) / 1.8", "-X"])
-def test_a_formula_of_numbers_and_signs_is_used(formula: str) -> None:
+def test_a_formula_of_numbers_and_signs_is_used(formula):
     assert unsafe_formula(conversion(formula)) == ""
     assert unsafe_formula(conversion("", b"text", None, conversion(formula))) == ""
 
@@ -162,12 +161,12 @@ CODE = ["X ** 9 ** 9 ** 9", "sin(X)", "__import__('os')", "X.real", "X; X", "X[0
 
 
 @pytest.mark.parametrize("formula", [*CODE, "1" * 300])
-def test_a_formula_that_could_be_code_is_not_evaluated(formula: str) -> None:
+def test_a_formula_that_could_be_code_is_not_evaluated(formula):
     assert unsafe_formula(conversion(formula)) == formula[:40]
     assert unsafe_formula(conversion("", conversion("", conversion(formula)))) == formula[:40]
 
 
-def test_conversions_without_end_end() -> None:
+def test_conversions_without_end_end():
     endless = conversion("")
     endless.referenced_blocks = {"text_0": endless}
     assert unsafe_formula(endless) == "of formulas"
@@ -177,11 +176,11 @@ def test_conversions_without_end_end() -> None:
     ("name", "made"),
     [("a/b", "a_b"), ("temp [C]", "temp _C"), ("..", "unnamed"), ("", "unnamed"), ("x:y", "x_y")],
 )
-def test_a_name_is_one_that_a_setup_can_spell(name: str, made: str) -> None:
+def test_a_name_is_one_that_a_setup_can_spell(name, made):
     assert proper(name).rstrip("_") == made
 
 
-FILES: dict[str, tuple[str, Callable[[Path], object], str]] = {
+FILES = {
     "TDMS": ("nptdms", lambda path: writers.tdms(path, COLUMNS, 100.0), "/run/inner"),
     "Excel": (
         "python_calamine",
@@ -202,11 +201,11 @@ FILES: dict[str, tuple[str, Callable[[Path], object], str]] = {
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[bytes, str]]:
+def made(tmp_path_factory):
     """(bytes, source) of a good file of a format; the test is skipped without its library."""
     folder, held = tmp_path_factory.mktemp("made"), {}
 
-    def make(name: str) -> tuple[bytes, str]:
+    def make(name):
         needs, write, source = FILES[name]
         pytest.importorskip(needs, reason=f"{needs} comes with an extra")
         if name not in held:
@@ -218,7 +217,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[byte
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_flips_and_cuts_end_in_a_sentence_or_in_data(name: str, made, tmp_path: Path) -> None:
+def test_flips_and_cuts_end_in_a_sentence_or_in_data(name, made, tmp_path):
     data, source = made(name)
     rng = np.random.default_rng(len(name))
     for _ in range(6):
@@ -227,14 +226,14 @@ def test_flips_and_cuts_end_in_a_sentence_or_in_data(name: str, made, tmp_path: 
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_half_of_a_file_is_refused_or_said_to_be_half(name: str, made, tmp_path: Path) -> None:
+def test_half_of_a_file_is_refused_or_said_to_be_half(name, made, tmp_path):
     data, source = made(name)
     size, said = outcome(data[: len(data) // 2], tmp_path, source)
     assert size <= N
     assert said
 
 
-def sheet(rows: str) -> bytes:
+def sheet(rows):
     """A workbook whose sheet has these rows of XML."""
     file = io.BytesIO()
     writers.xlsx(file, {"run": [["time"], [1.0]]})  # type: ignore[arg-type]
@@ -254,13 +253,13 @@ MANY = "<row>" + "<c><v>1</v></c>" * 16_000 + "</row>"
 
 
 @pytest.mark.parametrize("rows", [FAR, MANY * 4000], ids=["far apart", "very many"])
-def test_a_small_workbook_of_very_many_cells(rows: str, tmp_path: Path, monkeypatch) -> None:
+def test_a_small_workbook_of_very_many_cells(rows, tmp_path, monkeypatch):
     pytest.importorskip("python_calamine", reason="python_calamine comes with an extra")
     monkeypatch.setattr(apart, "MEMORY_BYTES", 1 << 28)
     assert "cannot be read" in refusal(sheet(rows), tmp_path)
 
 
-def test_a_workbook_of_words_is_no_damage(tmp_path: Path) -> None:
+def test_a_workbook_of_words_is_no_damage(tmp_path):
     pytest.importorskip("python_calamine", reason="python_calamine comes with an extra")
     words = '<row r="1"><c r="A1" t="str"><v>tread</v></c></row>'
     said = refusal(sheet(words), tmp_path)
@@ -268,7 +267,7 @@ def test_a_workbook_of_words_is_no_damage(tmp_path: Path) -> None:
     assert "cannot be read" not in said
 
 
-def test_a_count_of_values_that_no_tdms_can_hold(made, tmp_path: Path) -> None:
+def test_a_count_of_values_that_no_tdms_can_hold(made, tmp_path):
     data, source = made("TDMS")
     many = struct.pack("<Q", -(-N // 3))
     assert many in data
@@ -277,7 +276,7 @@ def test_a_count_of_values_that_no_tdms_can_hold(made, tmp_path: Path) -> None:
     assert said
 
 
-def test_a_bag_whose_type_is_code_runs_none_of_it(made, tmp_path: Path, monkeypatch) -> None:
+def test_a_bag_whose_type_is_code_runs_none_of_it(made, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     data, source = made("ROS 1")
     kind, code = b"Vector3Stamped", b"V(open('hacked','w'))"
@@ -286,7 +285,7 @@ def test_a_bag_whose_type_is_code_runs_none_of_it(made, tmp_path: Path, monkeypa
     assert [one.name for one in tmp_path.iterdir()] == ["log"]
 
 
-def test_a_database_that_is_no_bag(tmp_path: Path) -> None:
+def test_a_database_that_is_no_bag(tmp_path):
     pytest.importorskip("rosbags", reason="rosbags comes with an extra")
     import sqlite3
 

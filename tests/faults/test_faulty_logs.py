@@ -1,10 +1,4 @@
-"""Faults: what a fault in a clean log leaves wrong and `ok` is no more than the table holds.
-
-A fault for each mechanism, of `make faults`; `python -m benchmarks.faults --again
-tests/faults/faulty_logs.csv` counts them anew. A table that becomes better is to be kept.
-"""
-
-from __future__ import annotations
+"""Faults: what a fault in a clean log leaves wrong and `ok` is no more than the table holds."""
 
 from pathlib import Path
 
@@ -19,7 +13,7 @@ ROUNDING, BORDER = 3, 1
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["strain", "wheel"])
-def test_no_more_numbers_are_wrong_and_ok(kind: str) -> None:
+def test_no_more_numbers_are_wrong_and_ok(kind):
     before = TABLE.loc[kind]
     names = list(before.index.get_level_values("fault").unique())
     found = counted(kind, HELD["suite"], HELD["logs"], names, HELD["seed"], processes=1)
@@ -31,7 +25,7 @@ def test_no_more_numbers_are_wrong_and_ok(kind: str) -> None:
         assert count.refused <= before.loc[key, "refused"], (key, count)
 
 
-def test_the_table_holds_no_wrong_number_of_a_clean_log() -> None:
+def test_the_table_holds_no_wrong_number_of_a_clean_log():
     clean = TABLE.xs("none", level="fault")
     assert not clean["wrong"].any()
     assert (clean["ok"] >= 0.98 * clean["passages"]).all()

@@ -1,6 +1,4 @@
-"""Faults: hostile and damaged HDF5 files are refused or read in part, always in a sentence, never
-beyond bounded memory.
-"""
+"""Faults: damaged HDF5 is refused or read in part, in a sentence, in bounded memory."""
 
 import resource
 from pathlib import Path

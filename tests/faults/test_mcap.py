@@ -1,6 +1,4 @@
-"""Faults: of damaged and foreign MCAP files good chunks are kept, what is lost is named, and
-nothing but our own errors comes out.
-"""
+"""Faults: of damaged MCAP good chunks are kept, and what is lost is named."""
 
 import io
 import re
@@ -291,9 +289,7 @@ def all_kinds(tmp_path):
 
 
 def test_flips_and_cuts_end_in_a_sentence_or_in_data(tmp_path):
-    """Any damage, 40 times an encoding: an error of ours or samples, never another exception, and
-    bounded memory.
-    """
+    """Any damage: an error of ours or samples, never another exception, in bounded memory."""
     rng = np.random.default_rng(12)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     outcomes = {"refused": 0, "whole": 0, "loss": 0}

@@ -6,7 +6,6 @@ import tracemalloc
 import zipfile
 import zlib
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -21,31 +20,31 @@ from tirelog.runs.ingest import open_recording
 TEXT = "time,a\n" + "".join(f"{i / 100:.2f},{x:.4f}\n" for i, x in enumerate(A))
 
 
-def matlab(packed: bool = False, **variables: object) -> bytes:
+def matlab(packed=False, **variables):
     file = io.BytesIO()
     savemat(file, variables or {"a": A}, do_compression=packed)
     return file.getvalue()
 
 
-def parquet(**columns: object) -> bytes:
+def parquet(**columns):
     file = io.BytesIO()
     pq.write_table(pa.table(columns or {"time": np.arange(N) / 100.0, "a": A}), file)
     return file.getvalue()
 
 
-def wav(values: np.ndarray) -> bytes:
+def wav(values):
     file = io.BytesIO()
     wavfile.write(file, 100, values)
     return file.getvalue()
 
 
-def with_end(archive: bytes, behind: int, number: int) -> bytes:
+def with_end(archive, behind, number):
     """The archive with another number so many bytes behind the begin of its end."""
     at = archive.rindex(b"PK\5\6") + behind
     return archive[:at] + number.to_bytes(4, "little") + archive[at + 4 :]
 
 
-def zipped(*names: str, text: str = TEXT, method: int = zipfile.ZIP_DEFLATED) -> bytes:
+def zipped(*names, text=TEXT, method=zipfile.ZIP_DEFLATED):
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", method) as archive:
         for name in names or ("log.csv",):
@@ -63,7 +62,7 @@ MADE = {
 
 
 @pytest.mark.parametrize("name", MADE)
-def test_flips_and_cuts_end_in_a_sentence_or_in_data(name: str, tmp_path: Path) -> None:
+def test_flips_and_cuts_end_in_a_sentence_or_in_data(name, tmp_path):
     """Nothing but an error of our own, and never more samples than were written, unless said."""
     data, source = MADE[name]
     rng = np.random.default_rng(sum(name.encode()))
@@ -76,7 +75,7 @@ def test_flips_and_cuts_end_in_a_sentence_or_in_data(name: str, tmp_path: Path) 
     assert max(sizes) > 0 or name == "matlab packed"  # one variable with one checksum
 
 
-def test_a_file_cut_off_keeps_what_is_there_and_says_so(tmp_path: Path) -> None:
+def test_a_file_cut_off_keeps_what_is_there_and_says_so(tmp_path):
     data, source = MADE["wav"]
     whole, none = read(data, tmp_path, source)
     part, lost = read(data[: len(data) * 6 // 10], tmp_path, source)
@@ -95,12 +94,12 @@ def test_a_file_cut_off_keeps_what_is_there_and_says_so(tmp_path: Path) -> None:
         ("zip", "is a zip archive that cannot be read (BadZipFile"),
     ],
 )
-def test_a_file_that_is_cut_off_before_its_end(name: str, says: str, tmp_path: Path) -> None:
+def test_a_file_that_is_cut_off_before_its_end(name, says, tmp_path):
     data, source = MADE[name]
     assert says in refusal(data[:-200], tmp_path, source)
 
 
-def test_a_page_of_parquet_that_is_damaged_ends_the_rows(tmp_path: Path) -> None:
+def test_a_page_of_parquet_that_is_damaged_ends_the_rows(tmp_path):
     file = io.BytesIO()
     table = pa.table({"time": np.arange(10 * N) / 100.0, "a": np.tile(A, 10)})
     pq.write_table(table, file, row_group_size=5 * N, write_page_checksum=True, compression="none")
@@ -112,7 +111,7 @@ def test_a_page_of_parquet_that_is_damaged_ends_the_rows(tmp_path: Path) -> None
     assert "cannot be read to its end" in lost
 
 
-def test_a_column_of_parquet_that_nobody_reads_may_be_damaged(tmp_path: Path) -> None:
+def test_a_column_of_parquet_that_nobody_reads_may_be_damaged(tmp_path):
     places, latin = np.arange(N + 1, dtype=np.int32), b"\xe4" * N
     note = pa.Array.from_buffers(
         pa.string(), N, [None, pa.py_buffer(places.tobytes()), pa.py_buffer(latin)]
@@ -125,18 +124,18 @@ def test_a_column_of_parquet_that_nobody_reads_may_be_damaged(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("packed", [False, True])
-def test_a_variable_that_is_damaged_is_lost_and_no_other(packed: bool, tmp_path: Path) -> None:
+def test_a_variable_that_is_damaged_is_lost_and_no_other(packed, tmp_path):
     data = matlab(packed=packed, a=A, b=A[::-1].copy())
     values, lost = read(data[:-200], tmp_path)
     np.testing.assert_array_equal(values, A)
     assert "variable 2 cannot be read" in lost
 
 
-def element(kind: int, body: bytes) -> bytes:
+def element(kind, body):
     return struct.pack("<II", kind, len(body)) + body + bytes(-len(body) % 8)
 
 
-def array(name: bytes, dims: tuple[int, ...], body: bytes, kind: int = 6) -> bytes:
+def array(name, dims, body, kind=6):
     """A matrix element by hand."""
     shape = struct.pack(f"<{len(dims)}i", *dims)
     flags = element(6, struct.pack("<II", kind, 0))
@@ -151,7 +150,7 @@ NAMES = [b"../x", b"/", b"", b"a/b", b"\xff\xfe", b"x" * 3000, b"."]
 NINE = element(9, np.arange(9.0).tobytes())
 
 
-def test_what_an_array_says_it_is_costs_no_memory_and_no_name_is_a_path(tmp_path: Path) -> None:
+def test_what_an_array_says_it_is_costs_no_memory_and_no_name_is_a_path(tmp_path):
     data = HEAD
     for k, (dims, kind) in enumerate(product(DIMS, (1, 2, 6))):
         data += array(f"a{k}".encode(), dims, element(9, bytes(64)), kind)
@@ -165,7 +164,7 @@ def test_what_an_array_says_it_is_costs_no_memory_and_no_name_is_a_path(tmp_path
     assert sorted(p.name for p in tmp_path.iterdir()) == ["log"]
 
 
-def test_what_matlab_keeps_of_its_objects_is_passed_over(tmp_path: Path) -> None:
+def test_what_matlab_keeps_of_its_objects_is_passed_over(tmp_path):
     """A table or a time series has no axes, and its inside stands behind the variables."""
     flags, name = element(6, struct.pack("<II", 17, 0)), element(1, b"drive")
     body = array(b"", (1, 1), element(6, bytes(4)), 13)
@@ -179,7 +178,7 @@ def test_what_matlab_keeps_of_its_objects_is_passed_over(tmp_path: Path) -> None
         assert recording.remarks == ("not read: /drive is an object (a table, a time series)",)
 
 
-def test_structures_without_end_end(tmp_path: Path) -> None:
+def test_structures_without_end_end(tmp_path):
     names = element(5, struct.pack("<i", 8)) + element(1, b"x\0\0\0\0\0\0\0")
     inner = b""
     for _ in range(41):
@@ -188,7 +187,7 @@ def test_structures_without_end_end(tmp_path: Path) -> None:
     assert read(data, tmp_path, "b")[0].size == 9
 
 
-def test_a_small_matlab_file_that_unpacks_to_much(tmp_path: Path, monkeypatch) -> None:
+def test_a_small_matlab_file_that_unpacks_to_much(tmp_path, monkeypatch):
     monkeypatch.setattr("tirelog.readers.other.conversion.MEMORY_BYTES", 32 << 20)
     many = 40 << 20
     bomb = zlib.compress(array(b"a", (1, many // 8), element(9, bytes(many))))
@@ -196,7 +195,7 @@ def test_a_small_matlab_file_that_unpacks_to_much(tmp_path: Path, monkeypatch) -
     assert "variable 1 cannot be read (MemoryError)" in refusal(data, tmp_path)
 
 
-def riff(*form: int, body: bytes = b"", size: int = 100) -> bytes:
+def riff(*form, body=b"", size=100):
     """A WAV file of the format (code, channels, rate, bytes per second, of a frame, bits)."""
     wave = struct.pack("<HHIIHH", *form) if form else b""
     head = b"WAVE" + (b"fmt \x10\0\0\0" if form else b"") + wave
@@ -214,12 +213,12 @@ WAVES = {
 
 
 @pytest.mark.parametrize("name", WAVES)
-def test_what_no_wav_reader_reads(name: str, tmp_path: Path) -> None:
+def test_what_no_wav_reader_reads(name, tmp_path):
     data, says = WAVES[name]
     assert says in refusal(data, tmp_path, "#2")
 
 
-def encrypted() -> bytes:
+def encrypted():
     data = bytearray(zipped())
     data[6] |= 1
     data[data.index(b"PK\1\2") + 8] |= 1
@@ -235,26 +234,26 @@ ZIPS = {
 
 
 @pytest.mark.parametrize("name", ZIPS)
-def test_an_archive_that_holds_no_log(name: str, tmp_path: Path) -> None:
+def test_an_archive_that_holds_no_log(name, tmp_path):
     data, says = ZIPS[name]
     assert says in refusal(data, tmp_path)
 
 
-def test_an_archive_s_checksum_is_looked_at(tmp_path: Path) -> None:
+def test_an_archive_s_checksum_is_looked_at(tmp_path):
     data = bytearray(zipped(method=zipfile.ZIP_STORED))
     at = data.index(b"0.50,")
     data[at + 5 : at + 6] = b"9"
     assert "Bad CRC-32" in read(bytes(data), tmp_path)[1]
 
 
-def test_a_table_with_a_name_twice(tmp_path: Path) -> None:
+def test_a_table_with_a_name_twice(tmp_path):
     table = pa.Table.from_arrays([pa.array(A), pa.array(A)], names=["a", "a"])
     file = io.BytesIO()
     pq.write_table(table, file)
     assert "a column name twice" in refusal(file.getvalue(), tmp_path)
 
 
-def test_text_in_a_table_is_handed_to_nobody(tmp_path: Path) -> None:
+def test_text_in_a_table_is_handed_to_nobody(tmp_path):
     words = ["x\ny,1\t2\n"] * N
     data = parquet(words=words, time=np.arange(N) / 100.0, a=A)
     np.testing.assert_array_equal(read(data, tmp_path)[0], A)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tirelog.cli import run
 from tirelog.errors import OutputError, UsageError
 from tirelog.storage.whole import (
     all_or_none,
@@ -30,14 +31,14 @@ with whole_file(sys.argv[1]) as part, temporary_folder() as folder:
 """
 
 
-def killed(output: Path, temporary: Path) -> None:
+def killed(output, temporary):
     """A process that died while it wrote `output` and had its temporary files in `temporary`."""
     environment = {**os.environ, "TMPDIR": str(temporary)}
     subprocess.run([sys.executable, "-c", KILLED, str(output)], env=environment, check=False)
 
 
 @pytest.mark.parametrize("size", [244, 250, 255])
-def test_a_name_as_long_as_the_system_allows(tmp_path: Path, size: int) -> None:
+def test_a_name_as_long_as_the_system_allows(tmp_path, size):
     for name in ("x" * (size - 4) + ".csv", "é" * ((size - 4) // 2) + ".csv"):
         with whole_file(tmp_path / name) as part:
             part.write_text("1")
@@ -74,7 +75,7 @@ def test_what_a_killed_process_left_is_swept_and_nothing_else(tmp_path, monkeypa
     assert [p.name for p in temporary.iterdir()] == ["tirelog-abcdefgh"]
 
 
-def test_the_mode_of_an_older_file_is_kept(tmp_path: Path) -> None:
+def test_the_mode_of_an_older_file_is_kept(tmp_path):
     path = tmp_path / "t.csv"
     path.write_text("older")
     path.chmod(0o640)
@@ -83,16 +84,7 @@ def test_the_mode_of_an_older_file_is_kept(tmp_path: Path) -> None:
     assert stat.S_IMODE(path.stat().st_mode) == 0o640
 
 
-def test_a_link_is_followed(tmp_path: Path) -> None:
-    (tmp_path / "far").mkdir()
-    (tmp_path / "t.csv").symlink_to("far/real.csv")
-    with whole_file(tmp_path / "t.csv") as part:
-        part.write_text("1")
-    assert (tmp_path / "t.csv").is_symlink()
-    assert (tmp_path / "far" / "real.csv").read_text() == "1"
-
-
-def test_a_pipe_is_written_through(tmp_path: Path) -> None:
+def test_a_pipe_is_written_through(tmp_path):
     pipe, got = tmp_path / "pipe", []
     os.mkfifo(pipe)
     reader = threading.Thread(target=lambda: got.append(pipe.read_bytes()), daemon=True)
@@ -104,10 +96,8 @@ def test_a_pipe_is_written_through(tmp_path: Path) -> None:
     assert stat.S_ISFIFO(pipe.stat().st_mode)
 
 
-def device(path: Path, minor: int) -> Path:
-    """An own device of the memory driver's (3 is null, 7 is full): a fault of ours must not meet
-    the machine's.
-    """
+def device(path, minor):
+    """An own device of the memory driver's (3 is null, 7 is full), not the machine's."""
     try:
         os.mknod(path, 0o666 | stat.S_IFCHR, os.makedev(1, minor))
         path.open("wb").close()
@@ -116,7 +106,7 @@ def device(path: Path, minor: int) -> Path:
     return path
 
 
-def test_a_device_is_written_through(tmp_path: Path) -> None:
+def test_a_device_is_written_through(tmp_path):
     null, full = device(tmp_path / "null", 3), device(tmp_path / "full", 7)
     with whole_file(null) as part:
         part.write_text("1")
@@ -126,7 +116,7 @@ def test_a_device_is_written_through(tmp_path: Path) -> None:
         part.write_text("1")
 
 
-def test_an_input_that_is_met_on_the_way_is_no_output(tmp_path: Path) -> None:
+def test_an_input_that_is_met_on_the_way_is_no_output(tmp_path):
     setup = tmp_path / "log.toml"
     setup.write_text("a setup")
     with inputs_kept(), pytest.raises(UsageError), whole_file(setup) as part:
@@ -136,10 +126,10 @@ def test_an_input_that_is_met_on_the_way_is_no_output(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [setup]
 
 
-def test_several_files_take_their_names_together(tmp_path: Path) -> None:
+def test_several_files_take_their_names_together(tmp_path):
     (tmp_path / "a.csv").write_text("older")
 
-    def write(fail: bool) -> None:
+    def write(fail):
         with all_or_none():
             for name in ("a.csv", "b.csv"):
                 with whole_file(tmp_path / name) as part:
@@ -152,3 +142,42 @@ def test_several_files_take_their_names_together(tmp_path: Path) -> None:
     assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"a.csv": "older"}
     write(fail=False)
     assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"a.csv": "new", "b.csv": "new"}
+
+
+LOG = Path(__file__).parents[2] / "sample_data" / "drive.csv.gz"
+#: begins an output of its argument's name, and then waits
+BEGUN = """
+import sys, time
+from tirelog.storage.whole import whole_file
+with whole_file(sys.argv[1]):
+    print("begun", flush=True)
+    time.sleep(600.0)
+"""
+
+
+def begun(output):
+    """A process that has begun an output."""
+    command = [sys.executable, "-c", BEGUN, str(output)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "begun\n"
+    assert list(output.parent.glob(".*.part"))
+    return process
+
+
+def ended(process):
+    process.kill()
+    process.communicate()
+
+
+def test_a_later_command_of_one_process_sweeps_its_folder_anew(tmp_path):
+    """What a living process has begun stays until it ends."""
+    words = ["tables", str(LOG), "-o", str(tmp_path), "--table", "speed", "--quiet"]
+    assert run(words) == 0
+    other = begun(tmp_path / "footprint.csv")
+    try:
+        assert run(words) == 0
+        assert len(list(tmp_path.glob(".*.part"))) == 1
+    finally:
+        ended(other)
+    assert run(words) == 0
+    assert list(tmp_path.glob(".*.part")) == []

@@ -1,6 +1,4 @@
-"""Faults: files that tirelog wrote and reads back damaged, and an output that is an input
-elsewhere, end with a message that names the file.
-"""
+"""Faults: damaged files of tirelog's own, and outputs that are inputs, are named."""
 
 import gzip
 import json
@@ -23,7 +21,7 @@ STEP = {
 }  # fmt: skip
 
 
-def speed_table(path: Path, rows: int = 5000) -> Path:
+def speed_table(path, rows=5000):
     columns = ("time_s", "speed_m_s", "period_s", "speed_se_m_s", "acceleration_m_s2")
     rng = np.random.default_rng(1)
     with TableWriter("speed", path, None) as table:

@@ -2,10 +2,8 @@
 
 import random
 import zlib
-from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -22,20 +20,18 @@ from tirelog.runs.temporary import CHUNK
 
 FILTERS = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
 
-
-Maker = Callable[[h5py.File, Path], None]
 TIMES_S = np.linspace(0.0, 20.0, SIZE) ** 1.1
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+def written(tmp_path_factory):
     """The bytes of a run."""
     path = tmp_path_factory.mktemp("written") / "r.h5"
     write(path, source())
     return path.read_bytes()
 
 
-def told(path: Path) -> dict[str, object]:
+def told(path):
     """All that a recording says, and its samples' bytes."""
     with open_run(path, "r.h5") as read:
         out: dict[str, object] = {"setup": read.setup.text, "about": str(read.provenance)}
@@ -45,7 +41,7 @@ def told(path: Path) -> dict[str, object]:
         return out | {"remarks": read.remarks, "losses": list(read.losses)}
 
 
-def test_nothing_lies_in_the_heap(tmp_path: Path) -> None:
+def test_nothing_lies_in_the_heap(tmp_path):
     write(tmp_path / "r.h5", source(), times_s=TIMES_S)
     # where HDF5 keeps what is of variable length
     assert b"GCOL" not in (tmp_path / "r.h5").read_bytes()
@@ -58,11 +54,8 @@ def test_nothing_lies_in_the_heap(tmp_path: Path) -> None:
     assert kinds <= set("iufS")
 
 
-def test_a_flipped_bit_is_noticed_or_changes_nothing(tmp_path: Path) -> None:
-    """Everywhere, and in the texts that stand in a run: a gain of 1.25 must not become one of 1.35.
-
-    What is damaged costs whole chunks that are NaN and named; what is read is what was written.
-    """
+def test_a_flipped_bit_is_noticed_or_changes_nothing(tmp_path):
+    """Everywhere, and in texts: a gain of 1.25 must not become one of 1.35."""
     path = tmp_path / "r.h5"
     write(path, source(), times_s=TIMES_S)
     truth, clean = told(path), path.read_bytes()
@@ -104,19 +97,19 @@ def test_a_run_that_is_cut_off_is_not_asked_for_a_setup(tmp_path, written, left)
         pass
 
 
-def _external_link(file: h5py.File, folder: Path) -> None:
+def _external_link(file, folder):
     with h5py.File(folder / "other.h5", "w") as other:
         other["s"] = file["channels/s"][:]
     del file["channels/s"]
     file["channels/s"] = h5py.ExternalLink(str(folder / "other.h5"), "s")
 
 
-def _soft_groups(file: h5py.File, folder: Path) -> None:
+def _soft_groups(file, folder):
     file.move("groups", "hidden")
     file["groups"] = h5py.SoftLink("/hidden")
 
 
-def _replaced(file: h5py.File, path: str, **dataset: object) -> None:
+def _replaced(file, path, **dataset):
     """Another dataset at `path`, with the attributes of the old one."""
     old = dict(file[path].attrs) if path in file else {}
     if path in file:
@@ -126,13 +119,13 @@ def _replaced(file: h5py.File, path: str, **dataset: object) -> None:
         file[path].attrs[name] = value
 
 
-def _raw_storage(file: h5py.File, folder: Path) -> None:
+def _raw_storage(file, folder):
     (folder / "secret.bin").write_bytes(bytes(4 * SIZE))
     elsewhere = [(str(folder / "secret.bin"), 0, 4 * SIZE)]
     _replaced(file, "channels/s", shape=(SIZE,), dtype="i4", external=elsewhere)
 
 
-def _virtual(file: h5py.File, folder: Path) -> None:
+def _virtual(file, folder):
     layout = h5py.VirtualLayout((SIZE,), "i4")
     layout[:] = h5py.VirtualSource(str(folder / "other.h5"), "s", (SIZE,))
     old = dict(file["channels/s"].attrs)
@@ -142,7 +135,7 @@ def _virtual(file: h5py.File, folder: Path) -> None:
         file["channels/s"].attrs[name] = value
 
 
-def _fletcher32(data: bytes) -> int:
+def _fletcher32(data):
     """As HDF5's specification words it."""
     low = high = 0
     for word in np.frombuffer(data + b"\0" * (len(data) % 2), ">u2").tolist():
@@ -153,27 +146,27 @@ def _fletcher32(data: bytes) -> int:
 
 
 @cache
-def _packed() -> bytes:
+def _packed():
     """A chunk of 300 kB that grows to 300 MB when it is unpacked."""
     packer = zlib.compressobj(1)
     packed = b"".join(packer.compress(bytes(1 << 20)) for _ in range(300)) + packer.flush()
     return packed + _fletcher32(packed).to_bytes(4, "little")
 
 
-def _inflating_chunk(file: h5py.File, folder: Path) -> None:
+def _inflating_chunk(file, folder):
     _replaced(file, "channels/s", shape=(SIZE,), dtype="i4", chunks=(CHUNK,), **FILTERS)
     file["channels/s"].id.write_direct_chunk((0,), _packed())
 
 
-def _text(file: h5py.File, name: str, text: bytes) -> None:
+def _text(file, name, text):
     _replaced(file, name, data=np.frombuffer(text, np.uint8), chunks=True)
     file[name].attrs["size"] = len(text)
 
 
-def _attribute(path: str, name: str, value: object = None) -> Maker:
+def _attribute(path, name, value=None):
     """Another value of an attribute, or without one none at all."""
 
-    def make(file: h5py.File, folder: Path) -> None:
+    def make(file, folder):
         if value is None:
             del file[path].attrs[name]
         else:
@@ -182,26 +175,26 @@ def _attribute(path: str, name: str, value: object = None) -> Maker:
     return make
 
 
-def _dataset(path: str, **dataset: object) -> Maker:
+def _dataset(path, **dataset):
     return lambda file, folder: _replaced(file, path, **dataset)
 
 
-def _removed(*names: str) -> Maker:
-    def make(file: h5py.File, folder: Path) -> None:
+def _removed(*names):
+    def make(file, folder):
         for name in names or list(file):
             del file[name]
 
     return make
 
 
-def _provenance(text: bytes) -> Maker:
+def _provenance(text):
     return lambda file, folder: _text(file, "provenance", text)
 
 
 S, ONE = "channels/s", {"chunks": (CHUNK,)}
 GROWING = {"shape": (SIZE,), "maxshape": (None,), "dtype": "i4"}
 NUMBER_OF_400 = b'{"counts": {"a": 1' + b"0" * 400 + b"}}"
-HOSTILE: dict[str, Maker] = {
+HOSTILE = {
     "external link": _external_link,
     "link for a group": _soft_groups,
     "raw storage of another file": _raw_storage,
@@ -278,10 +271,8 @@ def test_columns_that_were_exchanged_are_told(tmp_path, capsys):
     assert "r.h5: s has changed since it was written (sha256)" in capsys.readouterr().err
 
 
-def test_a_closed_recording_says_so(tmp_path: Path) -> None:
-    """Kept longer than it is open: a run, a log that went through a temporary run, and times of
-    their own.
-    """
+def test_a_closed_recording_says_so(tmp_path):
+    """Kept longer than it is open: a run, a log by a temporary run, times of their own."""
     write(tmp_path / "r.h5", source(), times_s=TIMES_S)
     rows = [f"{k / 100 + 0.003 * (k % 3)},{k % 7}" for k in range(3000)]
     (tmp_path / "log.csv").write_text("time_s,c\n" + "\n".join(rows) + "\n")

@@ -5,29 +5,22 @@ import gzip
 import io
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from tirelog.cli import run
 from tirelog.errors import OutputError, ReadError, is_outside_log
 from tirelog.storage import remote
-from tirelog.storage.remote import (
-    address,
-    list_remote,
-    match_remote,
-    read_several,
-    write_remote,
-)
+from tirelog.storage.remote import address, list_remote, match_remote, read_several, write_remote
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
 
-def test_a_store_out_of_order_is_no_fault_of_what_is_in_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_store_out_of_order_is_no_fault_of_what_is_in_it(monkeypatch):
     class Store:
         protocol = "s3"
 
-        def pipe_file(self, *_: Any) -> None:
+        def pipe_file(self, *_):
             raise ValueError("ServiceUnavailable")
 
     monkeypatch.setattr(remote, "_filesystem", lambda url: Store())
@@ -36,11 +29,11 @@ def test_a_store_out_of_order_is_no_fault_of_what_is_in_it(monkeypatch: pytest.M
     assert is_outside_log(refused.value)
 
 
-def test_several_objects_are_waited_for_no_longer_than_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_several_objects_are_waited_for_no_longer_than_one(monkeypatch):
     class Silent:
         _strip_protocol = staticmethod(str)
 
-        def cat(self, *_: Any, **__: Any) -> dict[str, bytes]:
+        def cat(self, *_, **__):
             time.sleep(30.0)
             return {}
 
@@ -50,7 +43,7 @@ def test_several_objects_are_waited_for_no_longer_than_one(monkeypatch: pytest.M
         read_several(["s3://bucket/a", "s3://bucket/b"])
 
 
-def test_an_address_of_this_machine_is_one_place_however_it_is_spelt(tmp_path: Path) -> None:
+def test_an_address_of_this_machine_is_one_place_however_it_is_spelt(tmp_path):
     pytest.importorskip("fsspec")
     there = f"file://{tmp_path}/a.txt"
     assert there.startswith("file:///")
@@ -63,9 +56,7 @@ def test_an_address_of_this_machine_is_one_place_however_it_is_spelt(tmp_path: P
 
 @pytest.mark.parametrize("name", ["drive.csv", "drive.csv.gz", "encoder.h5", "drive_messages.mcap"])
 def test_a_store_that_goes_is_no_damage_of_the_log(tmp_path, monkeypatch, capfd, name):
-    """A store whose answer is an error from the second half of the object on, of a kind that says
-    nothing of a connection.
-    """
+    """A store that answers with an error from the second half of the object on."""
     memory = pytest.importorskip("fsspec").filesystem("memory")
     source = SAMPLES / name
     data = (
@@ -75,12 +66,12 @@ def test_a_store_that_goes_is_no_damage_of_the_log(tmp_path, monkeypatch, capfd,
     )
 
     class Going(io.BytesIO):
-        def readinto(self, room: Any) -> int:
+        def readinto(self, room):
             if self.tell() + len(room) > len(data) // 2:
                 raise OSError(errno.EBUSY, "SlowDown")
             return super().readinto(room)
 
-        def read(self, size: int | None = -1) -> bytes:
+        def read(self, size=-1):
             room = bytearray(size if size and size > 0 else len(data))
             return bytes(room[: self.readinto(room)])
 

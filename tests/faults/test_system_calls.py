@@ -1,9 +1,4 @@
-"""Faults: the n-th call of the system fails, and a command ends as if it had never begun, or says
-what it lost.
-
-Files are opened by Python's own `_pyio`, so that each call passes through `os` and can be made to
-fail. What HDF5 and Arrow write by themselves does not; `test_full_disk` has that.
-"""
+"""Faults: the n-th system call fails, and a command undoes or says what it lost."""
 
 import _pyio
 import builtins
@@ -14,9 +9,7 @@ import os
 import shutil
 import signal
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -31,13 +24,13 @@ ERRORS = (errno.ENOSPC, errno.EIO)
 
 
 @contextlib.contextmanager
-def failing(nth: int) -> Iterator[list[str]]:
+def failing(nth):
     """The calls of the system so far, of which the n-th fails (0: none does)."""
     calls: list[str] = []
     patch = pytest.MonkeyPatch()
 
-    def failing_as(name: str, real: Any) -> Any:
-        def call(*given: Any, **more: Any) -> Any:
+    def failing_as(name, real):
+        def call(*given, **more):
             if not str(given[0]).startswith("/proc/"):  # whose processes differ each time
                 calls.append(name)
                 if len(calls) == nth:
@@ -58,7 +51,7 @@ def failing(nth: int) -> Iterator[list[str]]:
 
 
 @pytest.fixture
-def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def log(tmp_path, monkeypatch):
     """A log with its setup and a model, in a folder that holds temporary files, too."""
     (tmp_path / "tmp").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "tmp"))
@@ -73,7 +66,7 @@ def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def steps(many: int, at_most: int) -> range:
+def steps(many, at_most):
     """Some of the calls 1 to `many`, spread over all, the last among them."""
     return range(many, 0, -many // at_most)
 

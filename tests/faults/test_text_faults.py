@@ -1,7 +1,4 @@
-"""Faults: broken, foreign and hostile text logs, and what the reader says of each.
-
-Those of which nothing can be read are in `tests/cli/test_faults.py`.
-"""
+"""Faults: broken, foreign and hostile text logs, and what the reader says of each."""
 
 import gzip
 import lzma

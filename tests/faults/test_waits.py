@@ -1,15 +1,13 @@
-"""Faults: an input that is a pipe without a writer is waited for, with a notice; and so are kernels
-that are compiled by the first command.
-"""
+"""Faults: pipes without a writer and kernels that compile are waited for, with a notice."""
 
 import os
-import subprocess
 import sys
 import threading
 from pathlib import Path
 
 import pytest
 
+from tests.processes import python
 from tests.test_compiled import copied
 from tirelog.cli import run
 from tirelog.runtime import hearing
@@ -33,10 +31,7 @@ def work(tmp_path, monkeypatch):
 
 
 def run_on(words, file, opened, *, before):
-    """The status of a command; what `file` holds is written once a notice is given.
-
-    What it is written to is `opened` then, or `before`.
-    """
+    """The status of a command; what `file` holds is written once a notice is given."""
     heard, data = threading.Event(), Path(file).read_bytes()
 
     def write():
@@ -106,9 +101,6 @@ def test_compiling_is_noticed_once(tmp_path):
     for built in (package / "kernels").glob("_built*"):
         built.unlink()
     (tmp_path / "log.csv").write_text("time_s,a\n0,1\n0.001,2\n0.002,1\n")
-    command = [sys.executable, "-c", "from tirelog.cli import main; main()", "info", "log.csv"]
-    seen = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    done = subprocess.run(
-        command, cwd=tmp_path, env=seen, capture_output=True, text=True, check=True
-    )
+    program, words = "from tirelog.cli import main; main()", ("info", "log.csv")
+    done = python(program, *words, folder=tmp_path, PYTHONPATH=str(tmp_path))
     assert done.stderr.count("compiling kernels") == 1

@@ -2,8 +2,6 @@
 
 import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -11,6 +9,7 @@ import pytest
 from tests.campaign.conftest import dataset, make_campaign
 from tests.cli.test_printed_commands import SCENARIO
 from tests.diagnosis.periodic import write_log
+from tests.processes import python
 from tirelog.cli import run
 
 ROOT = Path(__file__).parents[2]
@@ -49,17 +48,13 @@ for line in sys.argv[1].splitlines():
 """
 
 
-def without_posix(program: list[str], folder: Path) -> None:
-    """Run Python with a program that finds nothing that only POSIX has; it ends with status 0."""
-    seen = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, (HIDDEN, ROOT)))}
-    command = [sys.executable, *program]
-    done = subprocess.run(
-        command, cwd=folder, env=seen, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
+def without_posix(program, folder, *words):
+    """Run a program of Python that finds nothing that only POSIX has; it ends with status 0."""
+    seen = os.pathsep.join(map(str, (HIDDEN, ROOT)))
+    python(program, *words, folder=folder, PYTHONPATH=seen)
 
 
-def outputs(folder: Path) -> dict[str, bytes]:
+def outputs(folder):
     """Every file with its bytes, without the time at which it was made."""
     when = re.compile(rb"20\d\d-\d\d-\d\d[T ]\d\d:\d\d")
     return {
@@ -70,7 +65,7 @@ def outputs(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     """A folder with a log, a scenario and a model of one free parameter, made the working one."""
     monkeypatch.chdir(tmp_path)
     write_log(tmp_path / "log.csv", 3, "box", manoeuvres=2, seconds=1.0)
@@ -90,20 +85,20 @@ def test_every_output_is_there_without_what_only_posix_has(folder, group):
     usual = outputs(folder / "O")
     (folder / "O").rename(folder / "usual")
     (folder / "O").mkdir()
-    without_posix(["-c", RUN, GROUPS[group]], folder)
+    without_posix(RUN, folder, GROUPS[group])
     made = outputs(folder / "O")
     assert made.keys() == usual.keys()
     assert [name for name in made if made[name] != usual[name]] == []
 
 
 def test_every_module_is_imported_without_what_only_posix_has(tmp_path):
-    without_posix(["-c", IMPORTS], tmp_path)
+    without_posix(IMPORTS, tmp_path)
 
 
-def test_a_campaign_runs_without_what_only_posix_has(tmp_path: Path) -> None:
+def test_a_campaign_runs_without_what_only_posix_has(tmp_path):
     manifest = make_campaign(tmp_path, logs=2, seconds=1.0)
     words = ["campaign", "run", str(manifest), "--quiet"]
-    without_posix(["-m", "tirelog", *words], tmp_path)
+    without_posix(RUN, tmp_path, " ".join(words))
     made = dataset(tmp_path / "results")
     (tmp_path / "results").rename(tmp_path / "hidden")
     assert run(words) == 0

@@ -1,7 +1,4 @@
-"""Golden: the examples of the documentation run and give the numbers that they show.
-
-The Python blocks of the pages, and one number of each public function (doctests on sample_data).
-"""
+"""Golden: the examples of the documentation run and give the numbers that they show."""
 
 import doctest
 import inspect
@@ -27,13 +24,13 @@ BLOCKS = [
 ]
 
 
-def test_the_pages_have_examples_in_python() -> None:
+def test_the_pages_have_examples_in_python():
     assert len(BLOCKS) >= 4
     assert any("tirelog.contributions" in block for block in BLOCKS)
 
 
 @pytest.mark.parametrize("number", range(len(BLOCKS)))
-def test_a_page_s_python_runs(number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_page_s_python_runs(number, tmp_path, monkeypatch):
     (tmp_path / "sample_data").symlink_to(ROOT / "sample_data")
     for log in ("drive.csv.gz", "drive.toml"):  # pages of methods are typed in sample_data
         (tmp_path / log).symlink_to(ROOT / "sample_data" / log)
@@ -46,14 +43,14 @@ def test_a_page_s_python_runs(number: int, tmp_path: Path, monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize("module", ["logs", "tables", "models", "answers"])
-def test_the_docstrings_numbers(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_docstrings_numbers(module, monkeypatch):
     monkeypatch.chdir(ROOT)
     result = doctest.testmod(import_module(f"tirelog.api.{module}"))
     assert result.attempted > 1
     assert result.failed == 0
 
 
-def test_every_public_name_is_there_and_documented() -> None:
+def test_every_public_name_is_there_and_documented():
     for name in tirelog.__all__:
         found = getattr(tirelog, name)
         assert name in dir(tirelog)

@@ -1,12 +1,4 @@
-"""Golden: the tables of the sample logs, by each column's own tolerance.
-
-A golden that is missing fails; one changes on purpose only:
-
-    cd sample_data
-    tirelog speed drive.csv.gz -o ../tests/golden/speed.csv
-
-and the change then stands in CHANGELOG.md under "Numbers changed".
-"""
+"""Golden: the tables of the sample logs, by each column's own tolerance."""
 
 from pathlib import Path
 
@@ -28,9 +20,7 @@ TABLES = {
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_the_sample_logs_tables_have_not_moved(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_the_sample_logs_tables_have_not_moved(name, tmp_path, monkeypatch, capfd):
     assert (GOLDEN / f"{name}.csv").is_file()
     monkeypatch.chdir(SAMPLES)
     assert run([*TABLES[name], "-o", str(tmp_path / "now.csv"), "--quiet"]) == 0
@@ -38,7 +28,7 @@ def test_the_sample_logs_tables_have_not_moved(
     assert status == 0, capfd.readouterr().out[:2000]
 
 
-def test_text_and_mcap_of_one_drive_give_the_same_speeds() -> None:
+def test_text_and_mcap_of_one_drive_give_the_same_speeds():
     import pandas as pd
 
     text, messages = (

@@ -1,9 +1,4 @@
-"""Literature: the papers' numbers from the product's models, as docs/gallery.md shows them.
-
-The P1 factors stand beside a beam of finite differences that is not the product's.
-"""
-
-from __future__ import annotations
+"""Literature: the papers' numbers from the product's models, as docs/gallery.md shows them."""
 
 import csv
 from dataclasses import replace
@@ -27,12 +22,12 @@ SCENARIOS = Path(__file__).parents[2] / "sample_data" / "scenarios"
 EJ, K, MU, LEVER_M = 5e7 * 1.66e-8, 7.79e6, 0.676, 0.009
 
 
-def factors(model: Model, *speeds: float) -> np.ndarray:
+def factors(model, *speeds):
     drive = Conditions.of(len(speeds), speed_m_s=np.array(speeds))
     return model.predict(drive, observable="dissipation_factor")[:, 0]
 
 
-def nodes(line_mass: float) -> Beam:
+def nodes(line_mass):
     own = {"stiffness": EJ, "foundation": K, "line_mass": line_mass, "lever_m": LEVER_M}
     return Beam(half_length_m=0.05, load_N=400 * 9.81, **own)
 
@@ -109,9 +104,7 @@ def test_p2_fig_13_s_maxima():
     assert 1e3 * least == pytest.approx([0.4, 0.1, -4.2, -13.3], abs=1e3 * step)
 
 
-def test_p2_fig_11_s_first_derivative_turns_at_the_onset(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_p2_fig_11_s_first_derivative_turns_at_the_onset(tmp_path, monkeypatch):
     """At -36.8 and 34.9 mm of a beam solved apart, on the angles that `--all` takes by itself."""
     monkeypatch.chdir(tmp_path)
     for words in (

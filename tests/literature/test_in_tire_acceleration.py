@@ -1,12 +1,4 @@
-"""Literature: radial acceleration on an inner liner at 80 km/h, as O. Jousimaa (Aalto 2016) shows a
-recording of Niskanen and Tuononen.
-
-The mean of eight turns over the wheel angle, and how far the turns scatter at each angle [g], are
-facts of that recording; the log here is made of them by interpolation. Its sensor is AC-coupled, so
-that the level outside the patch is near zero and the patch is not.
-"""
-
-from __future__ import annotations
+"""Literature: radial acceleration at 80 km/h as O. Jousimaa (Aalto 2016) shows it."""
 
 import numpy as np
 import pytest
@@ -44,7 +36,7 @@ unit = "g"
 """
 
 
-def log_of(passages: int, seed: int) -> tuple[np.ndarray, float]:
+def log_of(passages, seed):
     """(acceleration [m/s^2] of so many passages at 22.2 m/s, AC-coupled; speed [m/s])."""
     rng = np.random.default_rng(seed)
     degrees, mean, scatter = np.array(TURN.split(), float).reshape(-1, 3).T
@@ -62,12 +54,12 @@ def log_of(passages: int, seed: int) -> tuple[np.ndarray, float]:
     return (values - np.median(values)) * STANDARD_GRAVITY, 22.2
 
 
-def channel_of(values: np.ndarray) -> Channel:
+def channel_of(values):
     axis = TimeAxis.uniform(values.size, RATE_HZ)
     return Channel.of_array("z", "radial_acceleration", values, axis)
 
 
-def recording_of(values: np.ndarray) -> Recording:
+def recording_of(values):
     return Recording("facts", {"z": channel_of(values)}, parse_setup(SETUP))
 
 

@@ -1,11 +1,4 @@
-"""Literature: P2's passages rebuilt from its own beam (Table 1 with mu corrected) with the measured
-L = 63 mm, read off as the paper reads them.
-
-The tolerances are the paper's: whole milliseconds in the stamps give +-0.4 cm at 13.5 km/h per edge
-and +-1.3 cm at 45 km/h.
-"""
-
-from __future__ import annotations
+"""Literature: P2's passages from its own beam (L = 63 mm, mu corrected), read as P2 does."""
 
 import numpy as np
 import pytest
@@ -24,9 +17,7 @@ RATE_HZ = 2500.0
 
 
 def read_off(speed, cutoff_Hz, half_length=0.063):
-    """Lengths by the second and the first derivative, medians over passages that are sampled at
-    different phases.
-    """
+    """Lengths by the second and the first derivative, medians over passages."""
     xi, strain = Beam(half_length_m=half_length, **TABLE_1).wave(speed)
     reach = int(3 * half_length / speed * RATE_HZ) + 25
     centre = reach + np.linspace(-0.5, 0.5, 41)
@@ -40,9 +31,7 @@ def read_off(speed, cutoff_Hz, half_length=0.063):
 
 @pytest.mark.parametrize("cutoff_Hz", [300.0, 400.0])
 def test_fig_21_at_13_5_km_h(cutoff_Hz):
-    """12 cm by the second derivative, 9.3 cm by the first, +-0.8 cm; the model itself gives 12.7
-    and 9.4 cm.
-    """
+    """12 cm by the second derivative, 9.3 cm by the first, +-0.8 cm."""
     d2, d1 = read_off(13.5 / 3.6, cutoff_Hz)
     assert d2 == pytest.approx(0.12, abs=0.008)
     assert d1 == pytest.approx(0.093, abs=0.008)
@@ -51,9 +40,7 @@ def test_fig_21_at_13_5_km_h(cutoff_Hz):
 
 
 def test_fig_19_at_45_km_h():
-    """8.7 cm by the first derivative, +-1.3 cm, against 12.6 cm of the static footprint; the model
-    gives 9.2 cm at 400 Hz.
-    """
+    """8.7 cm by the first derivative, +-1.3 cm, against 12.6 cm of the static footprint."""
     _, d1 = read_off(45 / 3.6, 400.0)
     assert d1 == pytest.approx(0.087, abs=0.013)
     assert d1 == pytest.approx(0.092, abs=0.0007)

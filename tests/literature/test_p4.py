@@ -1,10 +1,4 @@
-"""Literature: P4, every sentence of section V and the numbers of section IV, on drives with known
-forces (rear-wheel drive, as in P4 section II).
-
-Wheels, forces and trends are those of the test's own car: the shift is wind-up in proportion to
-F_x, the width follows the square root of F_z, both carry one trend with speed for front and rear,
-and the load leaks a little into the shift, as P4 found.
-"""
+"""Literature: P4 sections IV and V on drives with known forces (rear-wheel drive)."""
 
 from functools import cache
 
@@ -82,9 +76,7 @@ PHASES = {
 
 @pytest.fixture(scope="module")
 def calibration():
-    """From the quasi-static tests of both wheels and the front wheel's dynamic test, at the nominal
-    pressure only.
-    """
+    """From both wheels' quasi-static tests and the front wheel's dynamic one."""
     roads = [("front", 31_000, RAMP), ("rear", 31_100, RAMP)]
     roads += [("front", 31_200, DYNAMIC), ("rear", 31_300, DYNAMIC)]
     return calibrate([drive(wheel, 2.0, seed, road) for wheel, seed, road in roads])
@@ -139,11 +131,7 @@ def test_a_driven_wheel_shifts_forwards_a_braked_one_back_and_a_loaded_one_is_wi
 
 
 def test_noise_depends_on_the_forward_speed():
-    """Section V: the noise of two windows differs "simply due to the change of the forward speed".
-    P4 saw more of it at the higher speed, where its fronts fell on fewer samples; between samples
-    the level, which grows with speed squared, stands further out of the sensor's noise, so here the
-    low speed is the noisy one.
-    """
+    """Section V: noises of two windows differ "simply due to the change of the forward speed"."""
     passages = drive("rear", 2.0, SEEDS["rear"])
     low, high = (np.median(passages.width_se_deg[within(passages, n)]) for n in ("low", "high"))
     assert low > 1.5 * high
@@ -167,9 +155,7 @@ def test_low_pressure_is_slightly_wider_and_varies_like_nominal_pressure(calibra
 
 
 def test_after_trend_removal_every_constant_speed_has_the_same_values(results):
-    """Section IV C: phase shift 0 and one width in every constant-speed condition (25 degrees at
-    2.0 bar).
-    """
+    """Section IV C: phase shift 0 and one width (25 degrees at 2.0 bar) at constant speeds."""
     bar, found = results
     for wheel in SEEDS:
         for phase in ("low", "high"):

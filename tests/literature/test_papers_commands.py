@@ -3,7 +3,6 @@
 import re
 import shlex
 import shutil
-from pathlib import Path
 
 import pytest
 
@@ -18,9 +17,7 @@ ROWS = [
 
 
 @pytest.mark.slow
-def test_the_commands_of_the_rows_end_well(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_the_commands_of_the_rows_end_well(tmp_path, monkeypatch, capfd):
     """Each once, in a copy of the samples, after those that make what they name."""
     first = re.search(r"^```sh\n(.*?)^```", PAGE, re.M | re.S)
     assert first is not None
@@ -34,7 +31,7 @@ def test_the_commands_of_the_rows_end_well(
     assert [line for line, status in ended.items() if status != 0] == []
 
 
-def test_every_row_that_is_there_has_a_command_and_a_test() -> None:
+def test_every_row_that_is_there_has_a_command_and_a_test():
     there = [row for row in ROWS if row[4] in ("yes", "partly")]
     assert [row[0] for row in there if "`tirelog " not in row[2]] == []
     named = {row[0]: row[3].strip("`") for row in there}

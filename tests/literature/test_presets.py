@@ -1,7 +1,4 @@
-"""Literature: the presets of `model new` hold the papers' tables and give what the papers show.
-
-The table's numbers are typed here once more, from P1 and P2 Table 1 and P3 Table 2.
-"""
+"""Literature: the presets of `model new` hold the papers' tables and give what the papers show."""
 
 import numpy as np
 import pytest
@@ -50,9 +47,7 @@ def test_the_numbers_are_the_table_s(name):
 
 
 def test_the_beam_s_critical_speed_of_table_1():
-    """mu = 1100 kg/m is the rubber's density; rho times the section gives 86.7 m/s and alpha =
-    0.128 at 11.11 m/s; with the printed mu it would be 5.2.
-    """
+    """mu = 1100 kg/m is the rubber's density."""
     for name in ("P1", "P2"):
         v = preset_model(name).values
         names = ("flexural_stiffness_N_m2", "foundation_stiffness_N_m2", "line_mass_kg_m")
@@ -104,9 +99,7 @@ def p3_ring(load_N, half_angle_deg):
 
 
 def test_p3_s_ring_is_stretched_at_the_patch_centre_and_rings_with_few_modes():
-    """Fig. 3, F_z = 1000 N, a gauge on the inside: 10 waves ripple far from the patch, 100 do not
-    (how much of the peak they reach, `tests/physics/test_forces_command.py`).
-    """
+    """Fig. 3, F_z = 1000 N, inside: 10 waves ripple far from the patch, 100 do not."""
     model, drive = p3_ring(1000.0, 4.6), Conditions.of(1, speed_m_s=10.0)
     whole, ten, hundred = (
         model.predict(drive, TURN, surface="inner", modes=n)[0] for n in (None, 10, 100)
@@ -119,9 +112,7 @@ def test_p3_s_ring_is_stretched_at_the_patch_centre_and_rings_with_few_modes():
 
 
 def test_p3_s_wear_sets_the_trailing_edge_apart():
-    """Figs. 5 and 6: the difference between trailing and leading edge grows with wear, the strain
-    shrinks with the lever arm.
-    """
+    """Figs. 5 and 6: the edges' difference grows with wear, the strain shrinks."""
     model = p3_ring(1000.0, 4.6).with_effect("wear", amplitude=0.5, lever_loss=0.2)
     drive = Conditions.of(3, speed_m_s=10.0, distance_km=[0.0, 20000.0, 40000.0])
     strain = model.predict(drive, TURN, surface="inner")

@@ -1,8 +1,4 @@
-"""Literature: numbers that others published, as small tables of facts, and what the models make of
-them. Where a model misses them, the test says by how much.
-"""
-
-from __future__ import annotations
+"""Literature: published numbers, and by how much the models miss them."""
 
 from dataclasses import replace
 
@@ -30,13 +26,13 @@ STIFFNESS_N_M, QUADRATIC = 209_651.5, 15.416
 CONTACT_ROOT, CONTACT_LINEAR = 0.6715, 0.7308
 
 
-def published_half_length_m(load_N: float) -> float:
+def published_half_length_m(load_N):
     """Half the contact length: R0 (Q_RA2 x + Q_RA1 sqrt x) with x = F / (C R0)."""
     x = load_N / (STIFFNESS_N_M * RADIUS_M)
     return RADIUS_M * (CONTACT_LINEAR * x + CONTACT_ROOT * np.sqrt(x))
 
 
-def published_drop_m(load_N: float) -> float:
+def published_drop_m(load_N):
     """F / F0 = q1 y + q2 y^2 with y = drop / R0 and q1 = sqrt((C R0 / F0)^2 - 4 q2)."""
     linear = np.sqrt((STIFFNESS_N_M * RADIUS_M / LOAD_N) ** 2 - 4.0 * QUADRATIC)
     root = np.sqrt(linear**2 + 4.0 * QUADRATIC * load_N / LOAD_N)
@@ -83,8 +79,7 @@ def test_the_patch_grows_with_the_load_as_published(passenger_tire):
 
 
 def test_a_linear_ring_of_these_frequencies_is_stiffer_than_the_tire(passenger_tire):
-    """Not in the model: 132 mm of contact and 20.3 mm of deflection at 4 kN. The ring yields by
-    0.6 of that and its patch is a third shorter; so a patch is fitted, and not told from modes."""
+    """Not in the model: 132 mm of contact and 20.3 mm of deflection at 4 kN."""
     touching = solve_contact(passenger_tire, LOAD_N)
     assert published_half_length_m(LOAD_N) == pytest.approx(0.0659, abs=1e-4)
     assert published_drop_m(LOAD_N) == pytest.approx(0.0203, abs=1e-4)
@@ -105,7 +100,7 @@ PIEZO = {
 PIEZO_RATE_HZ, PIEZO_RADIUS_M = 10_000.0, 0.303
 
 
-def piezo(period_s: float, turns: int, seed: int) -> np.ndarray:
+def piezo(period_s, turns, seed):
     """A burst per turn, of another frequency within the published ones and another phase each."""
     rng = np.random.default_rng(seed)
     t = np.arange(int(period_s * (turns + 0.5) * PIEZO_RATE_HZ)) / PIEZO_RATE_HZ

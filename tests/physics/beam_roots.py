@@ -18,11 +18,7 @@ def exact_displacement(
     damping_rate_1_s: float = 0.0,
     derivative: int = 0,
 ) -> FloatArray:
-    """Exact displacement w(xi) [m], or its derivative, under the parabolic pressure P2 (12), (m,).
-
-    Superposition in closed form, with the images of the patch one, two, ... turns away: any speed
-    below the critical one, any damping (errata: prefer the roots to P1 (7)-(12)).
-    """
+    """Exact displacement w(xi) [m], or a derivative, under the parabolic pressure P2 (12), (m,)."""
     EJ, k, mu, c = flexural_stiffness_N_m2, foundation_stiffness_N_m2, line_mass_kg_m, speed_m_s
     roots = np.roots([EJ, 0.0, mu * c**2, 2.0 * mu * damping_rate_1_s * c, k])
     gamma, L = 0.75 * load_N / half_length_m**3, half_length_m

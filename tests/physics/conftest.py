@@ -1,7 +1,5 @@
 """A folder with a setup, as the tests of the model's commands have it."""
 
-from pathlib import Path
-
 import pytest
 
 SETUP = """
@@ -24,7 +22,7 @@ gauge_length_m = 0.02
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(tmp_path, monkeypatch):
     """The working folder, with s.toml."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "s.toml").write_text(SETUP)

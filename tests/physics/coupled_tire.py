@@ -1,7 +1,4 @@
-"""What the tests of the coupled ring share: a tire, what it is driven over, a sensor's strain.
-
-The tire is a passenger car's, at 1.2 bar on 0.14 m.
-"""
+"""What the tests of the coupled ring share: a tire, what it is driven over, a sensor's strain."""
 
 from collections.abc import Callable
 

@@ -141,11 +141,9 @@ def test_effects_lists_the_catalogue(here, capsys):
         (["model", "new", "--set", "line_mass_kg_m=nan", "-o", "x.toml"], "finite"),
         (["model", "new", "-o", "nowhere/x.toml"], "folder has to exist"),
         (["model", "add", "b.toml", "speed_trend", "-o", "x.toml"], "does nothing to strain"),
-        (["model", "add", "none.toml", "wear", "-o", "x.toml"], "cannot be read"),
         (["model", "remove", "b.toml", "wear", "-o", "x.toml"], "has no effect"),
         (["model", "predict", "b.toml", "--speed", "80"], "critical speed"),
         (["model", "predict", "b.toml", "--speed", "8", "--surface", "side"], "outer, inner"),
-        (["effects", "waer"], "nearest: wear"),
         (["effects", "inflation", "--plot", "t.png"], "not on strain"),
     ],
 )

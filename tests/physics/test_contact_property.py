@@ -1,6 +1,4 @@
-"""Property: one-sided contact with a flat road carries the load, never pulls, and what it presses
-follows its own law; losses make the pressure lean to the entry edge.
-"""
+"""Property: contact carries the load, never pulls, follows its law and leans by losses."""
 
 from dataclasses import replace
 
@@ -158,8 +156,7 @@ def test_every_loss_makes_the_pressure_lean_to_the_entry_edge(which):
 
 
 def test_rows_of_other_speeds_are_a_step_away_to_its_square():
-    """Contacts are solved at one row's losses; of what losses do, the others miss 3 % at most at
-    two thirds and four thirds of that speed, and a quarter of it at half the distance."""
+    """Contacts are solved at one row's losses."""
     phi = np.linspace(-0.5, 0.5, 401)
     plain = Model.new("ring", radius_m=R, load_N=3500.0)
     model = plain.with_effect("viscous_damping", damping_rate_1_s=90.0)

@@ -1,8 +1,4 @@
-"""Closed form: the coupled ring in time, by torque and by power.
-
-Its waves and its answers to a cleat and to a load are held by the simulator's belt of finite
-elements (`test_coupled_truth.py`), its steady rolling by the ring (`test_coupled_transient.py`).
-"""
+"""Closed form: the coupled ring in time, by torque and by power."""
 
 from dataclasses import replace
 
@@ -17,7 +13,7 @@ TIRE = replace(PASSENGER, c_w=600.0, c_v=600.0, m_h=1.0, J_h=0.1, c_x=1.9e6)
 LOAD, SPEED = 1000.0, 20.0
 
 
-def rolled(torque: float = 0.0) -> Stepper:
+def rolled(torque=0.0):
     """The tire after half a second at constant speed."""
     drive = course(LOAD, SPEED, torque=torque)
     stepper = Stepper(TIRE, State.rolling(TIRE, LOAD, SPEED), drive, step_s=1e-4, nodes=1536)

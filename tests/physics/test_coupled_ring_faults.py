@@ -1,6 +1,4 @@
-"""Faults: tires, roads, speeds and steps that the coupled ring cannot take are refused in one
-sentence, with what is allowed.
-"""
+"""Faults: what the coupled ring cannot take is refused, with what is allowed."""
 
 from dataclasses import replace
 

@@ -1,6 +1,4 @@
-"""Property: every transient of a coupled ring model is the steady ring where nothing happens, and
-its sensors read one motion.
-"""
+"""Property: every transient of a coupled ring is the steady ring where nothing happens."""
 
 import numpy as np
 import pytest
@@ -51,9 +49,7 @@ def test_steady_rolling_is_the_ring(observable):
 
 
 def test_a_flat_road_gives_the_steady_ring():
-    """4e-5 of the waveform's range rms; at single samples 2e-4, where nodes of the tread step on
-    the road.
-    """
+    """4e-5 of the waveform's range rms."""
     model = MODEL.with_effect("pressure_offset", offset=0.1)
     transient = driven(model, AT_20, course())
     read, steady = transient.sensed("strain", -1.2), steady_at(transient, model, -1.2, "strain")
@@ -70,9 +66,7 @@ def test_a_flat_road_gives_the_steady_ring():
 
 
 def test_acceleration_is_the_motion_of_the_sensor():
-    """Second differences of the place r = C + (R + w) e_r + v e_t, along e_r, less those of steady
-    rolling.
-    """
+    """Second differences of r = C + (R + w) e_r + v e_t, less those of steady rolling."""
     transient = driven(MODEL, AT_20, course(CLEAT), step_s=5e-5)
     m, n, R, theta = transient.motion, transient.tire.n, 0.305, -1.0
     phi = m.psi_rad + theta

@@ -1,13 +1,4 @@
-"""Property: the coupled ring of the models moves as the simulator's tire: modes in space against
-finite elements that turn with the belt.
-
-They share no formula: modal amplitudes in the frame that does not turn, exact between kicks,
-against quintic splines in the wheel's frame, implicit midpoint, found by virtual work. What stands
-behind the limits (range of the waveform, 0.15 s from 0.5 m ahead of a 5 mm cleat, 20 m/s, 3000 N):
-with both at half the step and a finer grid they come together to 0.6 % (spindle), 0.5 % (strain
-below 300 Hz) and 0.6 % (below 600 Hz). Above that the tread's own ringing against the road, 840 Hz,
-runs out of step.
-"""
+"""Property: the models' coupled ring moves as the simulator's finite elements."""
 
 from functools import cache
 
@@ -43,18 +34,18 @@ CLEAT = TrueProfile(np.array([0.5, 0.51, 0.53, 0.54]), np.array([0.0, HEIGHT, HE
 STEP, SETTLING = 2.5e-5, 24000
 
 
-def tire(modes: int = 60, damping: float = DAMPING) -> CoupledRing:
+def tire(modes=60, damping=DAMPING):
     sidewall = {"k_w": K_W, "k_v": K_V, "c_w": damping, "c_v": damping}
     return CoupledRing(EI=EI, **sidewall, pb=PB, R=RADIUS, k_t=8.75e7, rho_A=LINE_MASS, modes=modes)
 
 
-def loads(time: float) -> float:
+def loads(time):
     """A step of load within 10 ms."""
     return LOAD * (1.0 + 0.3 * float(np.clip((time - 0.02) / 0.01, 0.0, 1.0)))
 
 
 @cache
-def truth(what: str, seconds: float):
+def truth(what, seconds):
     """Motion from where the hub stands at 0 m, settled before."""
     of = belt(192, radial_damping_N_s_m2=DAMPING, tangential_damping_N_s_m2=DAMPING)
     rolled = rolling(
@@ -73,7 +64,7 @@ def truth(what: str, seconds: float):
 
 
 @cache
-def model(what: str, seconds: float):
+def model(what, seconds):
     of = tire()
     bar = obstacle("cleat", BEGIN, height_m=HEIGHT, length_m=LENGTH)
     road = bar if what == "cleat" else RoadProfile()
@@ -84,11 +75,11 @@ def model(what: str, seconds: float):
     return stepped_motion(stepper, seconds, every=1)
 
 
-def below(frequency_Hz: float, values, step_s: float):
+def below(frequency_Hz, values, step_s):
     return sosfiltfilt(butter(4, frequency_Hz, fs=1.0 / step_s, output="sos"), values)
 
 
-def apart(what: str, seconds: float, frequency_Hz: float | None = None) -> dict[str, float]:
+def apart(what, seconds, frequency_Hz=None):
     """Rms difference over the model's standard deviation, 10 ms off the ends."""
     true, modal = truth(what, seconds), model(what, seconds)
     pairs = {
@@ -154,9 +145,7 @@ def test_natural_frequencies():
 
 
 def test_waves_on_the_turning_belt():
-    """At 30 m/s: what is heard beside the tire of the waves of 2 to 6 lobes, which the truth counts
-    on the belt itself.
-    """
+    """At 30 m/s: what is heard beside the tire of the waves of 2 to 6 lobes."""
     spin = 30.0 / RADIUS
     values, shapes = belt(64).vibrations(spin)
     share = np.abs(np.fft.fft(shapes, axis=0)) / np.linalg.norm(np.fft.fft(shapes, axis=0), axis=0)

@@ -1,6 +1,4 @@
-"""Property: every effect of the catalogue passes one shared test: off is the base, slopes, bounds,
-units, conditions, order, load carried.
-"""
+"""Property: every effect of the catalogue passes one shared test."""
 
 import pickle
 from dataclasses import replace
@@ -72,9 +70,7 @@ def test_off_is_the_base_model_to_the_last_bit(effect, carcass):
 
 @by_id(CATALOGUE)
 def test_slopes_agree_with_differences_of_the_prediction(effect):
-    """Richardson's extrapolation of the whole prediction, at the probe and (where it may be zero)
-    at zero strength.
-    """
+    """Richardson's extrapolation of the whole prediction, at the probe."""
     names = [f"{effect.id}.{p.name}" for p in effect.parameters if p.free]
     on = probed(base_for(effect).with_effect(effect), effect)
     names += [n for n in on.free if "." not in n]
@@ -167,10 +163,7 @@ def test_what_is_followed_is_put_in_words():
         ({"follows": (("speed_m_s", float("nan")),)}, "finite powers"),
         ({"follows": None}, "pairs .condition, power."),
         ({"follows": "speed^2"}, "pairs .condition, power."),
-        (
-            {"follows": (), "valid_range": {"water": (0, 1)}},
-            "'water' is not a condition",
-        ),
+        ({"follows": (), "valid_range": {"water": (0, 1)}}, "'water' is not a condition"),
         (
             {"follows": (), "valid_range": {"speed_m_s": (40.0, 2.0)}},
             "speed_m_s ends before it begins",
@@ -229,9 +222,7 @@ def test_effects_compose_in_any_order_to_the_last_bit():
 
 @pytest.mark.parametrize(("law", "size"), [("hardens", 3e3), ("softens", 4.5e2)])
 def test_stiffening_balances_the_hardened_foundation(law, size):
-    """p - EJ w'''' - mu c^2 w'' - k (1 +- k3 w^2) w = 0 by differences of the predicted
-    displacement.
-    """
+    """p - EJ w'''' - mu c^2 w'' - k (1 +- k3 w^2) w = 0 by differences."""
     k, EJ, mu = 2e6, 4.0, 4.5
     k3 = size if law == "hardens" else -size
     one = Conditions.of(1, speed_m_s=15.0)
@@ -349,9 +340,7 @@ def test_a_users_wedge_is_the_catalogues_wedge():
 
 @pytest.mark.parametrize(("acts_on", "q"), [("strain", 1e-6), ("contact_pressure", 100.0)])
 def test_bins_without_a_sample_have_no_value_and_spoil_no_other(acts_on, q):
-    """An angle bin that no sample fell into has no angle (NaN); a user's formula must not be blamed
-    for it.
-    """
+    """An angle bin that no sample fell into has no angle (NaN)."""
     model, phi = mine(Model.new("beam"), acts_on, BUMP, q), np.tile(PHI, (N, 1))
     full = model.predict(DRIVE, phi)
     phi[2, 5] = np.nan

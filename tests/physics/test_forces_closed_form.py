@@ -1,7 +1,5 @@
 """Closed form: forces, losses and derivatives that a model tells, against their integrals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Closed form: a user's waveform in the mean over a bin, and a measured shape by its lines."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -19,12 +17,12 @@ PHI = np.linspace(-3.0, 3.0, 61)
 BEAM = Model.new("beam", radius_m=0.3)
 
 
-def added(model: Model, **at: object) -> np.ndarray:
+def added(model, **at):
     """What the effects of a model add to the strain of the bare beam."""
     return model.predict(AT, PHI, **at) - BEAM.predict(AT, PHI, **at)
 
 
-def test_a_user_s_waveform_is_its_mean_over_a_bin() -> None:
+def test_a_user_s_waveform_is_its_mean_over_a_bin():
     """The mean of a cosine over a bin of width w is it times sin(k w / 2) / (k w / 2)."""
     k, width = 24.0, 0.03
     amplitude = Parameter("A", "1", "", 1e-4, -1.0, 1.0, 1e-4)
@@ -37,7 +35,7 @@ def test_a_user_s_waveform_is_its_mean_over_a_bin() -> None:
     )
 
 
-def coordinate(frame: str) -> np.ndarray:
+def coordinate(frame):
     """Each frame's coordinate by plain arithmetic, (3, m)."""
     radius, half = 0.3, BEAM.half_length_m(AT)[:, None]
     xi, turn = PHI * radius, 2.0 * np.pi * 0.3
@@ -54,7 +52,7 @@ def coordinate(frame: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("frame", [f for f in FRAMES if f != "speed"])
-def test_a_shape_is_straight_lines_along_its_coordinate_times_its_law(frame: str) -> None:
+def test_a_shape_is_straight_lines_along_its_coordinate_times_its_law(frame):
     at = coordinate(frame)
     nodes = np.linspace(at.min() + 0.1 * np.ptp(at), at.max() - 0.1 * np.ptp(at), 7)
     values = 1e-5 * np.array([2.0, 3.0, -2.0, 5.0, 1.0, -4.0, -1.0])
@@ -65,7 +63,7 @@ def test_a_shape_is_straight_lines_along_its_coordinate_times_its_law(frame: str
     np.testing.assert_allclose(found, wanted, atol=1e-14)
 
 
-def test_a_shape_of_the_pressure_is_in_mean_pressures() -> None:
+def test_a_shape_of_the_pressure_is_in_mean_pressures():
     nodes, values = [-0.9, -0.3, 0.3, 0.9], [0.0, 0.2, -0.2, 0.0]
     shape = effect_by_shape("mine", "contact_pressure", "patch", "1", nodes, values)
     amplitude = Parameter("A", "1", "", 0.2, -1.0, 1.0, 0.1)
@@ -79,7 +77,7 @@ def test_a_shape_of_the_pressure_is_in_mean_pressures() -> None:
     )
 
 
-def test_a_shape_is_written_read_and_still_itself(tmp_path: Path) -> None:
+def test_a_shape_is_written_read_and_still_itself(tmp_path):
     nodes, values = [0.0, 0.004, 0.01], [0.0, 2e-5, 0.0]
     effect = effect_by_shape("mine", "strain", "time_since_exit", "speed / 20", nodes, values)
     source = {"shape": "empirical", "acts_on": "strain", "frame": "time_since_exit"}

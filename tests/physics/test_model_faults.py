@@ -1,9 +1,6 @@
-"""Faults: hostile and mistaken models are refused in a sentence that says what is wrong, what is
-allowed, what to do.
-"""
+"""Faults: mistaken models are refused in a sentence, with what is allowed."""
 
 import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -162,19 +159,6 @@ def predicted(model=BEAM, phi=PHI, surface="outer", **drive):
 def test_what_is_impossible_is_refused(said, asked):
     with pytest.raises(ModelError, match=said):
         asked()
-
-
-def test_files_that_cannot_be_read(tmp_path):
-    with pytest.raises(ModelError, match="cannot be read"):
-        load_model(tmp_path / "none.toml")
-    with pytest.raises(ModelError, match="cannot be read"):
-        load_model(tmp_path)
-    (tmp_path / "latin.toml").write_bytes(b'name = "\xff\xfe"')
-    with pytest.raises(ModelError, match="UTF-8"):
-        load_model(tmp_path / "latin.toml")
-    (tmp_path / "big.toml").write_text("#" * (2 << 20))
-    with pytest.raises(ModelError, match="larger"):
-        load_model(tmp_path / "big.toml")
 
 
 @pytest.mark.parametrize(
@@ -444,7 +428,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("lines", "said"), WRONG.items())
-def test_a_wrong_nuisance_or_form_is_refused_at_its_line(lines: str, said: str) -> None:
+def test_a_wrong_nuisance_or_form_is_refused_at_its_line(lines, said):
     text = as_toml(Model.new("beam")) + f"\n{lines}\n"
     with pytest.raises(ModelError) as refused:
         parse_model(text)
@@ -454,7 +438,7 @@ def test_a_wrong_nuisance_or_form_is_refused_at_its_line(lines: str, said: str) 
     assert f"model:{last - 2 if table else last}: " in str(refused.value)
 
 
-def test_a_form_is_kept_as_it_is_written() -> None:
+def test_a_form_is_kept_as_it_is_written():
     written = '[form]\nuse = "on" # flat\npressure = 0.5\npressure_3 = 0.4\n'
     model = parse_model(as_toml(Model.new("beam")) + "\n" + written)
     assert model.nuisances[-1].use == "on"
@@ -466,7 +450,7 @@ def test_a_form_is_kept_as_it_is_written() -> None:
     assert bare.nuisances[-1].use == "off"
 
 
-def test_nuisances_are_kept_as_they_are_written() -> None:
+def test_nuisances_are_kept_as_they_are_written():
     written = 'wheel = "off" # bad rig\ndrift = { use = "on", relative = 0.05 }\n'
     model = parse_model(as_toml(Model.new("beam")) + "\n[nuisances]\n" + written)
     assert [n.use for n in model.nuisances] == ["off", "on", "auto", "auto", "auto", "auto"]
@@ -478,7 +462,7 @@ def test_nuisances_are_kept_as_they_are_written() -> None:
         model.with_nuisance("weel", "on")
 
 
-def test_model_nuisance_writes_the_use(tmp_path: Path) -> None:
+def test_model_nuisance_writes_the_use(tmp_path):
     model, better = tmp_path / "m.toml", tmp_path / "better.toml"
     save_model(Model.new("beam"), model)
     assert status("model set", str(model), "wheel=on", "-o", str(better)) == 0

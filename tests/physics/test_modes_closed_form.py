@@ -44,9 +44,7 @@ def test_a_bare_ring_rings_as_hoppe_and_love_say():
 
 @pytest.mark.parametrize("speed", [5.0, 40.0])
 def test_a_turning_ring_splits_as_in_the_papers_own_frame(speed):
-    """m nu^2 - 4 rho A n Omega nu = k_n with P3's k_n (errata) on the belt; beside the tire it is
-    nu - n Omega.
-    """
+    """m nu^2 - 4 rho A n Omega nu = k_n with P3's k_n (errata) on the belt."""
     omega, R, rho_A = speed / 0.3, 0.3, 3.15
     modes = natural_modes(TIRE, speed_m_s=speed, to_Hz=300.0)
     for n in (2.0, 3.0, 5.0):
@@ -89,9 +87,7 @@ def test_the_critical_speed_is_where_the_whirl_loses_its_damping():
 
 
 def test_on_the_road_a_load_on_a_stiff_belt_bounces_on_tread_and_sidewall_in_series():
-    """With a belt that does not bend, the slowest upright mode is the mass of all on 1/k_s +
-    1/(tread under the patch), the ring light.
-    """
+    """The slowest upright mode is the mass of all on 1/k_s + 1/(tread under the patch)."""
     stiff = replace(TIRE, EI=1e7, rho_A=1e-3)
     patch = contact.solve_contact(stiff, 1000.0).phi_rad.size * contact.STEP * 0.3 * stiff.k_t
     series = 1.0 / (1.0 / stiff.k_s + 1.0 / patch)

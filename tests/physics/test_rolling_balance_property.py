@@ -1,17 +1,11 @@
-"""Property: power = moment x angular speed = load x offset, for every effect and every carcass.
-
-All numbers are those of `forces` and `revolutions`, as `tirelog model forces` and `model predict`
-print them. The offset in space is summed here from the pressure and the belt's displacements.
-"""
-
-from __future__ import annotations
+"""Property: power = moment x angular speed = load x offset, for every effect and every carcass."""
 
 import numpy as np
 import pytest
 
 from tirelog.api.models import forces, revolutions
 from tirelog.errors import ModelError
-from tirelog.physics import BY_ID, Effect, Model
+from tirelog.physics import BY_ID
 from tirelog.physics.model.from_setup import preset_model
 
 DRIVEN = {
@@ -30,7 +24,7 @@ ON_PRESSURE = {e.id for e in BY_ID.values() if "contact_pressure" in e.acts_on} 
 OUT_OF_CONTACT = {"stiffening", "belt_shear", "form", "traction"}
 
 
-def with_effect(model: Model, effect: Effect) -> Model | None:
+def with_effect(model, effect):
     """The model with the effect at the size that diagnose tries; None if it cannot have it."""
     if any(e.effect.id == effect.id for e in model.effects):
         return model
@@ -41,7 +35,7 @@ def with_effect(model: Model, effect: Effect) -> Model | None:
         return None
 
 
-def moment_in_space(model: Model) -> float:
+def moment_in_space(model):
     """-int p x dxi with x = (R - w) sin phi + v cos phi [N m]."""
     rows, R = revolutions(model, DRIVEN, points=3072), model.values["radius_m"]
     phi = np.radians(rows["phi_deg"])
@@ -93,9 +87,7 @@ def test_the_offset_is_where_the_pressure_acts_in_space(carcass, effect):
 
 
 def test_a_hub_comes_nearer_by_belt_and_tread():
-    """The road yields nothing: R (1 - cos(edge)) is what the hub came down, less the belt's yield
-    at the edge, where the tread is not pressed.
-    """
+    """R (1 - cos(edge)) is what the hub came down, less the belt's yield at the edge."""
     rows = revolutions(RING, DRIVEN, points=3072)
     told = {name: column[0] for name, column in forces(RING, DRIVEN).items()}
     edge = told["patch_length_m"] / 2.0 / RING.values["radius_m"]

@@ -1,6 +1,4 @@
-"""Closed form: asperities by their heights one by one, water by Reynolds' equation in steps, tread
-that wears off by the lever arm of a worn model.
-"""
+"""Closed form: asperities one by one, water by Reynolds' equation, tread that wears."""
 
 import numpy as np
 import pytest
@@ -8,7 +6,6 @@ from scipy.integrate import quad
 
 from tirelog.api.models import forces, revolutions
 from tirelog.errors import ModelError
-from tirelog.physics import Model
 from tirelog.physics.model.forces import worn_model
 from tirelog.physics.model.from_setup import preset_model
 
@@ -19,11 +16,11 @@ TREAD, HEIGHT = 8.75e7, 2e-4
 DRIVEN = {"speed_m_s": 15.0, "load_N": LOAD}
 
 
-def parabola(xi: np.ndarray) -> np.ndarray:
+def parabola(xi):
     return 0.75 * LOAD / L0**3 * (L0**2 - xi**2)
 
 
-def test_pressure_on_asperities_is_the_mean_over_their_heights() -> None:
+def test_pressure_on_asperities_is_the_mean_over_their_heights():
     rough = BEAM.with_effect("asperities", height_m=HEIGHT, tread_stiffness_N_m2=TREAD)
     told = revolutions(rough, DRIVEN, points=1024)
     heights = HEIGHT * np.linspace(-8, 8, 4001)[:, None]
@@ -36,8 +33,8 @@ def test_pressure_on_asperities_is_the_mean_over_their_heights() -> None:
     assert np.abs(off).max() < 3e-4 * mean.max()
 
 
-def test_asperities_matter_less_at_high_load() -> None:
-    def share(load: float) -> float:
+def test_asperities_matter_less_at_high_load():
+    def share(load):
         driven = {**DRIVEN, "load_N": load}
         rough = BEAM.with_effect("asperities", height_m=HEIGHT)
         waves = [revolutions(m, driven)["strain"] for m in (BEAM, rough)]
@@ -46,14 +43,14 @@ def test_asperities_matter_less_at_high_load() -> None:
     assert share(2 * LOAD) < 0.75 * share(LOAD)
 
 
-def wet_model(width: float = 0.15, film_mm: float = 0.1) -> Model:
+def wet_model(width=0.15, film_mm=0.1):
     return BEAM.with_effect("water_wedge", width_m=width, film_mm=film_mm)
 
 
-def reynolds(ahead: float, depth: float, speed: float, width: float, film: float) -> float:
+def reynolds(ahead, depth, speed, width, film):
     """Pressure [N/m] so far ahead of the edge, by quadrature of the equation itself."""
 
-    def rise(s: float) -> float:
+    def rise(s):
         h = film + s**2 / (2 * R)
         return 12e-3 * width * speed * (h - film) / h**3
 
@@ -61,7 +58,7 @@ def reynolds(ahead: float, depth: float, speed: float, width: float, film: float
     return quad(rise, ahead, inlet, epsabs=0.0)[0] if ahead < inlet else 0.0
 
 
-def test_water_s_pressure_solves_reynolds_equation() -> None:
+def test_water_s_pressure_solves_reynolds_equation():
     wet = {**DRIVEN, "water_depth_mm": 0.6}
     told = revolutions(wet_model(), wet, points=2048)
     xi = told["xi_m"]
@@ -77,8 +74,8 @@ def test_water_s_pressure_solves_reynolds_equation() -> None:
     assert forces(wet_model(), wet)["dry_length_m"][0] == pytest.approx(dry, rel=1e-9)
 
 
-def test_water_lifts_in_proportion_to_speed_and_fills_with_its_depth() -> None:
-    def lost(speed: float, depth: float) -> float:
+def test_water_lifts_in_proportion_to_speed_and_fills_with_its_depth():
+    def lost(speed, depth):
         """What of the patch's first half is afloat, as a pressure."""
         told = forces(wet_model(), {**DRIVEN, "speed_m_s": speed, "water_depth_mm": depth})
         return float(1 - (told["dry_length_m"][0] / L0 - 1) ** 2)
@@ -89,14 +86,14 @@ def test_water_lifts_in_proportion_to_speed_and_fills_with_its_depth() -> None:
     assert lost(10.0, 20.0) == pytest.approx(flooded / parabola(0.0), rel=1e-3)
 
 
-def test_a_tire_that_floats_is_refused() -> None:
+def test_a_tire_that_floats_is_refused():
     with pytest.raises(ModelError, match="floats"):
         revolutions(
             wet_model(width=0.6), {"speed_m_s": 60.0, "load_N": LOAD, "water_depth_mm": 5.0}
         )
 
 
-def test_tread_worn_off_with_the_distance_is_the_worn_model_s_lever_arm() -> None:
+def test_tread_worn_off_with_the_distance_is_the_worn_model_s_lever_arm():
     new = BEAM.with_values({"lever_arm_m": 4e-3})
     worn = new.with_effect("tread_depth", worn_mm=4.0)
     told = revolutions(worn, {**DRIVEN, "distance_km": 2e4}, surface="inner")["strain"]

@@ -1,7 +1,4 @@
-"""Property: rows that are alike to belt and load are computed once, and what a row's waveform is
-depends on that row's conditions alone, whatever the rows beside it; rows that differ in speed
-alone, which all come of a few speeds, are what each of them is by itself.
-"""
+"""Property: a row's waveform depends on its conditions alone, not on its neighbours."""
 
 from dataclasses import replace
 

@@ -1,6 +1,4 @@
-"""Closed form: pressure and shear under traction against P2 (13), and a ring that is pulled along
-by the shear itself.
-"""
+"""Closed form: pressure and shear under traction against P2 (13) and a pulled ring."""
 
 from dataclasses import replace
 

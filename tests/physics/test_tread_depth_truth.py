@@ -1,10 +1,6 @@
 """Closed form: the tread that wears off a tire, fitted to its logs at several distances (P3)."""
 
-from __future__ import annotations
-
 from pathlib import Path
-
-import pytest
 
 from tests.physics.commands import status
 from tirelog.physics.model.file import load_model
@@ -31,9 +27,7 @@ lever_loss = 0.25
 """
 
 
-def test_a_tread_s_loss_is_told_by_its_logs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_tread_s_loss_is_told_by_its_logs(tmp_path, monkeypatch):
     """A lever arm of 4 mm that loses a quarter in 40000 km is 2 mm of rubber of one material."""
     monkeypatch.chdir(tmp_path)
     drive = [(4, 10), (4, 16), (4, 16), (4, 9), (4, 9)]

@@ -20,12 +20,12 @@ KNOWN = {
 } | {c.symbol: (12.0, c.unit) for c in CONDITIONS.values() if c.symbol != "load"}  # fmt: skip
 
 
-def size(unit: str) -> float:
+def size(unit):
     """A unit such as `N/m^2` in the other units."""
     return float(eval(unit.replace("^", "**").replace(" ", "*") or "1", {}, OTHER))
 
 
-def test_a_formula_of_the_grammar_is_the_same_quantity_in_other_units() -> None:
+def test_a_formula_of_the_grammar_is_the_same_quantity_in_other_units():
     number = 0
     for form in forms():
         quantities = {name: (0.7, form.unit(name)) for name in form.profile.numbers}
@@ -45,7 +45,7 @@ def test_a_formula_of_the_grammar_is_the_same_quantity_in_other_units() -> None:
     assert number > 400
 
 
-def test_a_parameter_s_unit_is_read_and_written() -> None:
+def test_a_parameter_s_unit_is_read_and_written():
     model = parse_model(CONTRACT.replace("{ value = 5e3,", '{ unit = "N/m^2", value = 5e3,'))
     assert model.parameters["my_wedge.q"].unit == "N/m^2"
     moved = parse_model(as_toml(model.with_values({"my_wedge.q": 6e3})))

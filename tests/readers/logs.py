@@ -15,10 +15,7 @@ from tirelog.readers.base import LogReader, without_lost_peaks
 def setup_of(
     channels: Mapping[str, str | Mapping[str, Any]], log: str = "", **common: Any
 ) -> Setup:
-    """A setup of channels, each by its source or by its own keys, beside those `common` to all.
-
-    Without a kind they are gratings; gratings get a wavelength.
-    """
+    """A setup of channels, each by its source or by its own keys, beside those `common` to all."""
     text = "[tire]\nunloaded_radius_m = 0.3\n"
     for name, own in channels.items():
         keys = {

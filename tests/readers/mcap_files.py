@@ -104,9 +104,7 @@ def write_ros2(path, messages, *, compression=ZSTD, chunk_size=20_000):
 
 
 def protobuf_class():
-    """tire.Sample: stamp {seconds, nanos}, doubles, a signed varint, a text, packed doubles,
-    unpacked sub-messages.
-    """
+    """tire.Sample: a stamp, doubles, a signed varint, a text, packed doubles."""
     file = descriptor_pb2.FileDescriptorProto(name="tire.proto", package="tire", syntax="proto3")
     F = descriptor_pb2.FieldDescriptorProto
 

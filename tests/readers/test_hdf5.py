@@ -1,10 +1,4 @@
-"""Property: of HDF5 logs of every layout, the values, rates, stamps, units and groups that come out
-are those that were written.
-
-`data/pandas_layouts.h5` was written by pandas 3.0 through PyTables: 20 rows a millisecond apart,
-CH1_FBG1 = 1549 + row / 16, CH1_FBG2 = 1540 + row / 32, n = row, as `fixed`, `table`, `columns`
-(data_columns), `series`, `float_index`, `objects` (pickles).
-"""
+"""Property: what comes out of HDF5 logs of every layout is what was written."""
 
 from pathlib import Path
 
@@ -28,7 +22,18 @@ def read(path, sources, log="", **keys):
     return values, stamps, reader
 
 
+def write(path, made, attributes=()):
+    """A file of these datasets, links and their attributes, each by its path."""
+    with h5py.File(path, "w") as file:
+        for name, values in made.items():
+            file[name] = values
+        for name, words in dict(attributes).items():
+            file[name].attrs.update(words)
+
+
 GRATING = {"kind": "fbg_strain", "unit": "nm"}
+TEN = np.arange(10.0)
+FIFTY = np.arange(50.0)
 
 
 @pytest.fixture
@@ -38,12 +43,10 @@ def path(tmp_path):
 
 @pytest.mark.parametrize("source", ["/a/b", "a/b", "/soft", "/a/relative"])
 def test_a_dataset_by_path_and_through_soft_links(path, source):
-    with h5py.File(path, "w") as file:
-        file["a/b"] = np.arange(50.0)
-        file["soft"] = h5py.SoftLink("/a/b")
-        file["a/relative"] = h5py.SoftLink("b")
+    links = {"soft": h5py.SoftLink("/a/b"), "a/relative": h5py.SoftLink("b")}
+    write(path, {"a/b": FIFTY, **links})
     values, _, reader = read(path, {"x": source})
-    np.testing.assert_array_equal(values["x"], np.arange(50.0))
+    np.testing.assert_array_equal(values["x"], FIFTY)
     assert reader.report.losses == []
 
 
@@ -60,8 +63,7 @@ def test_a_dataset_by_path_and_through_soft_links(path, source):
     ],
 )
 def test_columns_of_arrays(path, shape, source, expected):
-    with h5py.File(path, "w") as file:
-        file["d"] = np.arange(np.prod(shape)).reshape(shape)
+    write(path, {"d": np.arange(np.prod(shape)).reshape(shape)})
     np.testing.assert_array_equal(read(path, {"x": source})[0]["x"], expected)
 
 
@@ -69,8 +71,7 @@ def test_columns_of_a_compound(path):
     rows = np.zeros(30, [("time", "f8"), ("wl", "f4", (3,)), ("steps", "i2")])
     rows["time"], rows["steps"] = np.arange(30) / 100, np.arange(30)
     rows["wl"] = np.arange(90).reshape(30, 3)
-    with h5py.File(path, "w") as file:
-        file["t"] = rows
+    write(path, {"t": rows})
     values, stamps, reader = read(path, {"a": "/t:steps", "b": "/t:wl[2]"})
     np.testing.assert_array_equal(values["a"], np.arange(30))
     np.testing.assert_array_equal(values["b"], np.arange(2, 90, 3))
@@ -85,17 +86,13 @@ PERIODS = dict.fromkeys(("dt", "wf_increment"), np.array([0.0004]))
 @pytest.mark.parametrize(("name", "value"), [*RATES.items(), *PERIODS.items()])
 @pytest.mark.parametrize("where", ["/g/d", "/g", "/"])
 def test_the_rate_by_alias_and_place(path, name, value, where):
-    with h5py.File(path, "w") as file:
-        file["g/d"] = np.arange(10.0)
-        file[where].attrs[name] = value
+    write(path, {"g/d": TEN}, {where: {name: value}})
     rate_Hz = read(path, {"x": "/g/d"})[2].groups[0].rate_Hz
     assert rate_Hz == pytest.approx(2500.0, rel=1e-12)
 
 
 def test_the_rate_nearest_to_the_data_wins(path):
-    with h5py.File(path, "w") as file:
-        file["g/d"] = np.arange(10.0)
-        file.attrs["fs"], file["g"].attrs["fs"] = 1.0, 2.0
+    write(path, {"g/d": TEN}, {"/": {"fs": 1.0}, "g": {"fs": 2.0}})
     assert read(path, {"x": "/g/d"})[2].groups[0].rate_Hz == 2.0
 
 
@@ -111,26 +108,20 @@ def test_the_rate_nearest_to_the_data_wins(path):
     ],
 )
 def test_words_with_factor_and_offset(path, attributes, expected):
-    with h5py.File(path, "w") as file:
-        file["d"] = np.arange(10, dtype="i2")
-        file["d"].attrs.update(attributes)
+    write(path, {"d": np.arange(10, dtype="i2")}, {"d": attributes})
     np.testing.assert_allclose(read(path, {"x": "/d"})[0]["x"], expected, rtol=1e-15)
 
 
 def test_decimal_counts_keep_their_decimals(path):
     counts = np.arange(154_900_000, 154_900_500, dtype="i4")
-    with h5py.File(path, "w") as file:
-        file["d"] = counts
-        file["d"].attrs["scale_factor"] = 1e-5
+    write(path, {"d": counts}, {"d": {"scale_factor": 1e-5}})
     values, _, _ = read(path, {"x": "/d"}, **GRATING)
     np.testing.assert_array_equal(values["x"], [float(f"{c}e-5") for c in counts])
 
 
 def test_lost_peaks_and_fill_values_are_lost(path):
-    with h5py.File(path, "w") as file:
-        file["peaks"] = [1550.0, 0.0, -1.0, np.nan, 1551.0]
-        file["words"] = np.array([1, 2, -999, 4], "i4")
-        file["words"].attrs["_FillValue"] = np.array([-999], "i4")
+    made = {"peaks": [1550.0, 0.0, -1.0, np.nan, 1551.0], "words": np.array([1, 2, -999, 4], "i4")}
+    write(path, made, {"words": {"_FillValue": np.array([-999], "i4")}})
     peaks = read(path, {"x": "/peaks"}, **GRATING)[0]["x"]
     np.testing.assert_array_equal(peaks, [1550.0, np.nan, np.nan, np.nan, 1551.0])
     words = read(path, {"x": "/words"})[0]["x"]
@@ -138,11 +129,8 @@ def test_lost_peaks_and_fill_values_are_lost(path):
 
 
 def test_a_time_dataset_of_the_setup_its_unit_and_a_common_origin(path):
-    with h5py.File(path, "w") as file:
-        file["fast"], file["slow"] = np.arange(100.0), np.arange(10.0)
-        file["fast_clock"] = 5000.0 + np.arange(100.0)
-        file["time"] = 6000 + np.arange(100)
-        file["time"].attrs["units"] = "ms"
+    made = {"fast": np.arange(100.0), "slow": TEN, "fast_clock": 5000.0 + np.arange(100.0)}
+    write(path, made | {"time": 6000 + np.arange(100)}, {"time": {"units": "ms"}})
     _, stamps, _ = read(path, {"a": "/fast"}, log='time = "/fast_clock"\ntime_unit = "ms"')
     np.testing.assert_allclose(stamps["clock_1"], np.arange(100) / 1000, atol=1e-12)
     _, stamps, _ = read(path, {"a": "/fast", "b": "/slow"})
@@ -151,27 +139,36 @@ def test_a_time_dataset_of_the_setup_its_unit_and_a_common_origin(path):
 
 
 def test_two_clocks_count_from_the_first_stamp_of_either(path):
-    with h5py.File(path, "w") as file:
-        file["a/x"], file["a/time"] = np.arange(10.0), 100.0 + np.arange(10.0)
-        file["b/x"], file["b/time"] = np.arange(20.0), 98.5 + np.arange(20.0) / 2
+    twenty = np.arange(20.0)
+    write(path, {"a/x": TEN, "a/time": 100.0 + TEN, "b/x": twenty, "b/time": 98.5 + twenty / 2})
     _, stamps, _ = read(path, {"a": "/a/x", "b": "/b/x"})
     assert stamps["clock_1"][0] == 1.5
     assert stamps["clock_2"][0] == 0.0
 
 
-def test_stamps_in_nanoseconds_since_1970_keep_their_nanoseconds(path):
-    first = 1_767_225_600_123_456_789
-    with h5py.File(path, "w") as file:
-        file["x"], file["timestamp"] = np.arange(10.0), first + 400_001 * np.arange(10)
+@pytest.mark.parametrize(
+    ("name", "times", "words", "period_s", "start"),
+    [
+        (
+            "timestamp", 1_767_225_600_123_456_789 + 400_001 * np.arange(10), {}, 400_001e-9,
+            "2026-01-01T00:00:00.12345",
+        ),
+        (
+            "time", 250.0 + 4 * TEN, {"units": "ms since 2026-03-01 12:00:00"}, 0.004,
+            "2026-03-01T12:00:00.250000",
+        ),
+    ],
+    ids=["nanoseconds since 1970", "netcdf"],
+)  # fmt: skip
+def test_times_since_a_date_keep_their_nanoseconds(path, name, times, words, period_s, start):
+    write(path, {"x": TEN, name: times}, {name: words})
     _, stamps, reader = read(path, {"a": "/x"})
-    np.testing.assert_allclose(stamps["clock_1"], 400_001e-9 * np.arange(10), rtol=0, atol=1e-15)
-    assert reader.report.start.startswith("2026-01-01T00:00:00.12345")
+    np.testing.assert_allclose(stamps["clock_1"], period_s * TEN, rtol=0, atol=1e-15)
+    assert reader.report.start.startswith(start)
 
 
 def test_matlab_7_3(path):
-    """MATLAB keeps a 512-byte user block, vectors as (1, n) or (n, 1), and the rate as a variable
-    beside the data.
-    """
+    """A 512-byte user block, vectors as (1, n) or (n, 1), the rate as a variable."""
     with h5py.File(path, "w", userblock_size=512) as file:
         file["log/strain"] = np.arange(60.0).reshape(1, 60)
         file["log/all"] = np.arange(120.0).reshape(2, 60)
@@ -242,17 +239,15 @@ def test_channels_of_one_clock_form_one_group(path):
 
 @pytest.mark.parametrize("name", ["x[3]", "a:b", "last ", "WL [1] [nm]", "x[0]:y", "group[1]/x"])
 def test_a_name_is_looked_up_before_it_is_parsed(path, name):
-    with h5py.File(path, "w") as file:
-        file[name], file["x"] = np.arange(50.0), np.zeros((50, 4))
+    write(path, {name: FIFTY, "x": np.zeros((50, 4))})
     assert name in {one.source.removeprefix("/") for one in hdf5.datasets(path, "log").series}
-    np.testing.assert_array_equal(read(path, {"x": f"/{name}"})[0]["x"], np.arange(50.0))
+    np.testing.assert_array_equal(read(path, {"x": f"/{name}"})[0]["x"], FIFTY)
 
 
 @pytest.mark.parametrize("source", [" x", "  w[:,1]", "x "])
 def test_blanks_around_a_source_are_no_part_of_it(path, source):
-    with h5py.File(path, "w") as file:
-        file["x"], file["w"] = np.arange(50.0), np.tile(np.arange(50.0)[:, None], 2)
-    np.testing.assert_array_equal(read(path, {"x": source})[0]["x"], np.arange(50.0))
+    write(path, {"x": FIFTY, "w": np.tile(FIFTY[:, None], 2)})
+    np.testing.assert_array_equal(read(path, {"x": source})[0]["x"], FIFTY)
 
 
 @pytest.mark.parametrize(
@@ -264,22 +259,17 @@ def test_blanks_around_a_source_are_no_part_of_it(path, source):
     ],
 )
 def test_a_unit_in_a_name_is_the_default(path, name, kind, factor):
-    with h5py.File(path, "w") as file:
-        file[name] = np.arange(50.0)
-        file[name].attrs["sampling_rate_Hz"] = 100.0
+    write(path, {name: FIFTY}, {name: {"sampling_rate_Hz": 100.0}})
     setup = setup_of({"x": f"/{name}"}, kind=kind)
     channel = hdf5.Hdf5Log(path, setup, "log").setup.channels["x"]
     assert KINDS[kind].to_si(channel.unit)[0] == pytest.approx(factor)
 
 
 def test_a_unit_that_contradicts_the_setup_is_said(path):
-    with h5py.File(path, "w") as file:
-        file["x"], file["y"] = np.arange(5.0), np.arange(5.0)
-        file["x"].attrs["units"], file["y"].attrs["unit"] = "degC", "Kelvin"
-    remarks = read(path, {"x": "/x", "y": "/y"})[2].report.remarks
-    assert len(remarks) == 1
-    assert "channel x" in remarks[0]
-    assert "'degC'" in remarks[0]
+    write(path, {"x": TEN, "y": TEN}, {"x": {"units": "degC"}, "y": {"unit": "Kelvin"}})
+    (remark,) = read(path, {"x": "/x", "y": "/y"})[2].report.remarks
+    assert "channel x" in remark
+    assert "'degC'" in remark
 
 
 @pytest.mark.parametrize("chunks", [None, (1, 3), (977, 1), (7, 2), (10_000, 3)])
@@ -291,12 +281,3 @@ def test_blocks_of_any_size_give_the_same_samples(path, monkeypatch, chunks):
     values, _, _ = read(path, {"a": "/d[0]", "b": "/d[2]"})
     np.testing.assert_array_equal(values["a"], data[:, 0])
     np.testing.assert_array_equal(values["b"], data[:, 2])
-
-
-def test_time_since_a_date_as_netcdf_writes_it(path):
-    with h5py.File(path, "w") as file:
-        file["x"], file["time"] = np.arange(10.0), 250.0 + 4 * np.arange(10.0)
-        file["time"].attrs["units"] = "ms since 2026-03-01 12:00:00"
-    _, stamps, reader = read(path, {"x": "/x"})
-    np.testing.assert_allclose(stamps["clock_1"], 0.004 * np.arange(10), atol=1e-12)
-    assert reader.report.start == "2026-03-01T12:00:00.250000"

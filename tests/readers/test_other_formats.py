@@ -1,10 +1,7 @@
-"""Closed form: what stands in a WAV file of 24 bits, and in a numpy array that the advised line
-converts, is read to the bit.
-"""
+"""Closed form: WAV of 24 bits and converted numpy arrays are read to the bit."""
 
 import io
 import struct
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +10,7 @@ from scipy.io import wavfile
 from tests.readers.other_files import A, N, read, refusal
 
 
-def test_samples_of_24_bits(tmp_path: Path) -> None:
+def test_samples_of_24_bits(tmp_path):
     whole = np.array([0, 1, -1, 1 << 22, -(1 << 23), (1 << 23) - 1])
     body = b"".join(int(x).to_bytes(3, "little", signed=True) for x in whole)
     head = b"RIFF\x44\0\0\0WAVEfmt \x10\0\0\0" + struct.pack("<HHIIHH", 1, 1, 100, 300, 3, 24)
@@ -21,7 +18,7 @@ def test_samples_of_24_bits(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read(data, tmp_path, "#1")[0], whole / 2.0**23)
 
 
-def test_negative_shares_of_a_wavelength_are_no_lost_peaks(tmp_path: Path) -> None:
+def test_negative_shares_of_a_wavelength_are_no_lost_peaks(tmp_path):
     shares = np.array([0.5, 0.25, 0.0, -0.25, -1.0])
     file = io.BytesIO()
     wavfile.write(file, 100, shares.astype(np.float32))

@@ -40,7 +40,7 @@ LINES = {
 
 
 @pytest.mark.parametrize("line", LINES)
-def test_a_rate_in_words(line: str) -> None:
+def test_a_rate_in_words(line):
     assert rate_in_words(["Report 7", line]) == pytest.approx(LINES[line])
 
 
@@ -61,8 +61,6 @@ STAMPS = [
 
 
 @pytest.mark.parametrize(("stamps", "unit", "date"), STAMPS)
-def test_the_unit_and_the_date_of_stamps_by_their_size(
-    stamps: list[float], unit: str, date: str | None
-) -> None:
+def test_the_unit_and_the_date_of_stamps_by_their_size(stamps, unit, date):
     assert unit_by_size(np.array(stamps)) == unit
     assert date_of(stamps[0] if stamps else 0.0, unit) == date

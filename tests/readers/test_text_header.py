@@ -1,6 +1,4 @@
-"""Property: a name is read from its own column or from none; and what the header says of units is
-heeded.
-"""
+"""Property: a name is read from its own column or none; units in headers are heeded."""
 
 import h5py
 import numpy as np

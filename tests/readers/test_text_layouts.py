@@ -1,7 +1,4 @@
-"""Closed form: layouts that instruments write, each read back to the numbers that stand in it.
-
-Beside those of `test_text_any_layout` and `benchmarks/layouts`.
-"""
+"""Closed form: layouts that instruments write, each read back to the numbers that stand in it."""
 
 from pathlib import Path
 

@@ -1,6 +1,4 @@
-"""Property: the compiled way gives the very numbers of a correct parser and of the careful way,
-whatever stands in a log.
-"""
+"""Property: the compiled way gives the careful way's very numbers."""
 
 import io
 import re
@@ -11,20 +9,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.readers.text_logs import read, setup_of
-from tirelog.readers.text.parse import Parsed, RowPlan, odd_rows, parse_block, single_blanks
+from tirelog.readers.text.parse import odd_rows, parse_block, single_blanks
 from tirelog.readers.text.reader import open_text
 
 SETUP = setup_of({"a": "A", "b": {"source": "B", "kind": "strain", "unit": "strain"}})
 
 
-def plan_of(more: str = "", a: str = "1550.5000", head: str = "{}") -> RowPlan:
+def plan_of(more="", a="1550.5000", head="{}"):
     row = ",".join([head, a, "2.5", *more])
     log = ",".join(["time_s", "A", "B", *more]) + "\n"
     log += "".join(row.format(i) + "\n" for i in range(8))
     return open_text(io.BytesIO(log.encode()), SETUP, "log")._plan
 
 
-def same(plan: RowPlan, one: Parsed, other: Parsed) -> None:
+def same(plan, one, other):
     assert one.size == other.size
     for column in other.values:
         np.testing.assert_array_equal(one.values[column], other.values[column])
@@ -36,7 +34,7 @@ def same(plan: RowPlan, one: Parsed, other: Parsed) -> None:
 @pytest.mark.parametrize(
     "text", ["99999999999.5", "1e999999", "1e99999999", "-1e30", "inf", "sNaN"]
 )
-def test_a_time_beyond_all_times_is_no_readable_time(text: str) -> None:
+def test_a_time_beyond_all_times_is_no_readable_time(text):
     rows = "".join(f"{at},1550.5,2.5\n" for at in ("1700000000.5", text, "1700000001.5"))
     found = parse_block(plan_of(head="1700000{}00.5"), rows.encode())
     assert found.bad_rows == [(1, "no readable time")]
@@ -61,7 +59,7 @@ NUMBER = st.one_of(
 
 @given(st.lists(NUMBER, min_size=1, max_size=20))
 @settings(max_examples=250, deadline=None)
-def test_numbers_are_what_python_reads(texts: list[str]) -> None:
+def test_numbers_are_what_python_reads(texts):
     rows = "".join(f"{i},1550.5,{text}\n" for i, text in enumerate(texts))
     found = parse_block(PLAN, rows.encode()).values[2]
     want = np.array([float(text) for text in texts])
@@ -71,7 +69,7 @@ def test_numbers_are_what_python_reads(texts: list[str]) -> None:
 
 
 @pytest.mark.parametrize("text", ["+", ".", "-.", "e5", "1e", "1e+", ".e1", "--1", "٣"])
-def test_what_is_no_number(text: str) -> None:
+def test_what_is_no_number(text):
     found = parse_block(PLAN, f"0,1550.5,2.5\n1,1550.5,{text}\n2,1550.5,2.5\n".encode())
     assert np.isnan(found.values[2]).tolist() == [False, True, False]
     assert [line for line, _ in found.bad_cells] == [1]
@@ -93,9 +91,7 @@ CELL = st.one_of(
 )  # fmt: skip
 @settings(max_examples=150, deadline=None)
 def test_rows_that_are_written_alike(usual, other, head, end, often, seed):
-    """Whatever all rows have in common, and wherever it ends: samples, losses and their lines are
-    those of the careful way.
-    """
+    """Whatever all rows have in common, all is that of the careful way."""
     rng = np.random.default_rng(seed)
     places = "5" * len(usual[0].partition(".")[2].strip())
     plan = plan_of(
@@ -123,10 +119,8 @@ ROW = st.one_of(st.lists(PIECE, min_size=3, max_size=3), st.lists(PIECE, min_siz
 
 @given(st.lists(ROW, min_size=1, max_size=30), st.integers(0, 2))
 @settings(max_examples=150, deadline=None)
-def test_anything_at_all_is_what_the_careful_way_reads(rows: list[list[str]], often: int) -> None:
-    """Bad rows, bad cells and lost peaks among good rows: both ways agree on samples, on losses and
-    on their lines.
-    """
+def test_anything_at_all_is_what_the_careful_way_reads(rows, often):
+    """Both ways agree on samples, on losses and on their lines."""
     plan = plan_of()
     good = "0.5,1550.1234,-0.25\n" * (40 * often)
     block = "".join(",".join(row) + "\n" + good for row in rows).encode()
@@ -134,7 +128,7 @@ def test_anything_at_all_is_what_the_careful_way_reads(rows: list[list[str]], of
 
 
 @pytest.mark.parametrize("place", range(len("000.0000,1550.0000,0.00000")))
-def test_any_other_byte_in_a_row(place: int) -> None:
+def test_any_other_byte_in_a_row(place):
     rows = "".join(f"{i:03d}.{i:04d},1550.{i:04d},0.{i:05d}\n" for i in range(50)).encode()
     at, plan = 37 * (len(rows) // 50) + place, plan_of()
     for byte in b"/:- e\x00\xff,.\r":
@@ -142,7 +136,7 @@ def test_any_other_byte_in_a_row(place: int) -> None:
         same(plan, parse_block(plan, block), odd_rows(plan, 0, block))
 
 
-def test_many_cells_of_many_digits() -> None:
+def test_many_cells_of_many_digits():
     """More than one pass leaves to the slower parser."""
     rng = np.random.default_rng(4)
     values = rng.standard_normal(80_000)
@@ -151,7 +145,7 @@ def test_many_cells_of_many_digits() -> None:
     np.testing.assert_array_equal(block.values["b"], values)
 
 
-def test_a_separator_in_a_cell_that_nobody_wants() -> None:
+def test_a_separator_in_a_cell_that_nobody_wants():
     block = "".join(f"{i:02d},1550.5,2.5,{'ab' if i != 7 else 'a,b'}\n" for i in range(20)).encode()
     plan = plan_of(more="x")
     parsed = parse_block(plan, block)
@@ -159,7 +153,7 @@ def test_a_separator_in_a_cell_that_nobody_wants() -> None:
     assert np.isnan(parsed.values[2]).tolist() == [i == 7 for i in range(20)]
 
 
-def test_a_bad_cell_behind_a_row_without_a_time_is_told_once() -> None:
+def test_a_bad_cell_behind_a_row_without_a_time_is_told_once():
     block = b"0.1,1550.0,0.5\noops,1550.0,0.5\n0.3,1550.0,bad\n"
     parsed = parse_block(plan_of(), block)
     assert parsed.bad_rows == [(1, "no readable time")]
@@ -170,7 +164,7 @@ def test_a_bad_cell_behind_a_row_without_a_time_is_told_once() -> None:
 
 @given(st.lists(st.text(alphabet=" \t\rab1.", max_size=8), max_size=6))
 @settings(max_examples=150, deadline=None)
-def test_runs_of_blanks(lines: list[str]) -> None:
+def test_runs_of_blanks(lines):
     text = "\n".join(lines).encode() + b"\n"
     want = re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", text))
     assert single_blanks(text) == want

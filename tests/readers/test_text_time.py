@@ -1,6 +1,4 @@
-"""Property: a whole column of times is read as each of its cells is read alone, and as Python reads
-it.
-"""
+"""Property: a column of times is read as each cell is alone, and as Python reads it."""
 
 import re
 from datetime import UTC, datetime, timedelta, timezone
@@ -31,7 +29,7 @@ LAYOUTS = {
 }
 
 
-def read(cells: list[str], form: str, us: bool) -> list[int]:
+def read(cells, form, us):
     text = ",".join(cells).encode("latin-1") + b"\n"
     stops = np.cumsum([len(cell) + 1 for cell in cells]) - 1
     starts = stops - [len(cell) for cell in cells]
@@ -41,7 +39,7 @@ def read(cells: list[str], form: str, us: bool) -> list[int]:
 @pytest.mark.parametrize("form", LAYOUTS)
 @given(st.data())
 @settings(max_examples=80, deadline=None)
-def test_a_column_is_its_cells(form: str, data: st.DataObject) -> None:
+def test_a_column_is_its_cells(form, data):
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
     layouts = data.draw(st.lists(st.sampled_from(LAYOUTS[form]), min_size=1, max_size=3))
     cells = []
@@ -56,7 +54,7 @@ def test_a_column_is_its_cells(form: str, data: st.DataObject) -> None:
     assert read(cells, form, us) == [one_ns(cell, form, us) for cell in cells]
 
 
-def test_times_behind_words_of_many_kinds_are_read() -> None:
+def test_times_behind_words_of_many_kinds_are_read():
     words = [chr(65 + i % 26) * (1 + i // 26) for i in range(200)]
     last = ["2024-02-29 10:00:00", "2024-02-29 10:00:00.25"]
     found = read([*words, *last], "iso", False)

@@ -1,6 +1,4 @@
-"""Faults: the MCAP files that ROS 2 recorded for its own tests are foreign here; each opens, and
-gives the messages that the library counts.
-"""
+"""Faults: MCAP files that ROS 2 recorded for its own tests open, with all their messages."""
 
 from collections import Counter
 from pathlib import Path
@@ -25,9 +23,7 @@ def counted(path):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_every_message_is_met(path, monkeypatch):
-    """The walk finds what the library finds, whatever the topics hold; a topic that is not there is
-    an error of ours.
-    """
+    """The walk finds what the library finds, whatever the topics hold."""
     met = Counter()
     original = McapLog._messages
 
@@ -45,9 +41,7 @@ def test_every_message_is_met(path, monkeypatch):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_every_topic_by_its_stamps(path):
-    """Each topic asked for a field that it does not have, or text: a sentence, never another
-    exception.
-    """
+    """Asked for a field that it does not have, or text: a sentence, never an exception."""
     for topic in counted(path):
         with pytest.raises(ReadError) as caught:
             read(path, {"x": f"{topic}:no_such_field"})

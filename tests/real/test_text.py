@@ -1,6 +1,4 @@
-"""Faults: foreign logs are read, where they are at hand: an interrogator's export at 20 Hz, and
-wheel speeds off a vehicle's bus.
-"""
+"""Faults: foreign logs, where they are at hand, are read."""
 
 from pathlib import Path
 
@@ -9,7 +7,7 @@ import pytest
 
 from tests.readers.text_logs import joined, read, setup_of
 from tirelog.data.recording import TimeAxis
-from tirelog.readers.text.reader import TextReader, open_text
+from tirelog.readers.text.reader import open_text
 from tirelog.runs.clock import ClockFit
 from tirelog.vocabulary.quality import Quality
 
@@ -25,7 +23,7 @@ EXPORTS = {
 }
 
 
-def clock_of(reader: TextReader, block, **more) -> ClockFit:
+def clock_of(reader, block, **more):
     group = reader.groups[0]
     clock = ClockFit(
         file_rate_Hz=group.rate_Hz,
@@ -40,7 +38,7 @@ def clock_of(reader: TextReader, block, **more) -> ClockFit:
 
 @pytest.mark.skipif(not FBGS.exists(), reason="the real logs are not at hand")
 @pytest.mark.parametrize("name", EXPORTS)
-def test_interrogator_export(name: str) -> None:
+def test_interrogator_export(name):
     start, rows, lost, with_codes, codes = EXPORTS[name]
     columns = ["W-N-01", "T-N-01", "B-S-04", "W-S-13", "T-W-S-13"]
     setup = setup_of({c: {"kind": "strain", "source": c, "unit": "microstrain"} for c in columns})
@@ -62,7 +60,7 @@ def test_interrogator_export(name: str) -> None:
 
 
 @pytest.mark.skipif(not FBGS.exists(), reason="the real logs are not at hand")
-def test_readings_that_come_with_error_codes_are_kept_and_flagged() -> None:
+def test_readings_that_come_with_error_codes_are_kept_and_flagged():
     reader = open_text(
         FBGS / "bad_20220414-1320_02-SCB.txt.gz",
         setup_of({"x": {"kind": "strain", "source": "#50", "unit": "microstrain"}}),
@@ -77,7 +75,7 @@ def test_readings_that_come_with_error_codes_are_kept_and_flagged() -> None:
     assert flagged[block.values["x"] < -1000.0].all()
 
 
-def as_text(times: np.ndarray, columns: np.ndarray) -> str:
+def as_text(times, columns):
     names = ",".join(f"c{k}" for k in range(columns.shape[1]))
     return f"time_s,{names}\n" + "".join(
         f"{t:.9f}," + ",".join(f"{x:.17g}" for x in row) + "\n"
@@ -94,9 +92,7 @@ def as_text(times: np.ndarray, columns: np.ndarray) -> str:
         ("IMU_accelerometer", "longitudinal_acceleration", "m/s^2", 104.264, 2e-4),
     ],
 )
-def test_samples_off_a_bus_keep_their_stamps(
-    name: str, kind: str, unit: str, rate_Hz: float, within_s: float
-) -> None:
+def test_samples_off_a_bus_keep_their_stamps(name, kind, unit, rate_Hz, within_s):
     times, values = np.load(COMMA / f"{name}_t.npy"), np.load(COMMA / f"{name}_value.npy")
     channels = {
         f"x{k}": {"kind": kind, "source": f"c{k}", "unit": unit} for k in range(values.shape[1])

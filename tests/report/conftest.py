@@ -3,11 +3,9 @@
 import gzip
 import os
 import shutil
-from collections.abc import Iterator
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -23,7 +21,7 @@ HOSTILE = "<img src=x onerror=alert(1)>"
 
 
 @pytest.fixture(scope="session")
-def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def page_file(tmp_path_factory):
     """A page of a log whose tire has a hostile name."""
     folder = tmp_path_factory.mktemp("report")
     (folder / "log.csv").write_text("time_s,CH1,CH2\n" + "\n".join(pulse_rows()) + "\n")
@@ -35,7 +33,7 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
+def browser():
     """Headless Chromium; required where CI says so, else skipped with a reason."""
     names = ("chromium", "chromium-browser", "google-chrome")
     path = next(filter(None, map(shutil.which, names)), None)
@@ -60,10 +58,8 @@ def _first_lines(log: Path, folder: Path) -> None:
 
 
 @pytest.fixture(scope="session")
-def model_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A page of two logs that lack an effect, a model of one effect, and the ladder climbed on
-    them, in a folder with a hostile name.
-    """
+def model_page(tmp_path_factory):
+    """A page of two logs, their model and ladder, in a folder with a hostile name."""
     folder = tmp_path_factory.mktemp("model") / "a <b>&amp; b"
     folder.mkdir()
     logs = []

@@ -1,11 +1,6 @@
-"""Property: in a real browser the page loads alone, draws its figures, fits a phone and a desk, and
-prints.
-"""
+"""Property: a real browser loads the page alone, draws, fits every screen, and prints."""
 
-from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -13,7 +8,7 @@ pytestmark = pytest.mark.xdist_group("browser")  # one worker makes what these t
 
 
 @contextmanager
-def loaded(browser: Any, page_file: Path) -> Iterator[tuple[Any, list[str], list[str]]]:
+def loaded(browser, page_file):
     """(page, console errors, requests beyond the file itself)."""
     context = browser.new_context(viewport={"width": 1440, "height": 900})
     page = context.new_page()
@@ -35,31 +30,31 @@ def loaded(browser: Any, page_file: Path) -> Iterator[tuple[Any, list[str], list
 
 
 @pytest.fixture
-def opened(browser: Any, page_file: Path) -> Any:
+def opened(browser, page_file):
     """A page of its own, for what changes it."""
     with loaded(browser, page_file) as made:
         yield made
 
 
 @pytest.fixture(scope="module")
-def loaded_once(browser: Any, page_file: Path) -> Any:
+def loaded_once(browser, page_file):
     with loaded(browser, page_file) as made:
         yield made
 
 
 @pytest.fixture
-def shown(loaded_once: Any) -> Any:
+def shown(loaded_once):
     """The page that all share who only look at it."""
     loaded_once[0].set_viewport_size({"width": 1440, "height": 900})
     return loaded_once
 
 
-def unfold(page: Any) -> None:
+def unfold(page):
     """Open what is folded away, as a reader does."""
     page.evaluate("document.querySelectorAll('details').forEach(fold => { fold.open = true; })")
 
 
-def draw_all(page: Any) -> None:
+def draw_all(page):
     unfold(page)
     for figure in page.query_selector_all(".plot"):
         figure.scroll_into_view_if_needed()
@@ -68,7 +63,7 @@ def draw_all(page: Any) -> None:
         )
 
 
-def test_it_loads_without_an_error_or_a_request(shown: Any, page_file: Path) -> None:
+def test_it_loads_without_an_error_or_a_request(shown, page_file):
     page, problems, requests = shown
     draw_all(page)
     assert len(page.query_selector_all(".plot")) >= 8
@@ -76,7 +71,7 @@ def test_it_loads_without_an_error_or_a_request(shown: Any, page_file: Path) -> 
     assert requests == [page_file.as_uri()]
 
 
-def test_a_hostile_name_is_only_text(shown: Any) -> None:
+def test_a_hostile_name_is_only_text(shown):
     page, problems, _ = shown
     assert "onerror" in page.inner_text("h1")
     assert page.query_selector("h1 img") is None
@@ -84,7 +79,7 @@ def test_a_hostile_name_is_only_text(shown: Any) -> None:
 
 
 @pytest.mark.parametrize("width", [390, 1440])
-def test_nothing_is_wider_than_the_window(shown: Any, width: int) -> None:
+def test_nothing_is_wider_than_the_window(shown, width):
     page, _, _ = shown
     page.set_viewport_size({"width": width, "height": 900})
     draw_all(page)
@@ -101,7 +96,7 @@ def test_nothing_is_wider_than_the_window(shown: Any, width: int) -> None:
         assert box is None or box["width"] <= width
 
 
-def test_zoom_changes_the_axis(opened: Any) -> None:
+def test_zoom_changes_the_axis(opened):
     page, _, _ = opened
     unfold(page)
     figure = page.query_selector("#speed")
@@ -120,7 +115,7 @@ def test_zoom_changes_the_axis(opened: Any) -> None:
     )
 
 
-def test_print_hides_navigation_and_keeps_the_figures(opened: Any, tmp_path: Path) -> None:
+def test_print_hides_navigation_and_keeps_the_figures(opened, tmp_path):
     page, problems, _ = opened
     page.emulate_media(media="print")
     assert page.evaluate("getComputedStyle(document.querySelector('nav')).display") == "none"
@@ -129,7 +124,7 @@ def test_print_hides_navigation_and_keeps_the_figures(opened: Any, tmp_path: Pat
     assert problems == []
 
 
-def test_every_figure_has_a_text_alternative_and_every_axis_a_unit(shown: Any) -> None:
+def test_every_figure_has_a_text_alternative_and_every_axis_a_unit(shown):
     page, _, _ = shown
     unfold(page)
     for figure in page.query_selector_all("figure"):
@@ -141,7 +136,7 @@ def test_every_figure_has_a_text_alternative_and_every_axis_a_unit(shown: Any) -
             assert "[" in figure["layout"][axis]["title"]["text"], name
 
 
-def test_the_keyboard_reaches_the_results(shown: Any) -> None:
+def test_the_keyboard_reaches_the_results(shown):
     page, _, _ = shown
     page.keyboard.press("Tab")
     assert page.evaluate("document.activeElement.className") == "skip"

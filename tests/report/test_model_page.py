@@ -1,11 +1,25 @@
-"""Property: with a model the page can be read on a phone, and hostile names are only text."""
+"""Property: numbers on a model's page are the commands'; hostile names are only text."""
 
+import gzip
+import html
+import json
+import re
+import shlex
+import shutil
 from pathlib import Path
-from typing import Any
 
+import numpy as np
 import pytest
 
+import tirelog
+from tests.cli.conftest import tirelog as command
 from tests.report.test_browser import loaded, unfold
+from tests.report.test_page import data, numbers
+from tirelog.cli import run
+from tirelog.diagnosis.answer import AnswerTable
+from tirelog.errors import UsageError
+from tirelog.report.build import model_pages, read_stored, stored
+from tirelog.report.page import Card, Figure, Section, packed_array
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
 
@@ -55,8 +69,166 @@ def test_on_a_phone_in_the_dark_every_figure_has_a_name_and_its_width(browser, m
     context.close()
 
 
-def test_hostile_folder_names_are_only_text(browser: Any, model_page: Path) -> None:
+def test_hostile_folder_names_are_only_text(browser, model_page):
     with loaded(browser, model_page) as (page, problems, _):
         assert page.query_selector("main b, .plot svg a, header b") is None
         assert "a <b>&amp; b" in page.text_content("#about")
         assert problems == []
+
+
+__all__ = ["command"]
+
+
+SAMPLES = Path(__file__).parents[2] / "sample_data"
+#: amplitude of the run-out that is added to a sample log, far above its noise [microstrain]
+_RUN_OUT = 40.0
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A log whose wheel has run-out, a beam, and the page of both."""
+    folder = tmp_path_factory.mktemp("wheel")
+    centres = tirelog.speed(SAMPLES / "hidden_1.csv.gz")["time_s"].to_numpy()
+    with gzip.open(SAMPLES / "hidden_1.csv.gz", "rt") as stream:
+        head, rows = [next(stream) for _ in range(3)], [line.split(",") for line in stream]
+    time = np.array([float(row[0]) for row in rows])
+    turn = 2.0 * np.pi * np.interp(time, centres, np.arange(centres.size))
+    # a grating of gain 1.27 at 1550 nm, as its setup says
+    added = 1e-6 * _RUN_OUT * np.cos(turn) * 1550.0 / 1.27
+    with (folder / "wheel.csv").open("w") as log:
+        log.writelines(head)
+        for (stamp, value), more in zip(rows, added, strict=True):
+            log.write(f"{stamp},{float(value) + more:.4f}\n" if value.strip() else f"{stamp},\n")
+    shutil.copy(SAMPLES / "hidden_1.toml", folder / "wheel.toml")
+    model, page = str(folder / "m.toml"), str(folder / "page.html")
+    assert run(["model", "new", "--setup", str(folder / "wheel.toml"), "-o", model, "--quiet"]) == 0
+    log_file = str(folder / "wheel.csv")
+    assert run(["report", log_file, "--model", model, "-o", page, "--quiet"]) == 0
+    return folder
+
+
+def said(folder, section):
+    """The text of a section of the page, and the command that it is made with."""
+    page = (folder / "page.html").read_text()
+    found = re.search(rf'<section id="{section}".*?</section>', page, re.S)
+    assert found
+    made = re.search(r"Made with <code>(.*?)</code>", found[0])
+    assert made
+    text = re.sub(r"\s+", " ", html.unescape(re.sub(r"<[^>]+>", " ", found[0])))
+    return text, shlex.split(html.unescape(made[1]))[1:]
+
+
+def answer(command, words):
+    """What a command that the page prints gives."""
+    outcome = command(*words, "--format", "json").ended(0)
+    return dict(json.loads(outcome.out))
+
+
+def test_the_comparison_is_the_command_s(folder, command):
+    text, words = said(folder, "model")
+    found = answer(command, words)
+    beside = found["with_nuisances"]
+    assert beside["nuisances"] == ["wheel"]
+    assert beside["rmse_heldout"] < 0.5 * found["rmse_heldout"]
+    for errors in (found, beside):
+        held, fitted, floor = (
+            f"{1e6 * errors[name]:.3g}" for name in ("rmse_heldout", "rmse", "noise_floor")
+        )
+        assert (
+            f"held out {held} microstrain, fit {fitted}, noise floor {floor}, reduced chi-square "
+            f"{errors['reduced_chi2']:.3g}"
+        ) in text
+    held = f"{1e6 * found['rmse_heldout']:.3g}"
+    assert f"manoeuvres held out from the fit: {held} microstrain" in text
+    for name, parameter in found["parameters"].items():
+        assert f"{name} {parameter['value']:.4g}" in text
+
+
+def test_the_diagnosis_is_the_command_s(folder, command):
+    text, words = said(folder, "diagnosis")
+    found = answer(command, words)
+    names = ("rmse_heldout_before", "rmse_heldout_after", "rmse_heldout_without_nuisances")
+    before, after, without = (f"{1e6 * found[name]:.3g}" for name in names)
+    assert f"Held-out error {before} -> {after} microstrain" in text
+    assert f"{without} without" in text
+    assert found["sentence"] in text
+    assert f"Next: {found['next_command']}" in text
+    card, _ = said(folder, "answer")
+    assert f"your model {without} microstrain" in card
+    assert f"{before} microstrain" in card
+    assert f"{after} microstrain" in card
+    _, compared = said(folder, "model")
+    assert without == f"{1e6 * answer(command, compared)['rmse_heldout']:.3g}"
+    ranked = data(folder / "page.html")["figures"]["ranking"]["traces"]
+    drawn = {name: x for t in ranked for name, x in zip(t["y"], numbers(t["x"]), strict=True)}
+    shares = {c["effect"]: 100 * c["excess_removed"] for c in found["effects"]}
+    assert drawn == pytest.approx(shares, rel=1e-3, abs=1e-2)
+
+
+def section(name="effects"):
+    figure = Figure(
+        "map",
+        "Map",
+        "A map.",
+        [{"type": "heatmap", "z": packed_array([[1.0, 2.0], [3.0, 4.0]])}],
+        {"height": 300},
+    )
+    rung = {"name": "r", "said": "s", "error": 2.0, "floor": 1.0}
+    card = Card("Missing", "x is.", [["a", "b"]], "tirelog y", ["z"], [rung])
+    return Section(
+        name,
+        "Effects",
+        "tirelog x",
+        ["said"],
+        [figure],
+        [AnswerTable("T", ["a"], [["1"]], [0])],
+        folded=False,
+        card=card,
+        sources=(("wear", "P3"),),
+    )
+
+
+def write(folder, model, *sections):
+    page = folder / "models" / model / "page.json"
+    page.parent.mkdir(parents=True)
+    page.write_text(json.dumps(stored(sections, [("what", "tirelog y")])))
+    return page
+
+
+def test_what_is_read_is_what_was_stored(tmp_path):
+    page = write(tmp_path, "beam", section())
+    assert read_stored(page) == ([section()], [("what", "tirelog y")])
+    assert list(model_pages(tmp_path)) == [([section()], [("what", "tirelog y")])]
+
+
+def test_several_models_are_told_apart(tmp_path):
+    write(tmp_path, "beam", section())
+    write(tmp_path, "ring", section())
+    (first,), (second,) = (sections for sections, _ in model_pages(tmp_path))
+    assert (first.id, second.id) == ("effects-1", "effects-2")
+    assert (first.title, second.title) == ("Effects: beam", "Effects: ring")
+    assert [one.figures[0].id for one in (first, second)] == ["map-1", "map-2"]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "",
+        "[]",
+        "{}",
+        '{"sections": [{}], "missing": []}',
+        json.dumps(stored([section('"><b>')], [])),
+        json.dumps(stored([section()], [])).replace("2.0, ", '"x", '),
+    ],
+)
+def test_a_file_that_is_none_is_refused(tmp_path, content, capfd):
+    page = write(tmp_path, "beam")
+    page.write_text(content)
+    with pytest.raises(UsageError, match="no page of a campaign's model"):
+        read_stored(page)
+    (tmp_path / "summary.csv").write_text("log,status\na,done\n")
+    assert (
+        run(["report", "--campaign", str(tmp_path), "-o", str(tmp_path / "x.html"), "--quiet"]) == 2
+    )
+    assert "Traceback" not in capfd.readouterr().err
+    assert not (tmp_path / "x.html").exists()

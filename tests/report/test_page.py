@@ -1,11 +1,8 @@
-"""Property: the page is one file that forbids everything else, and its numbers are the tables'
-numbers.
-"""
+"""Property: the page is one file that forbids all else; its numbers are the tables'."""
 
 import base64
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -15,7 +12,7 @@ from tests.report.conftest import HOSTILE
 from tirelog.cli import run
 
 
-def data(page: Path) -> dict:
+def data(page):
     found = re.search(
         r'<script type="application/json" id="data">(.*?)</script>', page.read_text(), re.S
     )
@@ -23,7 +20,7 @@ def data(page: Path) -> dict:
     return json.loads(found[1])
 
 
-def numbers(packed: dict) -> np.ndarray:
+def numbers(packed):
     return np.frombuffer(base64.b64decode(packed["bdata"]), "<f4")
 
 
@@ -46,7 +43,7 @@ def test_the_page_s_numbers_are_the_table_s(page_file, figure, trace, table, col
     assert len(rows) > 5
 
 
-def test_given_tables_make_the_same_page(page_file: Path) -> None:
+def test_given_tables_make_the_same_page(page_file):
     folder = page_file.parent
     log, fit = str(folder / "log.csv"), str(folder / "fit.csv")
     assert run(["dissipation", log, "--fit", "-o", fit, "--quiet"]) == 0
@@ -65,7 +62,7 @@ def test_given_tables_make_the_same_page(page_file: Path) -> None:
             np.testing.assert_allclose(y, numbers(b["y"]), rtol=rtol, atol=1e-6 * peak)
 
 
-def test_no_peak_of_the_signal_vanishes(page_file: Path) -> None:
+def test_no_peak_of_the_signal_vanishes(page_file):
     log = pd.read_csv(page_file.parent / "log.csv")
     strain = 1.27 * (log["CH1"] - 1550) / 1550 * 1e6
     figures = data(page_file)["figures"]
@@ -75,7 +72,7 @@ def test_no_peak_of_the_signal_vanishes(page_file: Path) -> None:
     assert y.max() == pytest.approx(strain.max(), rel=1e-5)
 
 
-def test_one_file_with_a_policy_and_nothing_from_outside(page_file: Path) -> None:
+def test_one_file_with_a_policy_and_nothing_from_outside(page_file):
     text = page_file.read_text()
     assert "default-src 'none'" in text
     assert not re.search(r'(src|href)="https?://', text)
@@ -83,5 +80,5 @@ def test_one_file_with_a_policy_and_nothing_from_outside(page_file: Path) -> Non
     assert len(text.encode()) < 8e6
 
 
-def test_what_cannot_be_shown_is_named_with_its_command(page_file: Path) -> None:
+def test_what_cannot_be_shown_is_named_with_its_command(page_file):
     assert re.search(r"phase-shift: no channel for it: <code>tirelog info", page_file.read_text())

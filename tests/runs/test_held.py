@@ -1,10 +1,4 @@
-"""Closed form: values of a known rate, each written several times by a faster logger.
-
-What is read has to be those values at their own times, whatever the file's format; the rounding of
-a signal is no repetition.
-"""
-
-from pathlib import Path
+"""Closed form: values of a known rate, each written several times by a faster logger."""
 
 import h5py
 import numpy as np
@@ -20,14 +14,14 @@ from tirelog.runs.ingest import open_recording, write_run
 RATE = 2000.0
 
 
-def signal(values: int, seed: int = 0) -> np.ndarray:
+def signal(values, seed=0):
     """A patch 8 times a second at 1 kHz, [microstrain] of two decimals."""
     phase = (np.arange(values) * 8e-3) % 1.0 - 0.5
     noise = np.random.default_rng(seed).standard_normal(values)
     return np.round(3.0 * noise - 1000.0 * np.exp(-((phase / 0.03) ** 2)), 2)
 
 
-def held_in(values: np.ndarray, axis: TimeAxis | None = None, **more: bool) -> tuple | None:
+def held_in(values, axis=None, **more):
     """(places of the values, their axis, rows of each), None if all rows are values."""
     stored = Scaled(lambda start, stop: values[start:stop], 1.0, 0.0)
     return sample_and_hold(stored, axis or TimeAxis.uniform(values.size, RATE), **more)
@@ -35,7 +29,7 @@ def held_in(values: np.ndarray, axis: TimeAxis | None = None, **more: bool) -> t
 
 @pytest.mark.parametrize("every", [2, 3, 7])
 @pytest.mark.parametrize("phase", [0, 1])
-def test_each_value_is_taken_once_be_it_held_or_between_blanks(every: int, phase: int) -> None:
+def test_each_value_is_taken_once_be_it_held_or_between_blanks(every, phase):
     held = np.repeat(signal(6000), every)[phase:]
     blank = np.full(6000 * every, np.nan)
     blank[phase::every] = signal(6000)
@@ -49,13 +43,13 @@ def test_each_value_is_taken_once_be_it_held_or_between_blanks(every: int, phase
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.6])
-def test_values_lost_by_chance_leave_no_other_rate(share: float) -> None:
+def test_values_lost_by_chance_leave_no_other_rate(share):
     values = signal(9000)
     values[np.random.default_rng(3).random(9000) < share] = np.nan
     assert held_in(values, held=False) is None
 
 
-def test_a_log_of_two_instruments_has_the_rate_of_each(tmp_path: Path) -> None:
+def test_a_log_of_two_instruments_has_the_rate_of_each(tmp_path):
     values = [f"{value:.2f}" for value in signal(6000)]
     rows = (f"{k / 2000.0:.4f},{640 if k % 2 else ''},{'' if k % 2 else values[k // 2]}"
             for k in range(12_000))  # fmt: skip
@@ -71,7 +65,7 @@ def test_a_log_of_two_instruments_has_the_rate_of_each(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("ratio", [2.5, 2.2, 3.7])
-def test_clocks_that_are_no_multiples_give_the_instrument_s_even_times(ratio: float) -> None:
+def test_clocks_that_are_no_multiples_give_the_instrument_s_even_times(ratio):
     values = signal(9000)
     written = values[10 * np.arange(int(8000 * ratio)) // int(10 * ratio)]
     found = held_in(written)
@@ -86,7 +80,7 @@ def test_clocks_that_are_no_multiples_give_the_instrument_s_even_times(ratio: fl
     np.testing.assert_array_equal(written[at], values[: at.size])
 
 
-def test_values_that_are_alike_by_chance_and_lost_ones_do_not_matter() -> None:
+def test_values_that_are_alike_by_chance_and_lost_ones_do_not_matter():
     values = np.round(signal(6000))
     assert np.mean(np.diff(values) == 0.0) > 0.05
     values[::97] = np.nan
@@ -94,7 +88,7 @@ def test_values_that_are_alike_by_chance_and_lost_ones_do_not_matter() -> None:
     assert at.tolist() == list(range(0, 12_000, 2))
 
 
-def test_each_segment_begins_a_value_of_its_own() -> None:
+def test_each_segment_begins_a_value_of_its_own():
     values = np.repeat(signal(6000), 3)
     values = np.delete(values, np.arange(9001, 9400))
     starts_s, periods_s = np.array([0.0, 9400 / RATE]), np.full(2, 1.0 / RATE)
@@ -105,7 +99,7 @@ def test_each_segment_begins_a_value_of_its_own() -> None:
 
 
 @pytest.mark.parametrize("slip", [200, 5000])
-def test_rows_that_a_log_lost_without_a_gap_cost_no_more_than_themselves(slip: int) -> None:
+def test_rows_that_a_log_lost_without_a_gap_cost_no_more_than_themselves(slip):
     values = np.delete(np.repeat(signal(6000), 2), np.arange(101, 12_000, slip))
     at = held_in(values)[0]
     np.testing.assert_array_equal(values[at], signal(6000)[: at.size])
@@ -113,7 +107,7 @@ def test_rows_that_a_log_lost_without_a_gap_cost_no_more_than_themselves(slip: i
 
 @pytest.mark.parametrize("step", [0.01, 1.0, 10.0, 50.0, 200.0])
 @pytest.mark.parametrize("speed", [1.0, 0.1, 0.02])
-def test_a_rounded_signal_is_not_held(step: float, speed: float) -> None:
+def test_a_rounded_signal_is_not_held(step, speed):
     phase = (np.arange(60_000) * 8e-3 * speed) % 1.0 - 0.5
     noise = np.random.default_rng(1).standard_normal(phase.size)
     smooth = 0.5 * noise - 1000.0 * np.exp(-((phase / 0.03) ** 2))
@@ -136,26 +130,26 @@ unit = "microstrain"
 """
 
 
-def text_log(path: Path, slow: np.ndarray, fast: np.ndarray) -> str:
+def text_log(path, slow, fast):
     rows = (f"{i / RATE:.4f},{a:.2f},{b:.2f}" for i, (a, b) in enumerate(zip(slow, fast)))
     path.write_text("\n".join(["time_s,slow,fast", *rows]) + "\n")
     return SETUP.format(slow="slow", fast="fast", log='time = "time_s"')
 
 
-def hdf5_log(path: Path, slow: np.ndarray, fast: np.ndarray) -> str:
+def hdf5_log(path, slow, fast):
     with h5py.File(path, "w") as file:
         file["slow"], file["fast"] = slow, fast
     return SETUP.format(slow="slow", fast="fast", log=f"sampling_rate_Hz = {RATE}")
 
 
-def mcap_log(path: Path, slow: np.ndarray, fast: np.ndarray) -> str:
+def mcap_log(path, slow, fast):
     pairs = enumerate(zip(slow.tolist(), fast.tolist(), strict=True))
     write_json(path, [("/s", round(1e9 * i / RATE), {"a": a, "b": b}) for i, (a, b) in pairs])
     return SETUP.format(slow="/s:a", fast="/s:b", log="")
 
 
 @pytest.mark.parametrize("make", [text_log, hdf5_log, mcap_log])
-def test_a_log_of_any_format_and_its_run(tmp_path: Path, make) -> None:
+def test_a_log_of_any_format_and_its_run(tmp_path, make):
     values, fast = signal(1500), signal(3000, 5)
     log = tmp_path / "log"
     setup = parse_setup(make(log, np.repeat(values, 2), fast))
@@ -174,7 +168,7 @@ def test_a_log_of_any_format_and_its_run(tmp_path: Path, make) -> None:
             assert said[0].startswith("slow: the log repeats each value 2 times")
 
 
-def test_values_further_apart_than_a_block_have_no_rate_of_their_own() -> None:
+def test_values_further_apart_than_a_block_have_no_rate_of_their_own():
     """As of a slow grating of coarse steps."""
     rows = 140_000 + np.random.default_rng(5).integers(0, 50, 110)
     assert held_in(np.repeat(np.arange(110, dtype=np.int16), rows)) is None

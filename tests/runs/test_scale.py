@@ -1,12 +1,10 @@
 """Closed form: what is recorded in V, counts or pF becomes a channel's unit, and that SI."""
 
-from pathlib import Path
-
 import h5py
 import numpy as np
 import pytest
 
-from tirelog.data.setup import Setup, parse_setup
+from tirelog.data.setup import parse_setup
 from tirelog.errors import SetupError
 from tirelog.runs.ingest import open_recording, write_run
 
@@ -44,17 +42,17 @@ KEYS = {
 }
 
 
-def setup_of(keys: str) -> Setup:
+def setup_of(keys):
     return parse_setup(f'[channels.x]\n{keys}\nsource = "x"\nsampling_rate_Hz = 100.0\n')
 
 
-def text_log(path: Path, header: str = "x,y") -> Path:
+def text_log(path, header="x,y"):
     path.write_text(header + "\n" + "".join(f"{x:.4f},0.5\n" for x in RAW))
     return path
 
 
 @pytest.mark.parametrize("keys", KEYS)
-def test_scale_and_offset_give_the_unit_and_that_si(keys: str, tmp_path: Path) -> None:
+def test_scale_and_offset_give_the_unit_and_that_si(keys, tmp_path):
     value, unit = KEYS[keys]
     log, run = text_log(tmp_path / "log.csv"), tmp_path / "run.h5"
     wanted = np.where(RAW == 0.0, np.nan, value(RAW)) if "fbg" in keys else value(RAW)
@@ -72,13 +70,13 @@ def test_scale_and_offset_give_the_unit_and_that_si(keys: str, tmp_path: Path) -
         np.testing.assert_allclose(got[there], wanted[there], rtol=1e-12, atol=1e-12)
 
 
-def test_a_resolution_is_one_count_in_si(tmp_path: Path) -> None:
+def test_a_resolution_is_one_count_in_si(tmp_path):
     log = text_log(tmp_path / "log.csv")
     with open_recording(str(log), setup_of('kind = "signal"\nunit = "V"\nscale = -3.0')) as one:
         assert one.channels["x"].resolution == pytest.approx(3e-4)
 
 
-def test_a_grating_is_found_by_the_wavelength_that_the_scale_gives(tmp_path: Path) -> None:
+def test_a_grating_is_found_by_the_wavelength_that_the_scale_gives(tmp_path):
     """Raw peaks are 1552 - wavelength; the window is the wavelength's own."""
     log = tmp_path / "peaks.csv"
     rows = (f"{i / 100:.2f}\t{2.0 + x / 1000:.4f}" for i, x in enumerate(RAW))
@@ -93,7 +91,7 @@ def test_a_grating_is_found_by_the_wavelength_that_the_scale_gives(tmp_path: Pat
     np.testing.assert_allclose(got, -np.round(RAW / 1000, 4) / 1550.0, atol=2e-7)
 
 
-def test_the_header_s_unit_is_that_of_what_is_recorded(tmp_path: Path) -> None:
+def test_the_header_s_unit_is_that_of_what_is_recorded(tmp_path):
     log = text_log(tmp_path / "log.csv", "x [V],y")
     keys = 'kind = "vertical_load"\nscale = 1e4\noffset = 4e4'
     with open_recording(str(log), setup_of(keys + '\nunit = "N"')) as recording:
@@ -104,14 +102,14 @@ def test_the_header_s_unit_is_that_of_what_is_recorded(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("header", "unit"), [("[pF]", "pF"), ("[mV]", "V"), ("", "1")])
-def test_a_signal_takes_any_unit_of_the_header(header: str, unit: str, tmp_path: Path) -> None:
+def test_a_signal_takes_any_unit_of_the_header(header, unit, tmp_path):
     log = text_log(tmp_path / "log.csv", f"x {header},y")
     with open_recording(str(log), setup_of('kind = "signal"')) as recording:
         assert recording.channels["x"].unit == unit
         assert recording.remarks == ()
 
 
-def test_a_file_s_own_scale_comes_before_the_setup_s(tmp_path: Path) -> None:
+def test_a_file_s_own_scale_comes_before_the_setup_s(tmp_path):
     with h5py.File(tmp_path / "log.h5", "w") as file:
         file["x"] = np.arange(100, dtype=np.int16)
         file["x"].attrs["scale_factor"] = 0.5
@@ -132,6 +130,6 @@ def test_a_file_s_own_scale_comes_before_the_setup_s(tmp_path: Path) -> None:
         ('kind = "strain"\nunit = "V"\nscale = 2.0', "unit 'V' is not one of"),
     ],
 )
-def test_what_no_scale_or_unit_can_be(keys: str, says: str) -> None:
+def test_what_no_scale_or_unit_can_be(keys, says):
     with pytest.raises(SetupError, match=says):
         setup_of(keys)

@@ -75,11 +75,7 @@ def strain_rider(of: Belt, angle_rad: float, lever_m: float = 3e-4) -> np.ndarra
 
 
 def energy_J(tire: RollingTire) -> float:
-    """Kinetic and elastic energy [J] of belt, hub and tread springs on a level road.
-
-    In the frame that goes with the drive; the load's potential is not in it. Rates are those
-    before this moment's kick.
-    """
+    """Kinetic and elastic energy [J] of belt, hub and tread springs on a level road."""
     belt, state = tire.belt, tire.state
     M, G, S, K = (
         belt.full(a) for a in (belt.inertia, belt.swirl, belt.centrifugal, belt.stiffness)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from tirelog.simulation import Simulated, setup_text, simulate
+from tirelog.simulation import setup_text, simulate
 from tirelog.simulation.scenario.schema import Sensor
 from tirelog.simulation.sensors.sampling import noise_of
 from tirelog.simulation.steady.loads import with_columns
@@ -25,16 +25,16 @@ FASTER = [{"duration_s": 1.0, "speed_m_s": 9.0}, {"duration_s": 3.0, "speed_m_s"
 SIZES, PHASES = [30.0, 12.0, 5.0], [20.0, 110.0, 290.0]
 
 
-def driven(**more: Any) -> Simulated:
+def driven(**more):
     """Four seconds from 9 to 21 m/s."""
     return simulate(scenario(**{"channels": CHANNELS, "manoeuvres": FASTER, **COARSE, **more}))
 
 
-def microstrain(made: Simulated) -> np.ndarray:
+def microstrain(made):
     return 1.27e6 * (made.channels["s"] / 1550.0 - 1.0)
 
 
-def harmonics(made: Simulated, values: np.ndarray) -> np.ndarray:
+def harmonics(made, values):
     """Complex amplitudes of the wheel's first four harmonics in `values` (n,), by least squares."""
     angle = made.world.drive.angle_at(made.stamp_s["s"])
     columns = [f(h * angle) for h in range(1, 5) for f in (np.cos, np.sin)]
@@ -42,13 +42,13 @@ def harmonics(made: Simulated, values: np.ndarray) -> np.ndarray:
     return fitted[1::2] + 1j * fitted[2::2]
 
 
-def stated(sizes: list[float]) -> np.ndarray:
+def stated(sizes):
     """a cos(h angle - phase) has the amplitude a (cos(phase) + i sin(phase))."""
     return np.append(np.array(sizes) * np.exp(1j * np.radians(PHASES)), 0.0)
 
 
 @pytest.mark.parametrize("truth", ["beam", "ring"])
-def test_run_out_is_a_strain_of_the_wheel_s_angle(truth: str) -> None:
+def test_run_out_is_a_strain_of_the_wheel_s_angle(truth):
     table = {"run_out": {"amplitudes_microstrain": SIZES, "phases_deg": PHASES}}
     more = {"truth": truth, "tire": {"contact": "parabola"}}
     bare, bent = driven(**more), driven(**more, nuisances=table)
@@ -57,7 +57,7 @@ def test_run_out_is_a_strain_of_the_wheel_s_angle(truth: str) -> None:
     assert np.array_equal(bare.channels["f"], bent.channels["f"])
 
 
-def test_run_out_is_late_and_less_by_the_sensor_s_lag() -> None:
+def test_run_out_is_late_and_less_by_the_sensor_s_lag():
     """At one speed the h-th harmonic is divided by 1 + i h spin lag."""
     lagging = {"s": {**CHANNELS["s"], "lag_s": 2e-3}, "f": CHANNELS["f"]}
     one = {"channels": lagging, "manoeuvres": [{"duration_s": 2.0, "speed_m_s": 18.0}]}
@@ -70,7 +70,7 @@ def test_run_out_is_late_and_less_by_the_sensor_s_lag() -> None:
     assert np.abs(added - wanted).max() < 1e-4
 
 
-def test_force_variation_is_in_the_load_and_in_the_patch() -> None:
+def test_force_variation_is_in_the_load_and_in_the_patch():
     shares = [0.03, 0.02, 0.01]
     table = {"force_variation": {"shares": shares, "phases_deg": PHASES}}
     bare, bent = driven(), driven(nuisances=table)
@@ -91,7 +91,7 @@ def test_force_variation_is_in_the_load_and_in_the_patch() -> None:
     )
 
 
-def test_wandering_has_its_size_and_forgets_in_its_time() -> None:
+def test_wandering_has_its_size_and_forgets_in_its_time():
     made = scenario(
         nuisances={"load_wander": {"share": 0.03, "time_constant_s": 4.0}},
         manoeuvres=[{"duration_s": 2_000.0, "speed_m_s": 10.0}],
@@ -107,7 +107,7 @@ def test_wandering_has_its_size_and_forgets_in_its_time() -> None:
         assert known == pytest.approx(np.exp(-seconds / 4.0), abs=0.06)
 
 
-def test_load_wanders_and_the_patch_with_it() -> None:
+def test_load_wanders_and_the_patch_with_it():
     made = driven(nuisances={"load_wander": {"share": 0.05, "time_constant_s": 1.0}})
     load = made.channels["f"]
     assert np.ptp(load) > 0.03 * 3434.0
@@ -118,7 +118,7 @@ def test_load_wanders_and_the_patch_with_it() -> None:
     assert passed["load_N"] == pytest.approx(there, rel=1e-4)
 
 
-def test_revolutions_times_the_true_circumference_are_the_way() -> None:
+def test_revolutions_times_the_true_circumference_are_the_way():
     table = {"rolling_radius": {"error": -0.015, "growth": 0.02, "at_speed_m_s": 25.0}}
     made = driven(nuisances=table)
     drive = made.world.drive
@@ -145,9 +145,7 @@ def test_revolutions_times_the_true_circumference_are_the_way() -> None:
         ("ring", "parabola", ("stiffening",)),
     ],
 )
-def test_log_at_one_speed_is_that_of_a_larger_tire(
-    truth: str, contact: str, effects: tuple[str, ...]
-) -> None:
+def test_log_at_one_speed_is_that_of_a_larger_tire(truth, contact, effects):
     """Samples, and all that the truth says of the passages."""
     one = {"truth": truth, "manoeuvres": [{"duration_s": 0.6, "speed_m_s": 25.0}]}
     one["effects"] = [{"name": name} for name in effects]
@@ -166,7 +164,7 @@ def test_log_at_one_speed_is_that_of_a_larger_tire(
         assert said[name] == pytest.approx(wanted[name], rel=1e-7), name
 
 
-def test_contact_forgets_nothing_that_matters() -> None:
+def test_contact_forgets_nothing_that_matters():
     """A ring solved at several instants at once is what it is at each alone."""
     sizes = {"warming": {"stiffness_per_K": 0.004, "pressure_per_K": 0.0034}}
     made = {"truth": "ring", "nuisances": sizes, "manoeuvres": FASTER, **COARSE}
@@ -181,7 +179,7 @@ def test_contact_forgets_nothing_that_matters() -> None:
 
 
 @pytest.mark.parametrize("truth", ["beam", "ring"])
-def test_warm_tire_is_one_with_warm_numbers(truth: str) -> None:
+def test_warm_tire_is_one_with_warm_numbers(truth):
     sizes = {"stiffness_per_K": 0.004, "bending_per_K": -0.003, "pressure_per_K": 0.0034}
     sizes |= {"patch_length_per_K": -0.002} if truth == "beam" else {}
     rise = 12.0
@@ -208,7 +206,7 @@ def test_warm_tire_is_one_with_warm_numbers(truth: str) -> None:
     assert np.abs(waves[2] - waves[1]).max() > 1e-3 * np.abs(waves[1]).max()
 
 
-def test_warming_shows_in_patch_pressure_and_temperature() -> None:
+def test_warming_shows_in_patch_pressure_and_temperature():
     """Channels follow; the setup has what was true when the log began."""
     gauges = {
         "p": {"kind": "inflation_pressure", "sampling_rate_Hz": 1000.0},
@@ -238,7 +236,7 @@ def test_warming_shows_in_patch_pressure_and_temperature() -> None:
     assert baseline[0] == pytest.approx(1e-7 * 20.0 * -np.expm1(-2.0))
 
 
-def test_coloured_noise_has_the_size_of_white_and_remembers() -> None:
+def test_coloured_noise_has_the_size_of_white_and_remembers():
     sensor = Sensor("fbg_strain", noise=0.8, noise_correlation=0.9)
     values = noise_of(sensor, 400_000, np.random.default_rng(2))
     assert values.std() == pytest.approx(0.8, rel=0.02)
@@ -247,7 +245,7 @@ def test_coloured_noise_has_the_size_of_white_and_remembers() -> None:
         assert known == pytest.approx(0.9**shift, abs=0.01)
 
 
-def test_hum_is_a_line_and_half_of_it_at_the_double() -> None:
+def test_hum_is_a_line_and_half_of_it_at_the_double():
     sensor = Sensor("fbg_strain", sampling_rate_Hz=2500.0, hum=3.0, hum_Hz=50.0)
     values = noise_of(sensor, 25_000, np.random.default_rng(2))
     lines = np.abs(np.fft.rfft(values)) / 12_500.0
@@ -255,7 +253,7 @@ def test_hum_is_a_line_and_half_of_it_at_the_double() -> None:
     assert np.delete(lines, [500, 1000]).max() < 1e-9
 
 
-def test_flicker_falls_as_one_over_the_frequency() -> None:
+def test_flicker_falls_as_one_over_the_frequency():
     sensor = Sensor("fbg_strain", sampling_rate_Hz=1000.0, flicker=4.0)
     values = noise_of(sensor, 2**19, np.random.default_rng(2))
     assert values.std() == pytest.approx(4.0, rel=1e-9)
@@ -265,7 +263,7 @@ def test_flicker_falls_as_one_over_the_frequency() -> None:
     assert slope == pytest.approx(-1.0, abs=0.05)
 
 
-def test_peaks_are_lost_at_the_flanks_alone() -> None:
+def test_peaks_are_lost_at_the_flanks_alone():
     steep = {"s": {**CHANNELS["s"], "lost_at_flanks": 0.3}, "f": CHANNELS["f"]}
     made, whole = driven(channels=steep), driven()
     speed = made.world.drive.speed_at(made.stamp_s["s"])

@@ -1,23 +1,21 @@
-"""Property: for every scenario strength and size zero are off, another form is another shape, what
-is added changes nothing but what it says, samples are what is true, and seeds decide everything.
-"""
+"""Property: zero is off, forms differ, samples are what is true, seeds decide everything."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from tirelog.simulation import Scenario, Simulated, scenario_of, simulate
+from benchmarks.cases import IN_CATALOGUE, OUTSIDE, Case, case
+from tirelog.simulation import simulate
 from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
 from tirelog.simulation.sensors.sampling import tread_angle
 from tirelog.simulation.steady.loads import with_columns
 from tirelog.simulation.steady.waveforms import roughness_of
 
-from .worlds import instants, tables, world
+from .worlds import instants, scenario, world
 
 DRIVE = [
     {"duration_s": 1.5, "speed_m_s": 9.0},
@@ -44,15 +42,15 @@ SHAPED = [
 ]
 
 
-def strain(made: Simulated) -> np.ndarray:
+def strain(made):
     return 1.27 * (made.channels["s"] / 1550.0 - 1.0)
 
 
-def clean(**more: object) -> Scenario:
-    return scenario_of(tables(manoeuvres=DRIVE, **more))
+def clean(**more):
+    return scenario(manoeuvres=DRIVE, **more)
 
 
-def test_same_seed_same_log_other_seed_other_log() -> None:
+def test_same_seed_same_log_other_seed_other_log():
     noisy = {"s": {"kind": "fbg_strain", "noise": 0.0008, "lost_fraction": 0.01}}
     road, wander = {"roughness": 0.01, "load_scatter": 0.01}, {"load_wander": {"share": 0.03}}
     made = clean(seed=4, channels=noisy, road=road, nuisances=wander)
@@ -69,7 +67,7 @@ def test_same_seed_same_log_other_seed_other_log() -> None:
 @pytest.mark.parametrize(
     ("name", "form"), [(n, f) for n in STRAIN_EFFECTS for f in PLANTABLE[n].forms]
 )
-def test_strength_zero_is_the_base(name: str, form: str) -> None:
+def test_strength_zero_is_the_base(name, form):
     sizes = SIZES.get(name, (next(iter(PLANTABLE[name].parameters)),))
     conditions = {"distance_km": 20000.0, "water_depth_mm": 1.0, "warm_up_K": 40.0}
     conditions["inflation_pressure_Pa"] = 2.5e5
@@ -84,7 +82,7 @@ def test_strength_zero_is_the_base(name: str, form: str) -> None:
 
 
 @pytest.mark.parametrize("name", SHAPED)
-def test_other_form_is_another_shape_of_like_size(name: str) -> None:
+def test_other_form_is_another_shape_of_like_size(name):
     conditions = {"distance_km": 20000.0, "water_depth_mm": 1.0}
     at = with_columns(instants(slip=0.06), distance_km=20000.0, water_depth_mm=1.0)
     base, exact, other = (
@@ -100,11 +98,9 @@ def test_other_form_is_another_shape_of_like_size(name: str) -> None:
     assert change > (0.02 if name == "sensor_lag" else 0.15) * size
 
 
-def test_roughness_has_its_size_and_reach() -> None:
-    made = scenario_of(
-        tables(
-            manoeuvres=[{"duration_s": 400.0, "speed_m_s": 20.0}], road={"roughness": 0.02}, seed=3
-        )
+def test_roughness_has_its_size_and_reach():
+    made = scenario(
+        manoeuvres=[{"duration_s": 400.0, "speed_m_s": 20.0}], road={"roughness": 0.02}, seed=3
     )
     rough = roughness_of(made, 8000.0, np.random.default_rng(3))
     distance = np.arange(0.0, 7990.0, 0.25)
@@ -115,13 +111,9 @@ def test_roughness_has_its_size_and_reach() -> None:
     assert abs(correlation[1]) < 0.15
 
 
-def test_dissipation_factor_is_the_time_integral() -> None:
-    """int eps'^2 ds = (1/c) int (d eps/dt)^2 dt over a revolution of the clean signal (errata), at
-    constant speed.
-    """
-    made = simulate(
-        scenario_of(tables(channels={"s": {"kind": "fbg_strain", "sampling_rate_Hz": 25000.0}}))
-    )
+def test_dissipation_factor_is_the_time_integral():
+    """int eps'^2 ds = (1/c) int (d eps/dt)^2 dt over a revolution (errata)."""
+    made = simulate(scenario(channels={"s": {"kind": "fbg_strain", "sampling_rate_Hz": 25000.0}}))
     times = np.array(made.truth["channels"]["s"]["passages"]["time_s"])
     stamps, rate = made.stamp_s["s"], np.gradient(strain(made), 1 / 25000.0)
     middle = 0.5 * (times[:-1] + times[1:])
@@ -132,7 +124,7 @@ def test_dissipation_factor_is_the_time_integral() -> None:
     )
 
 
-ALL: dict[str, Any] = {
+ALL = {
     "run_out": {"amplitudes_microstrain": [30.0, 15.0, 8.0], "phases_deg": [10.0, 200.0]},
     "force_variation": {"shares": [0.012, 0.006, 0.004]},
     "load_wander": {"share": 0.03},
@@ -141,7 +133,7 @@ ALL: dict[str, Any] = {
 }
 
 
-def made_of(truth: str = "beam", noise: float = 0.0008, **more: Any) -> Scenario:
+def made_of(truth="beam", noise=0.0008, **more):
     given = {
         "grid_points": 512,
         "truth": truth,
@@ -157,16 +149,16 @@ def made_of(truth: str = "beam", noise: float = 0.0008, **more: Any) -> Scenario
             "e": {"kind": "vehicle_speed", "sampling_rate_Hz": 100.0, "noise": 0.1},
         },
     }
-    return scenario_of(tables(**{**given, **more}))
+    return scenario(**{**given, **more})
 
 
-def values(made: Simulated) -> np.ndarray:
+def values(made):
     return made.channels["s"]
 
 
 @pytest.mark.parametrize("truth", ["beam", "ring"])
 @pytest.mark.parametrize("name", ALL)
-def test_nuisance_of_size_zero_is_none(truth: str, name: str) -> None:
+def test_nuisance_of_size_zero_is_none(truth, name):
     sizes = {k: [] if isinstance(v, list) else 0.0 for k, v in ALL[name].items()}
     none = simulate(made_of(truth))
     zero = simulate(made_of(truth, nuisances={name: sizes}))
@@ -183,7 +175,7 @@ def test_nuisance_of_size_zero_is_none(truth: str, name: str) -> None:
         *({"nuisances": {name: ALL[name]}} for name in ("run_out", "load_wander", "warming")),
     ],
 )
-def test_what_is_added_changes_neither_noise_nor_the_other_channels(more: dict[str, Any]) -> None:
+def test_what_is_added_changes_neither_noise_nor_the_other_channels(more):
     """The seed draws road, scatter and noise as without it."""
     (bare, changed), still = (
         [simulate(made_of(noise=noise, **m)) for m in ({}, more)] for noise in (0.0008, 0.0)
@@ -213,9 +205,7 @@ def test_what_is_added_changes_neither_noise_nor_the_other_channels(more: dict[s
         ),
     ],
 )
-def test_samples_are_what_is_true_at_their_instant(
-    truth: str, more: dict[str, Any], limit: float
-) -> None:
+def test_samples_are_what_is_true_at_their_instant(truth, more, limit):
     """Knots and the parabola in the load against solutions at the very instant, over the peak."""
     made = simulate(made_of(truth, **{"grid_points": 2048, "noise": 0.0, "road": {}, **more}))
     w, sensor = made.world, made.scenario.channels["s"]
@@ -231,8 +221,27 @@ def test_samples_are_what_is_true_at_their_instant(
     assert np.abs(strain(made)[300:-200:41] - exact).max() < limit * np.abs(waves).max()
 
 
-def test_truth_says_what_was_a_nuisance() -> None:
+def test_truth_says_what_was_a_nuisance():
     assert "nuisances" not in simulate(made_of()).truth
     said = simulate(made_of(nuisances=ALL)).truth["nuisances"]
     assert said["run_out"]["amplitudes_microstrain"] == (30.0, 15.0, 8.0)
     assert said["rolling_radius"]["error"] == -0.015
+
+
+@pytest.mark.parametrize("name", [*IN_CATALOGUE, *OUTSIDE])
+def test_every_effect_shows_and_is_told(name):
+    """It moves the strain by more than its noise somewhere, in both forms."""
+    for form in PLANTABLE[name].forms:
+        how = Case(plan="short", logs=2, form=form, noise_nm=0.0, roughness=0.0, duration=0.35)
+        with_effect, without = (simulate(case(e, seed=8, how=how)[1]) for e in ((name,), ()))
+        change = 1.27 / 1550.0 * (with_effect.channels["strain_1"] - without.channels["strain_1"])
+        assert 4e-6 < change.std() < 2e-4
+        told = with_effect.truth["effects"]
+        assert [(e["name"], e["form"], e["in_catalogue"]) for e in told] == [
+            (name, form, name in IN_CATALOGUE)
+        ]
+        planted = with_effect.scenario.effects[0]
+        assert told[0]["strength"] == planted[next(iter(planted.parameters))]
+        if name in OUTSIDE:
+            assert told[0]["where"] in ("entry", "patch", "exit", "away")
+            assert told[0]["parity"] in ("even", "odd", "mixed")

@@ -1,13 +1,8 @@
-"""Property: the stepped tire converges, keeps its energy, loses what its dampers take, and rolls
-steadily as the steady ring stands; against the models: `tests/physics/test_coupled_truth.py`.
-"""
-
-from __future__ import annotations
+"""Property: the stepped tire keeps its energy and rolls steadily as the steady ring."""
 
 import numpy as np
 import pytest
 
-from tirelog.simulation.rolling.world import tire_at_rest
 from tirelog.simulation.scenario.schema import Sensor
 
 from .rolls import (
@@ -30,24 +25,8 @@ SPEED, LOAD = 20.0, 3000.0
 DAMPED = {"radial_damping_N_s_m2": 100.0, "tangential_damping_N_s_m2": 100.0}
 
 
-def test_strain_converges_with_the_elements() -> None:
-    fine = tire_at_rest(belt(384), LOAD)[0]
-    angles = np.linspace(-0.3, 0.3, 61)
-    exact = np.array([strain_rider(belt(384), a)[0] @ fine for a in angles])
-    errors = []
-    for elements in (64, 128, 256):
-        of = belt(elements)
-        v = tire_at_rest(of, LOAD)[0]
-        found = np.array([strain_rider(of, a)[0] @ v for a in angles])
-        errors.append(np.sqrt(np.mean((found - exact) ** 2)) / np.ptp(exact))
-    assert errors[0] > 3.0 * errors[1] > 9.0 * errors[2]
-    assert errors[2] < 1.5e-3
-
-
-def test_energy_is_kept_without_damping() -> None:
-    """Dropped by 2 mm while it rolls, frictionless: after 2 s of bouncing and ringing the energy is
-    what it was.
-    """
+def test_energy_is_kept_without_damping():
+    """Dropped by 2 mm while it rolls, frictionless, and 2 s of bouncing."""
     of = belt(96, friction=0.0)
     drop = np.zeros(96), RADIUS - 0.002, 0.0
     tire = rolling(of, speed=SPEED, load=LOAD, start=drop)
@@ -61,33 +40,8 @@ def test_energy_is_kept_without_damping() -> None:
     assert np.ptp(energy) < 1.2e-4 * energy[0]
 
 
-def test_dampers_take_what_the_road_holds_back() -> None:
-    """Rolling freely, the road's force backwards times the speed is what the sidewall's dampers
-    take.
-    """
-    of = belt(
-        128,
-        radial_damping_N_s_m2=400.0,
-        tangential_damping_N_s_m2=400.0,
-        bristle_stiffness_N_m2=1e7,
-        hub_inertia_kg_m2=0.2,
-    )
-    tire = rolling(of, speed=SPEED, load=LOAD)
-    tire.damp_hub(3000.0)
-    tire.run(orders(24000, speed=SPEED, load=LOAD))
-    held, lost = [], []
-    for _ in range(40):
-        motion, _ = tire.run(orders(100, speed=SPEED, load=LOAD, start_m=tire.state["hub_x_m"]))
-        held.append(-motion["force_x_N"].mean() * SPEED)
-        lost.append(tire.u @ of.full(of.damping) @ tire.u)
-    assert np.mean(held) > 300.0
-    assert np.mean(lost) == pytest.approx(np.mean(held), rel=0.02)
-
-
-def test_steady_rolling_is_the_steady_ring() -> None:
-    """Against the other truth: differences of order eight on a grid, contact by an active set,
-    nothing stepped.
-    """
+def test_steady_rolling_is_the_steady_ring():
+    """Against the other truth: differences on a grid, contact by an active set."""
     of = belt(192, **DAMPED)
     rolled = rolling(of, speed=SPEED, load=LOAD)
     rolled.damp_hub(3000.0)

@@ -1,13 +1,11 @@
 """Property: a form "apart" is really another shape, also of what a fitted model leaves of it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks.forms import Compared, nearest, table
+from benchmarks.forms import nearest, table
 from tirelog.data.recording import Conditions
 from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
 
@@ -20,17 +18,17 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "second_forms.md"
 
 
 @pytest.fixture(scope="module")
-def told() -> list[Compared]:
+def told():
     return table()
 
 
-def test_a_form_apart_leaves_another_shape(told: list[Compared]) -> None:
+def test_a_form_apart_leaves_another_shape(told):
     apart = {one.name: one.left for one in told if one.form == "apart"}
     assert len(apart) == 12
     assert {name: left for name, left in apart.items() if abs(left) > 0.97} == {}
 
 
-def test_the_page_shows_what_is_computed(told: list[Compared]) -> None:
+def test_the_page_shows_what_is_computed(told):
     first = PAGE.read_text().split("What the forms")[0]
     shown = [line for line in first.splitlines() if line.startswith("| `")]
     cells = [[c.strip() for c in line.strip("|").split("|")] for line in shown]
@@ -39,7 +37,7 @@ def test_the_page_shows_what_is_computed(told: list[Compared]) -> None:
         np.testing.assert_allclose([*map(float, row[2:])], [one.as_planted, one.left], atol=0.011)
 
 
-def test_the_page_shows_what_is_nearest() -> None:
+def test_the_page_shows_what_is_nearest():
     shown = [line for line in PAGE.read_text().splitlines() if line.count("`") == 4]
     cells = [[c.strip() for c in line.strip("|").split("|")] for line in shown]
     cells = [row for row in cells if len(row) == 4]
@@ -51,7 +49,7 @@ def test_the_page_shows_what_is_nearest() -> None:
         )
 
 
-def test_a_tilted_accelerometer_is_that_of_the_catalogue() -> None:
+def test_a_tilted_accelerometer_is_that_of_the_catalogue():
     """Of the belt: what gravity does beside it is added where a sensor's samples are made."""
     w, plain = world(effects=[{"name": "sensor_tilt"}], grid_points=4096), world(grid_points=4096)
     sensor, at = Sensor("radial_acceleration"), instants(speed=15.0)

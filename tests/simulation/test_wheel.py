@@ -1,7 +1,5 @@
 """Closed form: signs and sizes of encoder, accelerometer and wheel forces, by P4 and the errata."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,7 @@ from tirelog.simulation import scenario_of, simulate
 from tirelog.simulation.scenario.schema import Sensor
 from tirelog.simulation.sensors.sampling import coupled, phase_shift, tread_angle
 
-from .worlds import tables, world
+from .worlds import scenario, tables, world
 
 R = 0.305
 #: cruise, drive, cruise, brake, coast
@@ -23,11 +21,11 @@ PLAN = [
 DRIVE_S, BRAKE_S, COAST_S = np.array([5.0]), np.array([11.0]), np.array([15.0])
 
 
-def plan(**more: object) -> dict[str, object]:
+def plan(**more):
     return {"manoeuvres": PLAN, "tire": {"torsional_stiffness_N_m2": 1.5e5}, **more}
 
 
-def test_driven_wheel_winds_forward_in_drive_and_back_in_braking() -> None:
+def test_driven_wheel_winds_forward_in_drive_and_back_in_braking():
     driven, free = (
         world(**plan(conditions={"driven": True})),
         world(**plan(conditions={"driven": False})),
@@ -42,20 +40,20 @@ def test_driven_wheel_winds_forward_in_drive_and_back_in_braking() -> None:
     assert phase_shift(driven, DRIVE_S) == pytest.approx(expected, rel=1e-12)
 
 
-def encoder(**more: object) -> dict[str, object]:
+def encoder(**more):
     return tables(
         channels={"e": {"kind": "wheel_encoder", "sampling_rate_Hz": 10000.0, **more}},
         manoeuvres=PLAN,
     )
 
 
-def rising(values: np.ndarray) -> np.ndarray:
+def rising(values):
     """Fractional indices of upward zero crossings."""
     at = np.flatnonzero((values[:-1] <= 0) & (values[1:] > 0))
     return at - values[at] / (values[at + 1] - values[at])
 
 
-def test_encoder_teeth_stand_where_the_pitch_table_says() -> None:
+def test_encoder_teeth_stand_where_the_pitch_table_says():
     made, other = (
         simulate(scenario_of(encoder(pitch_error_deg=0.5) | {"seed": seed})) for seed in (1, 2)
     )
@@ -70,7 +68,7 @@ def test_encoder_teeth_stand_where_the_pitch_table_says() -> None:
     assert np.abs(angle - expected).max() < np.radians(0.01)
 
 
-def test_encoder_amplitude_grows_with_speed_and_varies_over_the_turn() -> None:
+def test_encoder_amplitude_grows_with_speed_and_varies_over_the_turn():
     values = simulate(scenario_of(encoder(offset=0.2))).channels["e"] - 0.2
     slow, fast = np.abs(values[2000:20000]).max(), np.abs(values[75000:95000]).max()
     assert fast > 1.05 * slow
@@ -81,9 +79,7 @@ def test_encoder_amplitude_grows_with_speed_and_varies_over_the_turn() -> None:
 
 
 @pytest.mark.parametrize("truth", ["beam", "ring"])
-def test_a_driven_wheel_turns_faster_than_it_rolls_by_the_force_over_the_slip_stiffness(
-    truth: str,
-) -> None:
+def test_a_driven_wheel_turns_faster_than_it_rolls_by_the_force_over_the_slip_stiffness(truth):
     """P2 (14): omega R / V = 1 + F_x / C_x, in drive above one and in braking below."""
     slow = {"sampling_rate_Hz": 100.0}
     given = encoder() | {"truth": truth, "tire": {"slip_stiffness_N": 5e4}}
@@ -104,7 +100,7 @@ def test_a_driven_wheel_turns_faster_than_it_rolls_by_the_force_over_the_slip_st
     assert ratio[inside] == pytest.approx(expected[inside], abs=3e-4)
 
 
-def test_missing_and_extra_teeth() -> None:
+def test_missing_and_extra_teeth():
     plain, missing, extra = (
         rising(simulate(scenario_of(encoder(**more))).channels["e"] - 1e-9).size
         for more in ({}, {"missing_teeth": [7]}, {"extra_teeth": [11]})
@@ -114,7 +110,7 @@ def test_missing_and_extra_teeth() -> None:
     assert extra - plain == pytest.approx(turns, abs=1.5)
 
 
-def test_square_and_counter_say_the_same_angle() -> None:
+def test_square_and_counter_say_the_same_angle():
     square = simulate(scenario_of(encoder(signal="square"))).channels["e"]
     assert set(np.unique(square)) == {0.0, 1.0}
     count = simulate(scenario_of(encoder(signal="counter"))).channels["e"]
@@ -126,17 +122,15 @@ def test_square_and_counter_say_the_same_angle() -> None:
     )
 
 
-def accelerometer(**more: object) -> dict[str, object]:
+def accelerometer(**more):
     channels = {
         "a": {"kind": "radial_acceleration", "sampling_rate_Hz": 10000.0, "angle_deg": 40.0, **more}
     }
     return tables(channels=channels, manoeuvres=[{"duration_s": 2.0, "speed_m_s": 15.0}])
 
 
-def test_accelerometer_reads_centripetal_and_gravity() -> None:
-    """Outwards positive: -Omega^2 R far from the patch; specific force, so that at the top gravity
-    adds 1 g outwards.
-    """
+def test_accelerometer_reads_centripetal_and_gravity():
+    """Outwards positive: -Omega^2 R far from the patch."""
     made = simulate(scenario_of(accelerometer()))
     angle = np.angle(
         np.exp(1j * tread_angle(made.world, made.scenario.channels["a"], made.stamp_s["a"]))
@@ -148,7 +142,7 @@ def test_accelerometer_reads_centripetal_and_gravity() -> None:
     assert side == pytest.approx(level + 9.81 * -np.cos(1.9), abs=2.0)
 
 
-def test_telemetry_delay_moves_the_signal_and_its_passages() -> None:
+def test_telemetry_delay_moves_the_signal_and_its_passages():
     prompt, late = (
         simulate(scenario_of(accelerometer(**more))) for more in ({}, {"delay_s": 0.0005})
     )
@@ -157,7 +151,7 @@ def test_telemetry_delay_moves_the_signal_and_its_passages() -> None:
     assert np.abs(passages[1] - passages[0] - 0.0005).max() < 1e-8
 
 
-def test_bandwidth_digits_and_range() -> None:
+def test_bandwidth_digits_and_range():
     sharp, soft = (
         simulate(scenario_of(accelerometer(**m))).channels["a"]
         for m in ({}, {"bandwidth_Hz": 60.0})
@@ -170,12 +164,10 @@ def test_bandwidth_digits_and_range() -> None:
     assert (np.abs(digital) == 60.0).any()
 
 
-def test_vehicle_runs_ahead_of_the_tread_in_braking_slip() -> None:
+def test_vehicle_runs_ahead_of_the_tread_in_braking_slip():
     channels = {"v": {"kind": "vehicle_speed", "sampling_rate_Hz": 100.0}}
     made = simulate(
-        scenario_of(
-            tables(**plan(channels=channels, effects=[{"name": "traction", "slip_per_g": 0.2}]))
-        )
+        scenario(**plan(channels=channels, effects=[{"name": "traction", "slip_per_g": 0.2}]))
     )
     tread = made.world.drive.speed_at(made.stamp_s["v"])
     ratio = made.channels["v"] / tread
@@ -184,7 +176,7 @@ def test_vehicle_runs_ahead_of_the_tread_in_braking_slip() -> None:
     assert ratio[100] == pytest.approx(1.0, abs=1e-9)
 
 
-def test_other_forms_of_what_moves_the_phase() -> None:
+def test_other_forms_of_what_moves_the_phase():
     """Cross-talk, trend and inflation bend in their other form; zero stays zero."""
     hard = np.array([1.5, 5.0, 11.0])
     transfer = {"name": "load_transfer", "coefficient": 0.4}
@@ -210,7 +202,7 @@ def test_other_forms_of_what_moves_the_phase() -> None:
     assert lengths[1] != lengths[0]
 
 
-def test_an_ac_coupled_instrument_forgets_the_level_and_keeps_what_is_quick() -> None:
+def test_an_ac_coupled_instrument_forgets_the_level_and_keeps_what_is_quick():
     """From rest a step decays by the time constant; a sine far above the cut comes through."""
     rate, cut = 10_000.0, 2.0
     time = np.arange(0.0, 3.0, 1.0 / rate)

@@ -1,21 +1,15 @@
-"""Property: a simulated log that is written and read back by the package's own readers is the one
-in memory.
-"""
-
-from __future__ import annotations
+"""Property: a simulated log that is written and read back is the one in memory."""
 
 import json
 import tomllib
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tirelog.runs.ingest import open_recording
-from tirelog.simulation import Simulated, scenario_of, setup_text, simulate, to_recording, write_log
+from tirelog.simulation import setup_text, simulate, to_recording, write_log
 
-from .worlds import tables
+from .worlds import scenario
 
 GRATINGS = {
     "outer": {
@@ -38,12 +32,12 @@ GRATINGS = {
 }
 
 
-def gratings() -> Simulated:
+def gratings():
     warm = {"warm_up_K": 15.0, "warm_up_time_s": 3.0}
-    return simulate(scenario_of(tables(channels=GRATINGS, conditions=warm, seed=7)))
+    return simulate(scenario(channels=GRATINGS, conditions=warm, seed=7))
 
 
-def wheel() -> Simulated:
+def wheel():
     channels = {
         "acceleration": {
             "kind": "radial_acceleration",
@@ -61,7 +55,7 @@ def wheel() -> Simulated:
         "vehicle": {"kind": "vehicle_speed", "sampling_rate_Hz": 100.0},
         "load": {"kind": "vertical_load", "sampling_rate_Hz": 100.0},
     }
-    return simulate(scenario_of(tables(channels=channels, road={"roughness": 0.01})))
+    return simulate(scenario(channels=channels, road={"roughness": 0.01}))
 
 
 @pytest.mark.parametrize(
@@ -71,7 +65,7 @@ def wheel() -> Simulated:
         *((wheel, f"log.{suffix}") for suffix in ("mcap", "h5")),  # of several rates
     ],
 )
-def test_a_log_comes_back(tmp_path: Path, drive: Callable[[], Simulated], name: str) -> None:
+def test_a_log_comes_back(tmp_path, drive, name):
     made = drive()
     assert [p.exists() for p in write_log(made, tmp_path / name)] == [True] * 3
     expected = to_recording(made)
@@ -89,10 +83,8 @@ def test_a_log_comes_back(tmp_path: Path, drive: Callable[[], Simulated], name: 
             assert back.axis.rate_Hz == pytest.approx(channel.axis.rate_Hz, rel=1e-6)
 
 
-def test_strain_comes_back_through_wavelength_and_twin() -> None:
-    """P1 (1): the strain in the Recording is the tire's, the twin's temperature taken out, to
-    noise.
-    """
+def test_strain_comes_back_through_wavelength_and_twin():
+    """P1 (1): the tire's strain, the twin's temperature taken out, to noise."""
     made = gratings()
     recording = to_recording(made)
     outer, inner = (recording.channels[n].read() for n in ("outer", "inner"))
@@ -104,7 +96,7 @@ def test_strain_comes_back_through_wavelength_and_twin() -> None:
     assert twin[-1] == pytest.approx(15.0 * (1 - np.exp(-4 / 3.0)), abs=0.1)
 
 
-def test_truth_is_json_with_one_value_a_passage(tmp_path: Path) -> None:
+def test_truth_is_json_with_one_value_a_passage(tmp_path):
     made = gratings()
     _, path, _ = write_log(made, tmp_path / "log.csv")
     truth = json.loads(path.read_text(encoding="utf-8"))
@@ -120,8 +112,8 @@ def test_truth_is_json_with_one_value_a_passage(tmp_path: Path) -> None:
     assert truth["effects"] == []
 
 
-def test_setup_knows_what_an_engineer_knows_and_no_more() -> None:
-    made = scenario_of(tables(effects=[{"name": "wear"}]))
+def test_setup_knows_what_an_engineer_knows_and_no_more():
+    made = scenario(effects=[{"name": "wear"}])
     text = setup_text(made, {"s": "COLUMN"})
     setup = tomllib.loads(text)
     assert setup["channels"]["s"]["source"] == "COLUMN"
@@ -130,7 +122,7 @@ def test_setup_knows_what_an_engineer_knows_and_no_more() -> None:
         assert secret not in text
 
 
-def test_files_are_equal_to_the_byte(tmp_path: Path) -> None:
+def test_files_are_equal_to_the_byte(tmp_path):
     for name in ("a.csv.gz", "a.mcap"):
         first, second = tmp_path / name, tmp_path / f"b{name}"
         write_log(gratings(), first)
@@ -138,7 +130,7 @@ def test_files_are_equal_to_the_byte(tmp_path: Path) -> None:
         assert first.read_bytes() == second.read_bytes()
 
 
-def test_inflation_ramp(tmp_path: Path) -> None:
+def test_inflation_ramp(tmp_path):
     """P2 Fig. 15: the strain grows with the pressure; each stop loses a little air."""
     ramp = {
         "start_Pa": 1.7e5,
@@ -153,9 +145,7 @@ def test_inflation_ramp(tmp_path: Path) -> None:
         "p": {"kind": "inflation_pressure"},
     }
     still = [{"duration_s": 10.0, "speed_m_s": 0.0, "regime": "standstill"}]
-    recording = to_recording(
-        simulate(scenario_of(tables(ramp=ramp, channels=channels, manoeuvres=still)))
-    )
+    recording = to_recording(simulate(scenario(ramp=ramp, channels=channels, manoeuvres=still)))
     strain, pressure = recording.channels["s"].read(), recording.channels["p"].read()
     assert pressure[0] == pytest.approx(1.7e5)
     assert pressure[-1] == pytest.approx(2.3e5, rel=1e-6)
@@ -166,11 +156,11 @@ def test_inflation_ramp(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("rate", "digits"), [(2500.0, 4), (25000.0, 5), (10.0, 1), (3000.0, 9)])
-def test_stamps_hold_the_clock(tmp_path: Path, rate: float, digits: int) -> None:
+def test_stamps_hold_the_clock(tmp_path, rate, digits):
     channels = {"s": {"kind": "fbg_strain", "sampling_rate_Hz": rate}}
     short = [{"duration_s": 0.5, "speed_m_s": 10.0}]
     path, *_ = write_log(
-        simulate(scenario_of(tables(channels=channels, manoeuvres=short))), tmp_path / "log.csv"
+        simulate(scenario(channels=channels, manoeuvres=short)), tmp_path / "log.csv"
     )
     second = path.read_text(encoding="utf-8").splitlines()[4].split(",")[0]
     assert float(second) == pytest.approx(1.0 / rate, rel=1e-5)

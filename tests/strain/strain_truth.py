@@ -1,10 +1,4 @@
-"""Known truth for contact length and dissipation: finite differences of P1's beam and of a closed
-ring pressed onto a flat road.
-
-Nothing of the estimators' family is used: no wave numbers, no pressure series. xi grows in the
-direction in which tread passes the patch. A truth is called as `pulse(xi_m, speed_m_s)` and gives
-the strain of an inner grating (maximum in the patch).
-"""
+"""Known truth: finite differences of P1's beam and of a ring pressed onto a road."""
 
 from __future__ import annotations
 

@@ -2,7 +2,6 @@
 
 import os
 import signal
-from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tirelog.data.recording import Recording, Scaled
+from tirelog.data.recording import Scaled
 from tirelog.process_pool import POSSIBLE
 from tirelog.products import Part, tables_of
 from tirelog.runs.ingest import open_recording
@@ -26,7 +25,7 @@ SCALE, LOST = 1e-8, -(1 << 31)
 
 
 @contextmanager
-def one_grating() -> Iterator[Recording]:
+def one_grating():
     """A grating of a log, as counts that each process reads for itself."""
     with open_recording(str(DRIVE)) as log:
         name = next(name for name, one in log.channels.items() if one.kind == "fbg_strain")
@@ -37,7 +36,7 @@ def one_grating() -> Iterator[Recording]:
         yield replace(log, channels={name: channel})
 
 
-def same(one: list[Part], other: list[Part]) -> None:
+def same(one, other):
     assert len(one) == len(other) > 1
     for part, its in zip(one, other, strict=True):
         assert (part.table, tuple(part.remarks)) == (its.table, tuple(its.remarks))
@@ -46,7 +45,7 @@ def same(one: list[Part], other: list[Part]) -> None:
             np.testing.assert_array_equal(values, its.columns[column], err_msg=column)
 
 
-def gratings(log: Recording, count: int) -> Recording:
+def gratings(log, count):
     """The log with its grating so many times."""
     ((name, one),) = log.channels.items()
     names = [f"{name}_{n}" for n in range(count)]
@@ -90,5 +89,5 @@ def test_a_process_that_is_stopped_at_a_form_keeps_it_from_nobody(monkeypatch, h
     same(alone, shared)
 
 
-def stopped(number: int, frame: object) -> None:
+def stopped(number, frame):
     raise KeyboardInterrupt

@@ -1,17 +1,10 @@
-"""Property: `tirelog footprint`, `dissipation` and `inflation` on the command line: options,
-refusals, pictures, statuses.
-"""
-
-from __future__ import annotations
-
-import builtins
+"""Property: the commands `footprint`, `dissipation` and `inflation`, and their refusals."""
 
 import numpy as np
 import pytest
 
 from tests.strain.conftest import make_drive
 from tests.strain.strain_truth import Beam
-from tirelog.plots import record
 
 SETUP = """[tire]
 rolling_radius_m = 0.305
@@ -118,7 +111,6 @@ def test_dissipation_and_its_lines(command, rolling):
     ("name", "arguments", "says"),
     [
         ("footprint", ["--cutoff", "fast"], "400Hz"),
-        ("footprint", ["--plot", "page.docx"], ".png"),
         ("dissipation", ["--steady-step", "0"], "--steady-step"),
         ("dissipation", ["--fit", "--from", "1"], "of the whole log"),
         ("dissipation", ["--from", "1", "--plot", "page.png"], "of the whole log"),
@@ -138,18 +130,3 @@ def test_a_wheel_at_rest_is_refused_with_advice(command, resting, name):
     assert status == 2
     assert "does not turn" in err
     assert "tirelog inflation" in err
-
-
-def test_a_picture_without_matplotlib(command, rolling, monkeypatch):
-    real = builtins.__import__
-
-    def without(name, *more, **kwargs):
-        if name.startswith("matplotlib"):
-            raise ImportError(name)
-        return real(name, *more, **kwargs)
-
-    record._shown.cache_clear()  # a page of another test has it
-    monkeypatch.setattr(builtins, "__import__", without)
-    status, _, err = command(rolling, SETUP, "footprint", "--plot", "page.png")
-    assert status == 2
-    assert "tirelog[plot]" in err

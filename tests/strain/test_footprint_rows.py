@@ -1,8 +1,4 @@
-"""Faults: footprint and dissipation lose no row under bad input, whatever the block size, and each
-fault has its own word.
-"""
-
-from __future__ import annotations
+"""Faults: footprint and dissipation lose no row; each fault has its own word."""
 
 import numpy as np
 import pytest

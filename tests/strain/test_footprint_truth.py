@@ -1,9 +1,4 @@
-"""Property: contact length is that of finite-difference truths of both carcasses.
-
-Seeds from 1000: none was used for tuning.
-"""
-
-from __future__ import annotations
+"""Property: contact length is that of finite-difference truths of both carcasses."""
 
 from dataclasses import replace
 
@@ -127,9 +122,7 @@ def test_asymmetry_has_the_sign_of_the_sharper_edge(radius_m):
 
 
 def test_edges_stand_at_the_same_abscissae_when_the_wheel_brakes():
-    """xi = v t + a t^2 / 2: under hard braking at low speed, the derivatives along the tread are
-    those of a steady wheel.
-    """
+    """xi = v t + a t^2 / 2, under hard braking at low speed."""
     wave = CubicSpline(*Beam().wave(6.0))
     rate, speed, one = 2500.0, 3.0, np.ones(1)
     found = []
@@ -143,9 +136,7 @@ def test_edges_stand_at_the_same_abscissae_when_the_wheel_brakes():
 
 
 def test_a_length_below_its_own_error_is_not_told():
-    """Where a log cuts a patch off, a fit may leave an error of 1e147 m: neither the length nor its
-    error is a number then.
-    """
+    """Where a log cuts a patch off, a fit may leave an error of 1e147 m."""
     length, error = _told(
         np.array([0.11, 0.11, -0.02, 0.11, np.nan]), np.array([6e-5, 1e147, 1e-5, np.nan, np.nan])
     )
@@ -154,16 +145,12 @@ def test_a_length_below_its_own_error_is_not_told():
 
 
 def uneven(xi_m, speed_m_s):
-    """A pulse whose exit edge is three times as slow as its entry edge: the fit ends at its bound
-    for the damping, 174 mm for 110.
-    """
+    """The exit edge is three times as slow as the entry edge: fitted, 174 mm for 110."""
     return trapezium(xi_m, slow_m=0.069) - shoulders(xi_m, 0.06, 0.66)
 
 
 def slanted(xi_m, speed_m_s):
-    """A pulse whose exit half is four times as high as its entry half: the fit has a road that
-    pulls, 130 mm for 110.
-    """
+    """The exit half is four times as high as the entry half: fitted, 130 mm for 110."""
     return (trapezium(xi_m) - shoulders(xi_m)) * (1 + 0.6 * np.tanh(xi_m / 0.04))
 
 
@@ -180,9 +167,7 @@ SHORT = Ring(sink_m=0.022)
 
 
 def test_a_patch_that_gets_shorter_is_no_traction(radius_m):
-    """A form of the long patch misses the short one by far; a traction beside it would take that
-    and make the length half as long again.
-    """
+    """A form of the long patch misses the short one by far."""
     long, short = (
         make_drive([0, seconds], [13, 13], seed=1461 + seconds, pulse=truth, noise_pm=4.0, **CALM)
         for truth, seconds in ((Ring(), 28), (SHORT, 12))

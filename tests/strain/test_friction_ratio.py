@@ -1,7 +1,4 @@
-"""Property: slip onsets of roads with any sliding friction lie within their errors of the truth.
-
-Tables that go on from them take the same ratio. A traction that is not seen is in the error.
-"""
+"""Property: slip onsets of roads with any sliding friction lie within their errors of the truth."""
 
 import csv
 import io

@@ -1,8 +1,4 @@
-"""Closed form: grip from the slip onset, against the brush's traction summed; width and shift of a
-patch in wheel angle, and the wheel's angle, against those that the signals are made of.
-"""
-
-from __future__ import annotations
+"""Closed form: grip from the slip onset, width and shift of a patch, the wheel's angle."""
 
 import numpy as np
 import pytest

@@ -1,8 +1,4 @@
-"""Closed form: strain against inflation pressure over a ramp with two stops and leaks (P2 Fig. 15),
-and what is refused.
-"""
-
-from __future__ import annotations
+"""Closed form: strain against pressure over ramps, stops and leaks (P2 Fig. 15)."""
 
 import numpy as np
 import pytest
@@ -17,9 +13,7 @@ RATE_HZ = 2500.0
 
 
 def ramp(seed=1800, noise=6e-7, bend=0.0):
-    """Strain and pressure channels: 1.7 to 2.3 bar in three ramps, stops at 5.5 and 8 s where 1000
-    Pa leak.
-    """
+    """Strain and pressure: 1.7 to 2.3 bar in three ramps, two stops that leak 1000 Pa."""
     time = np.arange(0, 12, 1 / RATE_HZ)
     at_s = [0, 1, 5.5, 6.5, 8, 9, 11, 12]
     bar = [1.7, 1.7, 2.05, 2.04, 2.2, 2.19, 2.3, 2.3]

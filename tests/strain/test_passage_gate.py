@@ -1,9 +1,4 @@
-"""Property: what is no tire pass is said to be none, and no log of a rolling tire is.
-
-Seeds from 1000: none was used for tuning.
-"""
-
-from __future__ import annotations
+"""Property: what is no tire pass is said to be none, and no log of a rolling tire is."""
 
 import numpy as np
 import pytest
@@ -86,9 +81,7 @@ def test_what_is_no_tire_pass_gives_no_speed(name, kind):
 
 
 def test_lost_samples_between_many_passages_are_no_doubt(radius_m):
-    """The instrument reads four passages of every eight: a quarter of the pairs is not one turn
-    apart.
-    """
+    """The instrument reads four passages of every eight."""
     d = make_drive([0, 20], [15, 15], seed=1003)
     values = d.values.copy()
     values[(d.channel.axis.time() * 15 / (2 * np.pi * radius_m)) % 8 > 4.2] = np.nan

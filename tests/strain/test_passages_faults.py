@@ -1,9 +1,4 @@
-"""Faults: lost samples, gaps, bursts, jumps, rails and clipping take no row but their own.
-
-Seeds from 1000: none was used for tuning.
-"""
-
-from __future__ import annotations
+"""Faults: lost samples, gaps, bursts, jumps, rails and clipping take no row but their own."""
 
 from dataclasses import replace
 
@@ -54,10 +49,7 @@ def rows_of_all(found, truth, worst_s=2e-4):
 
 
 def assert_marked(found, bad_s, word, border=0.03):
-    """A row has the word if something bad lies in its window, and only then.
-
-    At the very `border` of the window either answer will do.
-    """
+    """A row has the word if something bad lies in its window, and only then."""
     reach = found.window_rad / found.omega_rad_s
     off = np.abs(np.asarray(bad_s) - found.time_s[:, None]).min(axis=1)
     marked = having(found.quality, word)
@@ -91,9 +83,7 @@ def test_missing_rows_hide_no_passage(radius_m, share, seed):
 @pytest.mark.parametrize("how", ["lost", "missing"])
 @pytest.mark.parametrize("speeds", [(3, 6), (6, 15), (8, 25)])
 def test_passages_in_lost_samples_keep_their_rows(radius_m, speeds, how):
-    """Below 7.8 m/s a wheel may have stopped in between, and the lost samples have to tell that a
-    passage lies there.
-    """
+    """Below 7.8 m/s a wheel may have stopped in between."""
     d = make_drive([0, 120 / speeds[0]], speeds, seed=1208)
     kept = np.ones(d.values.size, bool)
     gone = [7, 12, 13, 20, 21, 22]
@@ -241,9 +231,7 @@ def test_a_code_is_lost_however_long(recorded, radius_m, code, length_s):
 
 @pytest.mark.parametrize("kind", ["as it is", "coarse", "at rest mostly", "clipped", "pushed once"])
 def test_a_tire_s_own_samples_are_no_codes_and_no_burst(recorded, kind):
-    """In coarse steps, at rest for most of the time, clipped at a third of its height, pushed past
-    its patch once at 3 m/s.
-    """
+    """Coarse, at rest mostly, clipped at a third, pushed past its patch once at 3 m/s."""
     values, third = recorded.values, 0.33 * recorded.values.min()
     xi = np.clip(3.0 * (np.arange(0.0, 20.0, 1 / RATE_HZ) - 10.0), -0.5, 0.5)
     noise = np.random.default_rng(4403).normal(0.0, 1e-3, xi.size)

@@ -1,24 +1,18 @@
-"""Property: every passage is found once and none invented, at its time and its speed.
-
-Errors cover.  2.5 kHz, 0.8 pm unless a drive has others.  Seeds from 1000: none was used for
-tuning.
-"""
-
-from __future__ import annotations
+"""Property: every passage is found once and none invented, at its time and its speed."""
 
 import numpy as np
 import pytest
 
-from tests.strain.conftest import Drive, beam_pulse, make_drive, ring_pulse
+from tests.strain.conftest import beam_pulse, make_drive, ring_pulse
 from tirelog.data.recording import TimeAxis
 from tirelog.runs import in_memory as held
 from tirelog.strain.passages import match as passage_match
-from tirelog.strain.passages.find import Passages, find_passages
+from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_quality
 from tirelog.vocabulary.quality import Quality, good, having
 
 
-def found_once(d: Drive, radius_m: float, within_m: float) -> Passages:
+def found_once(d, radius_m, within_m):
     """The passages, a row for each true one, within so much of road; none is doubted."""
     found = find_passages(d.channel, radius_m)
     assert d.nearest(found.time_s).tolist() == list(range(len(d.time_s)))
@@ -28,11 +22,11 @@ def found_once(d: Drive, radius_m: float, within_m: float) -> Passages:
     return found
 
 
-def rms(values: np.ndarray) -> float:
+def rms(values):
     return float(np.sqrt(np.mean(values**2)))
 
 
-def short_patch(xi_m: np.ndarray, speed_m_s: np.ndarray) -> np.ndarray:
+def short_patch(xi_m, speed_m_s):
     """75 mm at half level: at 2.5 kHz and 50 m/s half of a patch has four samples."""
     return beam_pulse(1.5 * xi_m, speed_m_s)
 
@@ -120,9 +114,7 @@ def test_constant_speeds_and_their_errors(radius_m, speed, noise_pm, most_m_s):
 
 
 def test_standard_errors_cover_in_the_manoeuvres(radius_m):
-    """All rows of six drives with kinks at different places: within one and within two standard
-    errors.
-    """
+    """All rows of six drives with kinks at different places."""
     pulls = []
     for seed in range(1250, 1256):
         rng = np.random.default_rng(seed)
@@ -191,9 +183,7 @@ QUICK = ([0, 12, 15, 18, 20], [8, 8, 0, -8, -8])
 def test_a_wheel_that_rolls_back_is_told_from_its_waveform(
     radius_m, plan, start_turns, pulse, most_m_s
 ):
-    """After a quick stop some third of a turn behind the patch, the next passage might by the times
-    alone be a turn on.
-    """
+    """By the times alone the next passage might be a turn on."""
     d = make_drive(*plan, seed=1010, start_turns=start_turns, pulse=pulse)
     found = found_once(d, radius_m, 0.01)
     back = d.speed_m_s < 0
@@ -213,9 +203,7 @@ def test_stop_and_go_is_not_taken_for_a_way_back(radius_m, start_turns):
 
 
 def test_the_centre_is_the_same_angle_at_every_speed(radius_m):
-    """The odd part of the waveform grows with speed; the centre follows it by less than a
-    millimetre from 6 to 25 m/s.
-    """
+    """The odd part of the waveform grows with speed."""
     centres = []
     for speed in (6.0, 25.0):
         d = make_drive([0, 20], [speed, speed], seed=1009)

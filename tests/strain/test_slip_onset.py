@@ -1,9 +1,4 @@
-"""Property: slip onset is that of P2's brush on a finite-difference beam.
-
-Seeds from 1000: none was used for tuning.
-"""
-
-from __future__ import annotations
+"""Property: slip onset is that of P2's brush on a finite-difference beam."""
 
 from dataclasses import replace
 
@@ -24,9 +19,7 @@ CALM = {"height": 1.0, "drift": 0.0}
 
 
 def mixed_log(radius_m, speed, slip, seed, noise_pm=0.8, free=None, slip_s=8):
-    """A log that rolls freely for 25 s and then with `slip` for 8 s, or so long: the channel, when
-    the slip begins, true onset.
-    """
+    """A log that rolls freely for 25 s, then slips: channel, when that begins, true onset."""
     free = free or Beam(speeds=(speed, speed))
     driven = replace(free, slip=slip, _cache={})
     turn = 2 * np.pi * radius_m / speed
@@ -63,9 +56,7 @@ class Mixed:
     + [(12.0, -0.3), (24.0, 0.1)],
 )
 def test_the_onset_is_found_where_p2_puts_it_and_does_not_move_the_length(radius_m, speed, slip):
-    """Traction bends the strain as the patch does (a fit without it is 13 % off): the length
-    stands, and its error says how well.
-    """
+    """Traction bends the strain as the patch does: a fit without it is 13 % off."""
     mixed = Mixed(radius_m, speed, slip, 1600)
     assert mixed.seen.sum() > (0.9 if abs(slip) < 0.2 else 0.7) * mixed.slips.sum()
     assert np.median(mixed.onset_m[mixed.seen]) == pytest.approx(mixed.true_m, abs=0.0015)
@@ -94,9 +85,7 @@ def test_no_more_than_one_false_find_in_a_hundred_free_passages(radius_m, speed,
 
 @pytest.mark.parametrize(("surface", "seed"), [("outer", 1640), ("inner", 1641)])
 def test_pulses_that_the_form_misses_have_no_onset(radius_m, surface, seed):
-    """The learnt form misses these pulses by more than the noise: what a traction removes of that
-    is no sign of slip.
-    """
+    """The learnt form misses these pulses by more than the noise."""
     made = make_drive([0, 30], [8, 22], seed=seed, pulse=lopsided, noise_pm=4.0, surface=surface)
     found = footprint(made.channel, find_passages(made.channel, radius_m))
     assert found.slip["onset_m"].size > 200
@@ -111,10 +100,7 @@ def test_a_form_that_is_none_of_a_tire_has_no_onset(radius_m):
 
 
 def test_noise_costs_onsets_not_their_truth(radius_m):
-    """A quarter of the passages that the form is learnt from is driven: it is learnt anew without
-    them, and hardly an onset is far off: of 500 some 5. (With one
-    seed, of 125, one more or less decided.)
-    """
+    """Of 500 onsets some 5 are far off, though a quarter of what is learnt from is driven."""
     logs = [
         Mixed(radius_m, speed, slip, seed, noise_pm)
         for speed, slip, noise_pm in ((14.0, 0.15, 4.0), (20.0, 0.1, 3.0))
@@ -130,9 +116,7 @@ def test_noise_costs_onsets_not_their_truth(radius_m):
 
 
 def test_errors_hold_where_the_pressure_is_no_parabola(radius_m):
-    """Rings press a road by springs, and rub it by that pressure: onsets are off by what the brush
-    is not, and their errors say so. (With errors by noise alone 173 of 548 were outside.)
-    """
+    """Rings rub a road by their springs: by noise alone 173 of 548 errors are too small."""
     flat = Ring(sink_m=0.012, pressure_Pa=2e5, traction_lever_m=0.03)
     stiff = Ring(
         sink_m=0.015, bending=3.0, radial=9e5, pressure_Pa=2.2e5, width_m=0.12,
@@ -151,9 +135,7 @@ def test_errors_hold_where_the_pressure_is_no_parabola(radius_m):
 
 @pytest.mark.parametrize("speed", [10.0, 16.0])
 def test_most_passages_of_a_log_pull(radius_m, speed):
-    """At one speed, so that nothing but their forms tells which do: the form is that of the others,
-    which alone are alike.
-    """
+    """At one speed: the form is that of the others, which alone are alike."""
     log = Mixed(radius_m, speed, 0.12, 1695, noise_pm=4.0, slip_s=32)
     assert log.slips.sum() > 1.2 * log.rolls.sum()
     assert log.seen.sum() > 0.8 * log.slips.sum()
@@ -175,9 +157,7 @@ def test_another_grating_knows_that_most_passages_pull(radius_m):
 
 
 def test_a_form_is_learnt_of_passages_that_roll_freely():
-    """Half of this log speeds up or brakes, at speeds that it is never steady at: a form of all its
-    passages has some of the slip in it, and onsets beside it are 3 to 6 mm off.
-    """
+    """Half of this log speeds up or brakes: a form of all would be 3 to 6 mm off."""
     plan = [Manoeuvre(15.0, 12.0, None)]
     for acceleration in (2.0, -2.0, 3.0, -3.0):
         speed = plan[-1].speed_m_s + np.copysign(8.0, acceleration)
@@ -199,9 +179,7 @@ def test_a_form_is_learnt_of_passages_that_roll_freely():
 
 
 def test_onsets_that_start_from_others_are_as_true_as_those_looked_for(radius_m, monkeypatch):
-    """Most passages start from the onset of one that was looked for everywhere; each row's own
-    samples decide where it ends. Wholly unlike passages are looked for themselves.
-    """
+    """Most passages start from the onset of one that was looked for everywhere."""
     followed = []
     plain = measure.followed_onsets
 

@@ -1,8 +1,4 @@
-"""Closed form: friction of the road from how the slip grows with the force, against a brush's own
-slip and force, and a simulated log whose tire has a slip stiffness.
-"""
-
-from __future__ import annotations
+"""Closed form: friction from how slip grows with force, against a brush's own."""
 
 import json
 from pathlib import Path
@@ -17,7 +13,7 @@ from tirelog.strain.slip import slip_slope
 LOAD, HALF, R = 3434.0, 0.058, 0.305
 
 
-def brushed(friction: float, ratio: float, most: float) -> tuple[np.ndarray, np.ndarray]:
+def brushed(friction, ratio, most):
     """(mu, slip) of a brush up to a share `most` of force over load, either sign, (n,)."""
     slip = np.linspace(-0.3, 0.3, 801)[:, None] / ratio
     one, grip = np.ones_like(slip), Grip(friction, 0.75 * friction, ratio)
@@ -27,7 +23,7 @@ def brushed(friction: float, ratio: float, most: float) -> tuple[np.ndarray, np.
 
 
 @pytest.mark.parametrize(("friction", "ratio"), [(0.8, 1.0), (0.8, 10.0), (0.4, 10.0)])
-def test_slope_of_a_brush(friction: float, ratio: float) -> None:
+def test_slope_of_a_brush(friction, ratio):
     mu, slip = brushed(friction, ratio, 0.2)
     told = slip_slope(mu, slip + 2e-3, np.full(mu.size, 1e-5), 10.0 + 0.0 * mu, 0.0 * mu)
     right = pytest.approx(1.0, rel=0.015 if friction > 0.5 else 0.08)
@@ -35,7 +31,7 @@ def test_slope_of_a_brush(friction: float, ratio: float) -> None:
     assert told["friction_by_slope"] / (friction * ratio) == right
 
 
-def test_errors_are_those_of_draws() -> None:
+def test_errors_are_those_of_draws():
     """Noise of slip, a delay that makes slip as the force does, and a radius that grew."""
     rng = np.random.default_rng(2)
     mu, speed = rng.uniform(-0.3, 0.3, 300), rng.uniform(8.0, 25.0, 300)
@@ -77,9 +73,7 @@ noise = 30.0
 """
 
 
-def test_a_log_tells_the_slope_of_its_tire(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_log_tells_the_slope_of_its_tire(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     drive = [(6, 12), (8, 16), (4, 16), (8, 20), (4, 20), (5, 8), (4, 8), (10, 16), (6, 6)]
     steps = "".join(f"[[manoeuvres]]\nduration_s = {t}\nspeed_m_s = {v}\n" for t, v in drive)

@@ -1,8 +1,4 @@
-"""Faults: `speed` on logs without a radius, with channels that tell no speed, few revolutions,
-nothing in the strain, or errors without bounds; and what is refused.
-"""
-
-from __future__ import annotations
+"""Faults: `speed` on logs that lack what it needs; and what is refused."""
 
 from dataclasses import replace
 
@@ -10,10 +6,6 @@ import numpy as np
 import pytest
 
 from tests.strain.conftest import make_drive
-from tirelog.data.recording import Recording
-from tirelog.data.setup import parse_setup
-from tirelog.errors import UsageError
-from tirelog.products import tables_of
 from tirelog.strain.dissipation import dissipation
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_columns
@@ -90,18 +82,6 @@ def test_what_tells_no_speed_or_no_radius_is_refused(speed, arguments, more, say
     status, table, err = speed(10.0, 4, *arguments, **more)
     assert (status, table) == (2, None)
     assert says in err
-
-
-@pytest.mark.parametrize("name", ["speed", "footprint", "dissipation"])
-def test_a_wrong_surface_of_the_second_channel_is_said_before_the_first_one_s_rows(name):
-    d = make_drive([0, 8], [12, 12], seed=1310)
-    channels = {"grating": d.channel, "second": d.with_values(-d.values, name="second")}
-    setup = parse_setup(
-        '[tire]\nrolling_radius_m = 0.305\n[channels.s]\nkind = "strain"\nsource = "a"'
-    )
-    log = Recording("log.csv", channels, setup)
-    with pytest.raises(UsageError, match="channel second shows a maximum"):
-        next(tables_of(log, {name: {}}, refused_first=True))
 
 
 @pytest.mark.parametrize("error", [np.inf, 1e100, 40.0])

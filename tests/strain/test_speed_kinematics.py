@@ -1,15 +1,9 @@
 """Closed form: what the parabola through three passages gives exactly, and its errors."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from tirelog.strain.passages.passage_flags import (
-    TURN_RAD,
-    kinematics,
-    may_have_stopped,
-)
+from tirelog.strain.passages.passage_flags import TURN_RAD, kinematics
 
 
 def passage_times(omega0, alpha, turns):
@@ -37,25 +31,15 @@ def test_constant_acceleration_is_exact_at_every_passage(alpha, error_s):
 
 
 def test_noise_alone_has_the_error_of_the_centred_difference():
-    """omega (2 pi / omega = T): sigma_omega = omega sigma_t / (sqrt 2 T), from the two outer
-    passages.
-    """
+    """2 pi / omega = T: sigma_omega = omega sigma_t / (sqrt 2 T), of the outer passages."""
     error = motion(passage_times(60.0, 0.0, range(400)), 2e-6)["omega_se_rad_s"]
     expected = 60.0 * 2e-6 / np.sqrt(2) / (TURN_RAD / 60.0)
     np.testing.assert_allclose(error[2:-2], expected, rtol=1e-9)
 
 
-def test_a_wheel_of_exactly_one_speed_has_never_stopped() -> None:
-    """Its rate of change is 0, and the time that it has to rest infinite: no warning, no stop."""
-    assert not may_have_stopped(0.125 * np.arange(12.0)).any()
-
-
 @pytest.mark.parametrize(("noise_s", "usual"), [(1e-5, 0.52), (3e-5, 0.87)])
 def test_speeds_beside_a_sharp_end_of_a_ramp_are_within_their_errors(noise_s, usual):
-    """None is beyond five errors; 5 to 9 were before the change of acceleration was in the error.
-
-    `usual` errors off, root mean square; 0.91 and 1.05 without the scatter of the accelerations.
-    """
+    """None is beyond five errors; 5 to 9 were without the change of acceleration in the error."""
     draw, pulls, beside = np.random.default_rng(3100), [], []
     for _ in range(60):
         begin, alpha = draw.uniform(20.0, 60.0), draw.uniform(2.0, 12.0)

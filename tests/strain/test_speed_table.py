@@ -1,8 +1,4 @@
-"""Property: the columns of the speed table, which channel tells the speed, and the rolling radius
-against a vehicle's speed.
-"""
-
-from __future__ import annotations
+"""Property: columns of the speed table, the channel that tells it, the rolling radius."""
 
 import numpy as np
 import pytest

@@ -33,7 +33,7 @@ REGISTER = "vocabulary/quality.py"
 COMPARED = {"compare --by revolution", "compare --by hit"}
 
 
-def random_flags(n: int, seed: int) -> np.ndarray:
+def random_flags(n, seed):
     """Rows with none to three words, after one row with each."""
     rng = np.random.default_rng(seed)
     flags = none_of(n)
@@ -44,7 +44,7 @@ def random_flags(n: int, seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("flag", Quality, ids=lambda flag: flag.word)
-def test_an_entry_is_complete(flag: Quality) -> None:
+def test_an_entry_is_complete(flag):
     assert re.fullmatch("[a-z]+(_[a-z]+)*", flag.word)
     assert flag_of(flag.word) is flag
     assert flag.sentence[0].islower() or flag.sentence[0].isdigit()
@@ -53,7 +53,7 @@ def test_an_entry_is_complete(flag: Quality) -> None:
     assert set(flag.tables) <= set(TABLES) | COMPARED
 
 
-def test_every_word_is_set_somewhere() -> None:
+def test_every_word_is_set_somewhere():
     used = {
         node.attr
         for file, node in nodes()
@@ -65,13 +65,13 @@ def test_every_word_is_set_somewhere() -> None:
     assert used == {flag.name for flag in Quality}
 
 
-def test_a_flag_that_is_not_of_the_register_cannot_be_written() -> None:
+def test_a_flag_that_is_not_of_the_register_cannot_be_written():
     with pytest.raises(ValueError, match="no quality word"):
         quality_text(1 << len(Quality) | Quality.GAP)
 
 
 @pytest.mark.parametrize("use", Use)
-def test_a_row_is_good_if_all_of_its_words_leave_it_so(use: Use) -> None:
+def test_a_row_is_good_if_all_of_its_words_leave_it_so(use):
     flags = random_flags(500, 3)
     harmless = {flag for flag in Quality if {use, Use.ANY} & set(flag.good_for)}
     assert harmless
@@ -83,7 +83,7 @@ def test_a_row_is_good_if_all_of_its_words_leave_it_so(use: Use) -> None:
 
 
 @pytest.mark.parametrize("kind", ["object", "category"])
-def test_good_texts_are_those_of_good_flags(kind: str) -> None:
+def test_good_texts_are_those_of_good_flags(kind):
     flags = np.append(random_flags(500, 4), np.array([0, Quality.DELAY_REMOVED], np.uint32))
     column = pd.Series(quality_column(flags)).astype(kind)
     assert good_rows(column).tolist() == good(flags).tolist()
@@ -91,7 +91,7 @@ def test_good_texts_are_those_of_good_flags(kind: str) -> None:
     assert good_rows(foreign).tolist() == [True, False, False, False, False, True]
 
 
-def test_words_stand_in_the_tables_that_the_register_names() -> None:
+def test_words_stand_in_the_tables_that_the_register_names():
     for path in sorted(GOLDEN.glob("*.csv")):
         name = path.stem.replace("phase_shift", "phase-shift").split("_")[0]
         for text in pd.read_csv(path)["quality"].unique():
@@ -100,7 +100,7 @@ def test_words_stand_in_the_tables_that_the_register_names() -> None:
                 assert word == OK or (flag is not None and name in flag.tables), (path.name, word)
 
 
-def test_an_unknown_word_of_a_foreign_table_is_kept() -> None:
+def test_an_unknown_word_of_a_foreign_table_is_kept():
     table = pd.DataFrame(
         {
             "log": ["a.csv"] * 4, "channel": ["x"] * 4, "revolution": range(4),

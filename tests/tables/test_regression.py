@@ -8,7 +8,7 @@ from tirelog.errors import UsageError
 from tirelog.tables.frame import differences, of_like_logs, summary
 
 
-def table(log: str = "a") -> pd.DataFrame:
+def table(log="a"):
     return pd.DataFrame(
         {
             "log": [log] * 4, "channel": ["s"] * 4, "revolution": range(4),
@@ -18,7 +18,7 @@ def table(log: str = "a") -> pd.DataFrame:
     )  # fmt: skip
 
 
-def test_equal_tables_and_differences_within_a_column_s_tolerance() -> None:
+def test_equal_tables_and_differences_within_a_column_s_tolerance():
     assert differences(table().iloc[::-1], table()) == []  # whatever the order of rows
     moved = table()
     moved["speed_m_s"] += 9e-6
@@ -28,7 +28,7 @@ def test_equal_tables_and_differences_within_a_column_s_tolerance() -> None:
         differences(moved, table(), {"sped": 1.0})
 
 
-def test_what_moved_stands_with_the_largest_first() -> None:
+def test_what_moved_stands_with_the_largest_first():
     moved = table()
     moved.loc[[0, 3], "speed_m_s"] = 10.5, 14.0
     moved.loc[1, "quality"] = "spike"
@@ -39,7 +39,7 @@ def test_what_moved_stands_with_the_largest_first() -> None:
     assert found[1].excess == pytest.approx(2.0 / (1e-5 + 12e-6), rel=1e-9)
 
 
-def test_what_only_one_has() -> None:
+def test_what_only_one_has():
     """Values that appear or disappear, rows and columns."""
     moved = table()
     moved.loc[[0, 2], "speed_m_s"] = np.nan, 11.0
@@ -56,7 +56,7 @@ def test_what_only_one_has() -> None:
     )
 
 
-def of_logs(*logs: str) -> pd.DataFrame:
+def of_logs(*logs):
     return pd.concat(map(table, logs), ignore_index=True)
 
 
@@ -68,7 +68,7 @@ def of_logs(*logs: str) -> pd.DataFrame:
         ("here/a.h5", "there/a.csv.gz", "file name without its suffixes"),
     ],
 )
-def test_the_same_log_from_another_folder_is_the_same_log(new: str, old: str, words: str) -> None:
+def test_the_same_log_from_another_folder_is_the_same_log(new, old, words):
     moved = of_logs(new)
     moved.loc[0, "speed_m_s"] = 10.5
     matched, against, remark = of_like_logs(moved, of_logs(old))
@@ -86,7 +86,7 @@ def test_the_same_log_from_another_folder_is_the_same_log(new: str, old: str, wo
         (["a/x.csv"], ["a/y.csv"]),  # nothing matches either way
     ],
 )
-def test_paths_stay_the_key_where_names_would_not_do(new: list[str], old: list[str]) -> None:
+def test_paths_stay_the_key_where_names_would_not_do(new, old):
     matched, against, remark = of_like_logs(of_logs(*new), of_logs(*old))
     assert remark == ""
     assert sorted(set(matched["log"])) == new

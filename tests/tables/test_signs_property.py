@@ -1,10 +1,4 @@
-"""Property: every column whose sign tells drive from braking has it right, in every table.
-
-A simulated wheel drives off and brakes, with strain, accelerometer, encoder, the vehicle's speed
-and its force; a second one, which nothing drives, gives the cross-talk. A model says the same.
-"""
-
-from __future__ import annotations
+"""Property: every column whose sign tells drive from braking has it right, in every table."""
 
 import json
 from pathlib import Path
@@ -54,7 +48,7 @@ OF_A_DRIVE = ("speed", "footprint", "phase-shift", "slip", "grip", "strain-shift
 OF_A_MODEL = ("predict", "predict-all", "forces")
 
 
-def simulated(path: Path, seed: int, driven: bool) -> str:
+def simulated(path, seed, driven):
     """The log of a wheel that something drives, with its force, or that nothing does."""
     channels = {key: CHANNELS[key] for key in CHANNELS if driven or key != "force"}
     parts = [SCENARIO.format(seed=seed, driven=json.dumps(driven))]
@@ -67,14 +61,14 @@ def simulated(path: Path, seed: int, driven: bool) -> str:
     return made(path, "simulate", str(scenario))
 
 
-def made(path: Path, *words: str) -> str:
+def made(path, *words):
     """The path of what a command writes."""
     assert run([*words, "-o", str(path), "--quiet"]) == 0
     return str(path)
 
 
 @pytest.fixture(scope="module")
-def tables(tmp_path_factory) -> dict[str, pd.DataFrame]:
+def tables(tmp_path_factory):
     """Each table of the drive, its rows in acceleration and in braking as the column `drives`."""
     folder = tmp_path_factory.mktemp("signs")
     log = simulated(folder / "driven.h5", 5, True)

@@ -1,24 +1,32 @@
-"""Property: a table says the same in every format, and is made of columns that are known."""
+"""Property: a table says the same in every format, in columns that are known."""
 
 import json
-from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pyarrow.parquet as pq
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as some
 
-from tests.tables.speed_rows import PART
-from tirelog.errors import UsageError
+from tirelog.errors import ReadError, UsageError
 from tirelog.tables.frame import read_table
 from tirelog.tables.writer import TableWriter
 from tirelog.vocabulary.columns import ALL, COLUMNS, TABLES
 from tirelog.vocabulary.tables import TABLE_FORMATS
 
+#: three rows of the speed table, of a log whose name holds a comma
+PART = {
+    "quality": np.array(["ok", "gap;spike", "ok"], dtype=object),
+    "log": "a, b.csv",
+    "channel": "strain_1",
+    "revolution": np.array([0, 1, 2]),
+    "time_s": np.array([0.1, 1234.5678901234, 1e-7]),
+    "speed_m_s": np.array([14.0000000001234, np.nan, 3.0]),
+}
 ORDER = ["log", "channel", "revolution", "time_s", "speed_m_s", "quality"]
 
 
-def write(path: Path) -> pd.DataFrame:
+def write(path):
     with TableWriter("speed", path, None, metadata={"inputs": {"a": "00"}}) as table:
         table.write(PART)
         table.write(PART)
@@ -26,7 +34,7 @@ def write(path: Path) -> pd.DataFrame:
 
 
 @pytest.mark.parametrize("suffix", ["csv", "ndjson", "json", "parquet"])
-def test_every_format_says_the_same(tmp_path: Path, suffix: str) -> None:
+def test_every_format_says_the_same(tmp_path, suffix):
     frame = write(tmp_path / f"t.{suffix}")
     assert list(frame.columns) == ORDER
     assert frame["log"].tolist() == ["a, b.csv"] * 6
@@ -37,7 +45,7 @@ def test_every_format_says_the_same(tmp_path: Path, suffix: str) -> None:
     assert list(tmp_path.iterdir()) == [tmp_path / f"t.{suffix}"]
 
 
-def test_parquet_carries_units_version_and_inputs(tmp_path: Path) -> None:
+def test_parquet_carries_units_version_and_inputs(tmp_path):
     write(tmp_path / "t.parquet")
     schema = pq.read_schema(tmp_path / "t.parquet")
     assert schema.field("speed_m_s").metadata[b"unit"] == b"m/s"
@@ -47,20 +55,18 @@ def test_parquet_carries_units_version_and_inputs(tmp_path: Path) -> None:
     assert about["version"]
 
 
-def test_every_table_is_made_of_known_columns() -> None:
+def test_every_table_is_made_of_known_columns():
     assert {name for columns in TABLES.values() for name in columns} <= set(COLUMNS)
 
 
-def test_a_column_is_registered_once() -> None:
+def test_a_column_is_registered_once():
     """The second of two would take the place of the first, with its unit, meaning and tolerance."""
     assert [column.name for column in ALL] == list(COLUMNS)
 
 
 @pytest.mark.parametrize("format", TABLE_FORMATS)
-def test_a_later_log_may_say_less(tmp_path: Path, format: str) -> None:
-    """What the setup of a later log leaves open is empty there; what only a later one has stands
-    nowhere, so it is refused.
-    """
+def test_a_later_log_may_say_less(tmp_path, format):
+    """What the setup of a later log leaves open is empty there."""
     full = {
         "log": "a.csv",
         "revolution": np.arange(3),
@@ -85,3 +91,37 @@ def test_a_later_log_may_say_less(tmp_path: Path, format: str) -> None:
         table.write(less | {"log": "a.csv"})
         table.write(full | {"log": "b.csv"})
     assert read_table(out).equals(read)
+
+
+@given(
+    some.lists(some.floats(1e-11, 1e9, exclude_max=True), min_size=1, max_size=9),
+    some.sampled_from([("speed_m_s", 9), ("time_s", 12)]),
+)
+@settings(max_examples=100, deadline=None)
+def test_digits_are_those_of_the_rounded_number(tmp_path_factory, values, column):
+    name, digits = column
+    path = tmp_path_factory.mktemp("rows") / "t.csv"
+    with TableWriter("speed", path, None) as table:
+        table.write({name: np.array(values)})
+    header, *rows = path.read_text().splitlines()
+    assert header == name
+    for text, value in zip(rows, values, strict=True):
+        assert abs(float(text) / value - 1) < 0.5001 * 10.0 ** (1 - digits)
+        assert len(text.split("e")[0].replace(".", "").strip("0")) <= digits
+
+
+def test_rows_of_many_parts_are_all_there(tmp_path):
+    count = 50_001
+    with TableWriter("speed", tmp_path / "t.csv", None) as table:
+        table.write({"log": "a.csv", "revolution": np.arange(count), "quality": "ok"})
+        table.write({"log": "b.csv", "revolution": np.arange(0), "quality": "ok"})
+    rows = (tmp_path / "t.csv").read_text().splitlines()
+    assert rows[1:] == [f"a.csv,{k},ok" for k in range(count)]
+    assert table.rows == count
+
+
+@pytest.mark.parametrize("name", ["t.csv", "t.parquet", "t.json"])
+def test_what_is_no_table(tmp_path, name):
+    (tmp_path / name).write_bytes(b"")
+    with pytest.raises(ReadError, match="is not a table"):
+        read_table(tmp_path / name)

@@ -1,10 +1,4 @@
-"""An encoder and an in-tire accelerometer with known truth, by code that shares nothing with the
-package.
-
-The wheel angle is the integral of a speed profile; the tone wheel is a sine of a bent angle; the
-acceleration is a flank-and-spike profile of the angle from the patch centre, gravity and the car's
-own acceleration, noise, 16 bits.
-"""
+"""An encoder and an in-tire accelerometer with known truth, by code of their own."""
 
 from dataclasses import dataclass, field
 
@@ -38,9 +32,7 @@ unit = "g"
 
 @dataclass
 class Drive:
-    """Speed [m/s] at corner times [s], linear between; time, speed, acceleration and wheel angle at
-    every sample.
-    """
+    """Speed [m/s] at corner times [s], linear between."""
 
     corners_s: tuple
     corners_m_s: tuple
@@ -96,9 +88,7 @@ class Encoder:
 
 @dataclass
 class Tread:
-    """Patch middle `place_rad` on the wheel, moved by shift(speed, acceleration) [deg] and wide
-    width(speed, acceleration) [deg].
-    """
+    """Patch middle `place_rad` on the wheel; shift and width of (speed, acceleration) [deg]."""
 
     place_rad: float = 1.0
     shift: object = field(default=lambda v, a: np.zeros_like(v))
@@ -171,9 +161,7 @@ def angle_errors(wheel, drive):
 
 
 def front_errors(passages, drive, tread):
-    """(errors of the shift, of the width, true speed) [deg], the constants removed, for the
-    passages found.
-    """
+    """(errors of shift and width [deg], true speed), the constants removed."""
     rows = np.isfinite(passages.width_deg)
     time = passages.time_s[rows] - tread.delay_s
     v, a = np.interp(time, drive.time, drive.speed), np.interp(time, drive.time, drive.acceleration)

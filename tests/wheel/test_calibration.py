@@ -1,6 +1,4 @@
-"""Property: planted speed maps, delay and forces are found, and the calibration file gives them
-back. (Cross-talk: `tests/literature/test_p4.py`.)
-"""
+"""Property: planted speed maps, delay and forces are found, and a file gives them back."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,4 @@
-"""Property: a telemetry delay beside drag and inertia: what a ramp tells of it, with the
-longitudinal force measured and without.
-"""
+"""Property: what a ramp tells of a delay beside drag and inertia, force known or not."""
 
 from dataclasses import replace
 
@@ -22,10 +20,7 @@ def ramp(
     seed, *, trend_deg_s_m=0.0, bend_m_s=None, drive_s=24.0, coast_s=24.0, noise_deg=0.02,
     measured=True,
 ):  # fmt: skip
-    """Cruise, slow drive-up, cruise, coast-down, cruise of a driven wheel, a row a revolution, by
-    kinematics alone: no signal, no fronts. The trend bends with its linear over its quadratic
-    coefficient `bend_m_s`.
-    """
+    """Rows of a slow drive-up and coast-down, by kinematics alone: no signal, no fronts."""
     rng = np.random.default_rng(seed)
     corners = np.cumsum([0.0, 5.0, drive_s, 3.0, coast_s, 3.0])
     fine = np.linspace(0.0, corners[-1], 20_001)
@@ -58,9 +53,7 @@ def ramp(
     ],
 )
 def test_the_part_linear_in_speed_is_covered_by_its_error(trend_deg_s_m, drive):
-    """Delay and linear trend together; without the force drag is left out of the truth, which the
-    error has to cover too.
-    """
+    """Delay and linear trend together."""
     true = DELAY_S + np.deg2rad(trend_deg_s_m) * RADIUS_M
     found = [calibrate([ramp(seed, trend_deg_s_m=trend_deg_s_m, **drive)]) for seed in SEEDS]
     delay, se = (np.array([getattr(c, name) for c in found]) for name in ("delay_s", "delay_se_s"))
@@ -71,9 +64,7 @@ def test_the_part_linear_in_speed_is_covered_by_its_error(trend_deg_s_m, drive):
 
 @pytest.mark.parametrize("measured", [True, False])
 def test_a_drag_that_bends_is_in_the_error_of_the_delay(measured):
-    """f1 / f2 of 1 to 11 m/s, at which a delay of 0.4 ms alone has f2 = 0: the error covers what
-    of the linear part is the drag's, and a trend without a bend leaves it small.
-    """
+    """f1 / f2 of 1 to 11 m/s, at which a delay of 0.4 ms alone has f2 = 0."""
     straight = calibrate([ramp(SEEDS[0], measured=measured)])
     for number, bend_m_s in enumerate((1.0, 3.0, 5.0, 8.0, 11.0)):
         for seed in SEEDS[:3]:

@@ -1,12 +1,6 @@
-"""Closed form: what of the patch the width between an accelerometer's fronts is, by a ring (P4).
-
-The ring is fitted to the sample log's waveforms; what was planted is in the log's truth.
-"""
-
-from __future__ import annotations
+"""Closed form: what of the patch the width between an accelerometer's fronts is, by a ring (P4)."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +14,7 @@ from tirelog.physics.model.from_setup import preset_model
 SAMPLES = ROOT / "sample_data"
 
 
-def test_the_fronts_are_at_half_of_the_level_beside_the_patch() -> None:
+def test_the_fronts_are_at_half_of_the_level_beside_the_patch():
     ring = preset_model("P3")
     told = forces(ring, {"speed_m_s": 15.0, "load_N": 1000.0})
     phi = np.linspace(-np.pi, np.pi, 20001)
@@ -35,9 +29,7 @@ def test_the_fronts_are_at_half_of_the_level_beside_the_patch() -> None:
     assert told["contact_width_deg"][0] == pytest.approx(np.degrees(patch), rel=1e-12)
 
 
-def test_a_fitted_ring_calibrates_the_width(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_fitted_ring_calibrates_the_width(tmp_path, monkeypatch, capsys):
     """Within 2 %, where the fronts are a quarter off."""
     monkeypatch.chdir(tmp_path)
     log, setup = str(SAMPLES / "encoder.h5"), str(SAMPLES / "encoder.toml")

@@ -1,12 +1,8 @@
 """Closed form: a list of the times of a wheel's edges is an encoder."""
 
-from contextlib import AbstractContextManager
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from tirelog.data.recording import Recording
 from tirelog.data.setup import parse_setup
 from tirelog.errors import TirelogError
 from tirelog.runs.ingest import open_recording
@@ -19,7 +15,7 @@ TIMES = (np.sqrt(9.0 + TURNS) - 3.0) / 0.5
 SETUP = f'[channels.e]\nkind = "wheel_encoder"\nsource = "edges"\nsteps = {STEPS}\n'
 
 
-def opened(tmp_path: Path, text: str) -> AbstractContextManager[Recording]:
+def opened(tmp_path, text):
     (tmp_path / "edges.txt").write_text(text)
     return open_recording(str(tmp_path / "edges.txt"), parse_setup(SETUP))
 
@@ -32,7 +28,7 @@ def opened(tmp_path: Path, text: str) -> AbstractContextManager[Recording]:
     ],
     ids=["us", "s"],
 )
-def test_the_angle_is_that_of_the_edges(text: str, tmp_path: Path) -> None:
+def test_the_angle_is_that_of_the_edges(text, tmp_path):
     with opened(tmp_path, text) as recording:
         channel = recording.channels["e"]
         np.testing.assert_array_equal(channel.read(), np.arange(TIMES.size))
@@ -42,7 +38,7 @@ def test_the_angle_is_that_of_the_edges(text: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(speed, 2.0 * np.pi * (3.0 + 0.5 * at), rtol=1e-3)
 
 
-def test_even_edges_are_not_a_clock_that_loses_samples(tmp_path: Path) -> None:
+def test_even_edges_are_not_a_clock_that_loses_samples(tmp_path):
     """A wheel at nearly constant speed: stamps on a line are still the times themselves."""
     times = np.arange(500) * 0.01 + 3e-4 * np.sin(np.arange(500) * 0.1)
     with opened(tmp_path, "".join(f"{t:.6f}\n" for t in times)) as recording:
@@ -57,6 +53,6 @@ def test_even_edges_are_not_a_clock_that_loses_samples(tmp_path: Path) -> None:
         ("".join(f"{53_005_368 + 1000 * k}\n" for k in range(100)), 'time_unit = "us"'),
     ],
 )
-def test_what_is_no_list_of_edges(rows: str, says: str, tmp_path: Path) -> None:
+def test_what_is_no_list_of_edges(rows, says, tmp_path):
     with pytest.raises(TirelogError, match=says), opened(tmp_path, rows):
         pass

@@ -42,10 +42,7 @@ def rms(values):
 
 @pytest.mark.parametrize("speed", [15.05, 20.02])
 def test_the_shift_has_the_error_of_edges_between_two_samples(speed):
-    """At 20.02 m/s a half tooth takes 9.97 samples: the errors of the edges around a patch are the
-    same, and do not average out. At 15.05 m/s it takes 13.26, and they do. Bound as in
-    test_wheel_angle.
-    """
+    """At 20.02 m/s a half tooth takes 9.97 samples: errors do not average out."""
     drive, tread = Drive((0, 15), (speed, speed)), Tread(noise_g=0.6)
     pulses = np.where(Encoder(noise=0, wobble=0, pitch_deg=0).clean(drive) > 0, 5.0, 0.0)
     passages = run(drive, tread, encoder=pulses, zero="none")
@@ -72,9 +69,7 @@ def bound_deg(drive, tread):
 
 @pytest.mark.parametrize(("sharp_deg", "spike"), [(0.8, 0.5), (2.0, 1.5), (3.0, 1.2)])
 def test_errors_are_near_the_bound(sharp_deg, spike):
-    """Within a tenth, and what 540 passages leave uncertain; a soft flank is where a fit about the
-    crossing alone would lose a third.
-    """
+    """Within a tenth, and what 540 passages leave uncertain."""
     drive, tread = Drive((0, 105), (10, 10)), Tread(sharp_deg=sharp_deg, spike=spike, seed=8300)
     shift, width, _ = front_errors(run(drive, tread), drive, tread)
     for error, bound in zip((shift, width), bound_deg(drive, tread), strict=True):
@@ -277,9 +272,7 @@ def test_missing_and_glitching_teeth():
     + [(0.4, start, 32_768) for start in (60_000, 150_000, 204_000)],
 )
 def test_teeth_lost_in_a_hole_are_given_back(pitch_deg, start, count):
-    """By the tone wheel's own pattern, or, where it has none, by the patch; the angle that bridges
-    seconds of changing speed places fronts where no sample of the patch lies.
-    """
+    """By the tone wheel's own pattern, or, where it has none, by the patch."""
     drive, tread = Drive(*DYNAMIC), Tread(seed=17_000)
     signal = Encoder(pitch_deg=pitch_deg, wobble=0.0).signal(drive)
     signal[start : start + count] = np.nan

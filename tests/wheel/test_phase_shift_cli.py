@@ -1,6 +1,4 @@
-"""Property: `tirelog phase-shift` on a file: rows, calibration there and back, statuses and the
-pictures that it draws.
-"""
+"""Property: `tirelog phase-shift`: rows, calibration there and back, statuses, pictures."""
 
 import io
 import shutil

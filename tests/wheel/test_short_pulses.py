@@ -1,6 +1,4 @@
-"""Property: pulses of any share of a step, also of one step a turn, tell the speed."""
-
-from pathlib import Path
+"""Property: pulses of any share of a step tell the speed; clocks that run wrong are told."""
 
 import h5py
 import numpy as np
@@ -10,12 +8,13 @@ from tirelog.data.recording import Channel, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.runs.ingest import open_recording
 from tirelog.wheel.angle import wheel_angle
+from tirelog.wheel.rolling import off_clock
 from tirelog.wheel.table import encoder_speed
 
 RATE_HZ, RADIUS_M = 10_000.0, 0.3
 
 
-def turns(ramp: bool) -> np.ndarray:
+def turns(ramp):
     """The wheel's turns at each sample, shape (n,): at 20 per second, or from 8 to 25."""
     time = np.arange(60_000) / RATE_HZ
     return 8.0 * time + 0.5 * 17.0 / 6.0 * time**2 if ramp else 20.0 * time
@@ -25,9 +24,7 @@ def turns(ramp: bool) -> np.ndarray:
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 @pytest.mark.parametrize("steps", [1, 6])
 @pytest.mark.parametrize("duty", [0.02, 0.06, 0.2, 0.5, 0.8, 0.94, 0.98])
-def test_pulses_tell_the_speed(
-    tmp_path: Path, duty: float, steps: int, noise: float, ramp: bool
-) -> None:
+def test_pulses_tell_the_speed(tmp_path, duty, steps, noise, ramp):
     if steps * 25 / RATE_HZ > 0.4 * min(duty, 1 - duty):
         pytest.skip("a pulse of fewer than three samples")
     angle = turns(ramp)
@@ -55,7 +52,7 @@ def test_pulses_tell_the_speed(
 
 @pytest.mark.parametrize("duty", [0.34, 0.5, 0.66])
 @pytest.mark.parametrize("hole_s", [0.0, 0.009])
-def test_no_tooth_is_lost_of_uneven_pulses(duty: float, hole_s: float) -> None:
+def test_no_tooth_is_lost_of_uneven_pulses(duty, hole_s):
     """Neither where a long log is cut into pieces, nor in a hole of some teeth."""
     time = np.arange(150_000) / RATE_HZ
     angle = 10.45 * time
@@ -68,3 +65,48 @@ def test_no_tooth_is_lost_of_uneven_pulses(duty: float, hole_s: float) -> None:
     some = some[np.abs(some - 5.0) > 0.05]
     off = wheel.angle.at(some) / (2.0 * np.pi) - 10.45 * some
     assert np.ptp(off) < 0.3 / 100
+
+
+TURN_M = 2.0
+#: the jump is while the wheel gains or loses speed
+SECONDS, JUMP_S = 40.0, 35.0
+
+
+def steady_turns(knots_s, speeds_m_s):
+    """Ends of the turns [s] of a wheel that drives so."""
+    fine = np.arange(0.0, SECONDS, 1e-3)
+    turned = np.cumsum(np.interp(fine, knots_s, speeds_m_s)) * 1e-3 / TURN_M
+    return np.interp(np.arange(1, int(turned[-1])), turned, fine)
+
+
+def marked(stamps_s, ends_s):
+    return off_clock(TimeAxis.of_times(stamps_s), ends_s[:-1], ends_s[1:])
+
+
+DRIVES = {
+    "constant": ([0, 40], [10, 10]),
+    "faster": ([0, 32, 38, 40], [6, 6, 16, 16]),
+    "slower": ([0, 32, 38, 40], [16, 16, 6, 6]),
+}
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_a_clock_that_runs_slow_is_found_and_no_instrument_that_is_slower(drive):
+    """Whatever the wheel does."""
+    true, ends = np.arange(SECONDS * 2500.0) / 2500.0, steady_turns(*DRIVES[drive])
+    slower = np.concatenate([true[true < JUMP_S], np.arange(JUMP_S, SECONDS, 1.0 / 2400.0)])
+    assert not marked(slower, ends).any()
+    stamps = np.where(true < JUMP_S, true, JUMP_S + 1.06 * (true - JUMP_S))
+    late, found = ends[:-1] > JUMP_S, marked(stamps, np.interp(ends, true, stamps))
+    assert found[late][1:].all()
+    assert not found[~late][:-1].any()
+
+
+@pytest.mark.parametrize(("first", "stop"), [(0, 1), (0, 2), (-3, -1), (-2, -1), (20, 24)])
+def test_a_clock_that_runs_slow_for_a_turn_or_two_is_found_at_the_ends_too(first, stop):
+    true, ends = np.arange(SECONDS * 2500.0) / 2500.0, steady_turns(*DRIVES["constant"])
+    begin_s, end_s = ends[first], ends[stop]
+    stamps = true + 0.1 * (np.clip(true, begin_s, end_s) - begin_s)
+    found = marked(stamps, np.interp(ends, true, stamps))
+    late = (ends[:-1] > begin_s - 1e-9) & (ends[1:] < end_s + 1e-9)
+    np.testing.assert_array_equal(found, late)

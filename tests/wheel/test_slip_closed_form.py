@@ -32,11 +32,7 @@ def drive(
     *, stretches=STRETCHES, noise=0.0, radius="", kinds=KINDS, growth=0.0, late_s=0.0, hold=1,
     step_m_s=0.0,
 ):  # fmt: skip
-    """A wheel that slips while its vehicle speeds up and brakes; its slip at a time [s].
-
-    `growth`: how much longer the belt is at 25 m/s. The vehicle's speed comes `late_s`, is held for
-    `hold` samples of 10 ms, and goes by steps of `step_m_s`.
-    """
+    """A wheel that slips while its vehicle speeds up and brakes; its slip at a time [s]."""
     rate = 4000.0
     time = np.arange(int(8.0 * len(stretches) * rate)) / rate
     part = np.minimum((time / 8.0).astype(int), len(stretches) - 1)
@@ -105,9 +101,7 @@ def pulls(table, true):
     ],
 )
 def test_a_speed_that_comes_late_is_no_slip_and_hides_none(slips, reading):
-    """A delay of 0.5 s at 1.5 m/s^2 and 15 m/s looks like a slip of 0.05; one that follows the
-    acceleration stays.  5 is what no row may be off by, rms 1.5 what rows of one error allow.
-    """
+    """A delay of 0.5 s at 1.5 m/s^2 and 15 m/s looks like a slip of 0.05."""
     stretches = tuple((a, slips * slip) for a, slip in STRETCHES)
     recording, true = drive(stretches=stretches, **reading)
     table = tirelog.slip(recording)

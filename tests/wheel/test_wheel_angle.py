@@ -1,6 +1,4 @@
-"""Property: wheel angle, speed and rolling radius are those of an encoder whose motion and pitch
-errors are known.
-"""
+"""Property: wheel angle, speed and radius are those of a known encoder."""
 
 import numpy as np
 import pytest
@@ -98,14 +96,10 @@ def pulses_of(drive, form, pitch_deg=0.0, steps=48):
 
 @pytest.mark.parametrize("form", ["square", "uneven", "count"])
 @pytest.mark.parametrize(
-    "speeds",
-    [(7.3, 7.3), (19.964, 19.964), (27.7, 27.7), (39.93, 39.93), (9, 14), (25, 18)],
+    "speeds", [(7.3, 7.3), (19.964, 19.964), (27.7, 27.7), (39.93, 39.93), (9, 14), (25, 18)]
 )
 def test_edges_between_two_samples_have_errors_that_hold(form, speeds):
-    """At 19.964 m/s a half tooth is 10.000 samples, at 39.93 m/s 5.000: there the errors of a
-    turn's edges are the same. The bound was chosen on other speeds (pulls of 0.4 to 1.3). An
-    uneven wheel's errors differ from place to place, so all of the turn is looked at.
-    """
+    """A half tooth is 10.000 and 5.000 samples: the errors of a turn's edges are the same."""
     drive = Drive((0, 12), speeds)
     signal, unit = pulses_of(drive, form, 0.2 if form == "uneven" else 0.0)
     wheel = wheel_of(drive, signal, unit=unit)

@@ -1,8 +1,4 @@
-"""What tirelog sees of Python on a system that is not POSIX; other packages see what is there.
-
-Python imports this file itself if its folder is in PYTHONPATH, so processes that a command starts
-see the same.
-"""
+"""What tirelog sees of Python on a system that is not POSIX; other packages see what is there."""
 
 import builtins
 import os
@@ -65,11 +61,7 @@ other = {
 
 
 def import_seen(
-    name: str,
-    globals: Any = None,
-    locals: Any = None,
-    fromlist: Any = (),
-    level: int = 0,
+    name: str, globals: Any = None, locals: Any = None, fromlist: Any = (), level: int = 0
 ) -> Any:
     """`__import__` that hides what is not there from modules of tirelog, and from no other."""
     if not level and ((globals or {}).get("__name__") or "").startswith("tirelog"):
