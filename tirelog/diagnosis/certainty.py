@@ -103,12 +103,18 @@ class Certainty:
     def sentence(self) -> str:
         """The same in words."""
         if self.probability is None:
-            return f"How often such a verdict is right is not known: {self.reason}."
+            return f"{self.count}: {self.reason}."
         but = f" None had an {' or an '.join(self.lacking)}." if self.lacking else ""
+        return f"{self.count} ({self.bound}; {self.tires} tires, {self.date}).{but}"
+
+    @property
+    def count(self) -> str:
+        """The cases that were right, in words; that none is known otherwise."""
+        if self.probability is None:
+            return "How often such a verdict is right is not known"
         return (
             f"{self.right} of {self.cases} simulated cases of this kind were right: at least "
-            f"{int(100.0 * self.probability)} % ({self.bound}; {self.tires} tires, "
-            f"{self.date}).{but}"
+            f"{int(100.0 * self.probability)} %"
         )
 
 
