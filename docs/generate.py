@@ -33,7 +33,7 @@ from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.observables import OBSERVABLES
 from tirelog.vocabulary.quality import OK, Quality
-from tirelog.vocabulary.tables import COMPARE, FOOTPRINT, LOG_TABLES, LogTable
+from tirelog.vocabulary.tables import COMPARE, LOG_PICTURES, LOG_TABLES, LogTable
 from tirelog.vocabulary.units import UNITS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -613,13 +613,13 @@ conditions (`speed / 20`; `1` for none), straight lines between the nodes and no
 
 
 def pictures_section() -> str:
-    """What --plot-kind takes."""
+    """What --kind takes."""
     rows = [
         (f"`{command}`", f"`{kind}`", says)
-        for command, kinds in (("footprint", FOOTPRINT), ("compare", COMPARE))
+        for command, kinds in (("plot LOG...", LOG_PICTURES), ("compare --plot", COMPARE))
         for kind, says in kinds.items()
     ]
-    return table(("command", "`--plot-kind`", "what is drawn"), rows)
+    return table(("command", "`--kind`", "what is drawn"), rows)
 
 
 def certainty_section() -> str:
@@ -644,6 +644,7 @@ HEADINGS = {
     "tirelog.api.logs": "Logs and setups",
     "tirelog.api.tables": "Tables",
     "tirelog.api.parts": "Calibrations",
+    "tirelog.api.pictures": "Pictures",
     "tirelog.api.models": "Models",
     "tirelog.api.answers": "Answers",
     "tirelog.api.campaigns": "Campaigns",

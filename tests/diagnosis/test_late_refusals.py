@@ -32,7 +32,7 @@ FOLDER = "the folder has to exist"
         ("compare --model m.toml --plot", "nowhere/x.png", FOLDER),
         ("compare --model m.toml --plot", "x.jpg", "allowed are .png"),
         ("compare --model m.toml -o", "nowhere/x.json", FOLDER),
-        ("compare --model m.toml --plot-kind polar", "", "add --plot FILE"),
+        ("compare --model m.toml --kind polar", "", "add --plot FILE"),
         ("diagnose --model m.toml --plot", "nowhere/x.png", FOLDER),
         ("diagnose --model m.toml -o", "nowhere/x.json", FOLDER),
         ("ladder --model m.toml --save", "nowhere/x.toml", FOLDER),
@@ -85,4 +85,4 @@ def test_a_picture_without_matplotlib_is_refused_first(
     log, model, plot = (str(folder / name) for name in ("log.csv", "m.toml", "x.png"))
     result = tirelog(command, log, "--model", model, "--plot", plot)
     assert result.status == 2
-    assert "--plot needs matplotlib" in result.err
+    assert "a picture needs matplotlib" in result.err

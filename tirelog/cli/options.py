@@ -238,25 +238,25 @@ def with_options(command: Callable[..., None], parameters: Iterable[Parameter]) 
 
 
 def plot_kind(kinds: Mapping[str, str]) -> Any:
-    """The option --plot-kind of a command that draws these kinds.  UsageError: another kind."""
+    """The option of a command that draws these kinds.  UsageError: another kind."""
 
     def known(kind: str) -> str:
-        refuse_unknown(kind, kinds, f"--plot-kind {kind}", do="choose one")
+        refuse_unknown(kind, kinds, f"--kind {kind}", do="choose one")
         return kind
 
     return typer.Option(
-        "--plot-kind",
-        help=f"What --plot draws: {', '.join(kinds)}.",
+        "--kind",
+        help=f"What is drawn: {', '.join(kinds)}.",
         callback=known,
         autocompletion=completing(kinds),
     )
 
 
 def refuse_kind_alone(kind: str, plot: Path | None) -> None:
-    """UsageError: --plot-kind names a picture, and no --plot says where to draw it."""
+    """UsageError: --kind names a picture, and no --plot says where to draw it."""
     if plot is None and kind != "page":
         raise UsageError(
-            f"--plot-kind {kind} without --plot",
+            f"--kind {kind} without --plot",
             allowed="it says what --plot draws",
             do="add --plot FILE",
         )

@@ -14,6 +14,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +27,6 @@ from tirelog.physics.model.model import Model
 from tirelog.physics.model.user_effects import FRAMES
 from tirelog.plots.record import (
     COLOURS,
-    MICRO,
     RAW,
     SLIDE,
     Mark,
@@ -49,7 +49,7 @@ from tirelog.plots.record import (
 )
 from tirelog.plots.turns import around_the_wheel
 from tirelog.vocabulary.conditions import CONDITIONS
-from tirelog.vocabulary.observables import WAVEFORMS, drawn
+from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS, drawn
 from tirelog.vocabulary.tables import COMPARE
 
 if TYPE_CHECKING:
@@ -110,6 +110,8 @@ _DRIVES: tuple[tuple[float, float, str, dict[str, Any]], ...] = (
     (20.0, 0.0, "20 m/s", {"colour": COLOURS[0], "width": 1.6}),
     (20.0, -3.0, "20 m/s, braking 3 m/s²", {"colour": COLOURS[1], "width": 1.2, "dash": "dash"}),
 )
+#: the other conditions that a model or an effect is shown under
+_EXAMPLES = {name: c.example for name, c in CONDITIONS.items() if c.example is not None}
 
 
 def signatures(chosen: Sequence[Effect], path: Path) -> None:
@@ -131,24 +133,58 @@ def signatures(chosen: Sequence[Effect], path: Path) -> None:
 
 def _signature(effect: Effect, *, named: bool) -> Panel:
     """The change of strain along the tread by one effect; drives in a legend if `named`."""
-    told = {name: c.example for name, c in CONDITIONS.items() if c.example is not None}
-    phi = np.linspace(-0.8, 0.8, 801)
     base = Model.new("beam")
     full = base.with_effect(effect)
     full = full.with_values({f"{effect.id}.{p.name}": p.probe for p in effect.parameters})
-    xi = 1e3 * phi * base.parameters["radius_m"].value
-    marks = [span(-55.0, 55.0, "0.92", zorder=0)]
+    found = driven(full, "strain", effect.id, base)
+    return replace(found, legend={"fontsize": 6} if named else None)
+
+
+def driven(model: Model, observable: str, title: str, less: Model | None = None) -> Panel:
+    """What a model predicts along the tread under a few drives, or what it has more than another.
+
+    The patch is grey where the model prescribes it.
+    """
+    phi, values = np.linspace(-0.8, 0.8, 801), model.values
+    factor, unit = drawn(observable, "N/m" if observable == "contact_pressure" else "")
+    half = 1e3 * values.get("patch_half_length_m", 0.0)
+    marks, words = [span(-half, half, "0.92", zorder=0)], observable.replace("_", " ")
     for speed, acceleration, text, style in _DRIVES:
-        conditions = Conditions.of(1, speed_m_s=speed, acceleration_m_s2=acceleration, **told)
-        change = (full.predict(conditions, phi) - base.predict(conditions, phi))[0]
-        marks.append(line(xi, MICRO * change, text, **style))
+        conditions = Conditions.of(1, speed_m_s=speed, acceleration_m_s2=acceleration, **_EXAMPLES)
+        wave = model.predict(conditions, phi, observable=observable)[0]
+        if less is not None:
+            wave = wave - less.predict(conditions, phi, observable=observable)[0]
+        marks.append(line(1e3 * phi * values["radius_m"], factor * wave, text, **style))
     return Panel(
         "from the patch centre, entry to exit [mm]; grey: the patch",
-        "change of strain [microstrain]",
+        f"{'change of ' if less is not None else ''}{words} [{unit}]",
         marks,
-        effect.id,
-        legend={"fontsize": 6} if named else None,
+        title,
+        legend={"fontsize": 6},
     )
+
+
+def model_picture(model: Model) -> Figure:
+    """Waveform and contact pressure of a model, and what each of its effects adds.
+
+    Of a number per revolution: the number over the speed. ModelError as `Model.predict`.
+    """
+    observable = model.observable
+    if observable not in WAVEFORMS:
+        speeds = np.linspace(5.0, 30.0, 26)
+        values = model.predict(Conditions.of(speeds.size, speed_m_s=speeds, **_EXAMPLES))[:, 0]
+        label = f"{observable.replace('_', ' ')} [{OBSERVABLES[observable].unit}]"
+        only = Panel("speed [m/s]", label, [line(speeds, values)])
+        return picture(Page([[only]], (6.5, 4.0)))
+    panels = [driven(model, observable, f"{observable.replace('_', ' ')} of the {model.carcass}")]
+    panels.append(driven(model, "contact_pressure", "contact pressure"))
+    for effect in model.effects:
+        panels.append(driven(model, observable, effect.id, model.without_effect(effect.id)))
+    rows = rows_of(panels, 2)
+    known = [
+        f"{CONDITIONS[name].name} {x:g} {CONDITIONS[name].unit}" for name, x in _EXAMPLES.items()
+    ]
+    return picture(Page(rows, (12.0, 3.4 * len(rows)), ", ".join(known) if model.effects else ""))
 
 
 # ---- The picture of `ladder`: the error falling to the floor, step by step.
@@ -416,7 +452,7 @@ def compare_figure(result: Comparison, kind: str = "page") -> Figure:
         return picture(_residuals(result))
     if result.observable not in WAVEFORMS:
         raise UsageError(
-            f"--plot-kind {kind} of {result.observable}, a number per revolution",
+            f"--kind {kind} of {result.observable}, a number per revolution",
             allowed="it is allowed for waveforms: strain and radial_acceleration",
             do="leave it out",
         )
@@ -770,4 +806,73 @@ def ranked_panel(
         ((0.0, 118.0), (max(len(shown), 1) - 0.5, -0.5)),
         y_words=[c.effect for c in shown],
         legend=None,
+    )
+
+
+# ---- The picture of an answer's JSON: what its file holds.
+
+
+def answer_picture(fields: Mapping[str, Any]) -> Figure:
+    """The figure of an answer from its JSON, of `compare`, `diagnose`, `ladder` or `form`.
+
+    It has no waveforms and maps: these are in the answer, not in its JSON. ValueError: the JSON is
+    of no answer that has a picture.
+    """
+    if "steps" in fields:
+        shown = drawn(fields["observable"], fields["unit"])
+        return picture(Page([[climbed_panel(fields, shown)]], (8.0, 4.5)))
+    if "pressure" in fields and "stiffness" in fields:
+        profiles = {name: _profile_of(fields[name]) for name in ("pressure", "stiffness")}
+        form: Any = SimpleNamespace(**{**fields, **profiles})
+        return form_figure(form)
+    if "verdict" in fields and "effects" in fields:
+        candidates = [SimpleNamespace(**one) for one in fields["effects"]]
+        panels = [ranked_panel(candidates[:_MOST_EFFECTS]), _errors(fields)]
+        title = "\n".join(textwrap.wrap(fields["sentence"], _LETTERS))
+        return picture(Page([panels], (13.0, 5.5), title, widths=(1.6, 1.0)))
+    if "extra_errors" in fields:
+        return picture(Page([[_extra(fields), _errors(fields)]], (13.0, 5.5), widths=(1.6, 1.0)))
+    raise ValueError("it is of no answer that has a picture")
+
+
+def _profile_of(fields: Mapping[str, Any]) -> SimpleNamespace:
+    """A profile of a form's JSON, with arrays."""
+    return SimpleNamespace(**{name: np.array(values, float) for name, values in fields.items()})
+
+
+def _errors(fields: Mapping[str, Any]) -> Panel:
+    """The errors of an answer's JSON over its noise floor."""
+    known = {
+        said: fields[name] / fields["noise_floor"]
+        for name, said in (
+            ("rmse", "of the fit"),
+            ("rmse_heldout", "held out"),
+            ("rmse_heldout_before", "held out, before"),
+            ("rmse_heldout_after", "held out, after"),
+        )
+        if fields.get(name) is not None
+    }
+    return Panel(
+        "",
+        "error over the noise floor",
+        [bars(np.arange(len(known)), list(known.values())), level(1.0, "noise floor", _FLOOR)],
+        x_words=list(known),
+    )
+
+
+def _extra(fields: Mapping[str, Any]) -> Panel:
+    """The error that a model adds at least, by where and when, the first on top."""
+    observable = fields["observable"].split(" ")[0]
+    shown = [
+        row
+        for row in fields["extra_errors"]
+        if row["of"] != "parameter" and row["size"] is not None and row["observable"] == observable
+    ]
+    factor, unit = drawn(observable, fields["unit"])
+    return Panel(
+        f"error in {observable.replace('_', ' ')} that the model adds at least [{unit}]",
+        "",
+        [bars(np.arange(len(shown)), [factor * row["size"] for row in shown], across=True)],
+        limits=(None, (len(shown) - 0.5, -0.5)),
+        y_words=[f"{row['of']} {row['name']}" for row in shown],
     )
