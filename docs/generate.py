@@ -33,7 +33,7 @@ from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.observables import OBSERVABLES
 from tirelog.vocabulary.quality import OK, Quality
-from tirelog.vocabulary.tables import COMPARE, LOG_PICTURES, LOG_TABLES, LogTable
+from tirelog.vocabulary.tables import LOG_PICTURES, LOG_TABLES, LogTable
 from tirelog.vocabulary.units import UNITS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -614,12 +614,8 @@ conditions (`speed / 20`; `1` for none), straight lines between the nodes and no
 
 def pictures_section() -> str:
     """What --kind takes."""
-    rows = [
-        (f"`{command}`", f"`{kind}`", says)
-        for command, kinds in (("plot LOG...", LOG_PICTURES), ("compare --plot", COMPARE))
-        for kind, says in kinds.items()
-    ]
-    return table(("command", "`--kind`", "what is drawn"), rows)
+    rows = [(f"`{kind}`", says) for kind, says in LOG_PICTURES.items()]
+    return table(("`--kind`", "what is drawn"), rows)
 
 
 def certainty_section() -> str:

@@ -32,7 +32,6 @@ FOLDER = "the folder has to exist"
         ("compare --model m.toml --plot", "nowhere/x.png", FOLDER),
         ("compare --model m.toml --plot", "x.jpg", "allowed are .png"),
         ("compare --model m.toml -o", "nowhere/x.json", FOLDER),
-        ("compare --model m.toml --kind polar", "", "add --plot FILE"),
         ("diagnose --model m.toml --plot", "nowhere/x.png", FOLDER),
         ("diagnose --model m.toml -o", "nowhere/x.json", FOLDER),
         ("ladder --model m.toml --save", "nowhere/x.toml", FOLDER),

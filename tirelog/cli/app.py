@@ -274,8 +274,8 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
             "error over the wheel's angle",
         ),
         (
-            "tirelog compare drive.csv.gz --model model.toml --plot edges.pdf --kind edges",
-            "the patch's edges close up",
+            "tirelog compare drive.csv.gz --model model.toml --plot compared.png",
+            "and what the model misses as a picture",
         ),
     ),
     "diagnose": (

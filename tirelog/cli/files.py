@@ -300,7 +300,13 @@ def plot(
             callback=options.drawable,
         ),
     ] = None,
-    kind: Annotated[str, options.plot_kind(LOG_PICTURES)] = "signal",
+    kind: Annotated[
+        str,
+        typer.Option(
+            help=f"What of logs is drawn: {', '.join(LOG_PICTURES)}.",
+            autocompletion=options.completing(LOG_PICTURES),
+        ),
+    ] = "signal",
     setup: options.SetupFile = None,
     channel: options.Channels = None,
     start: Annotated[str | None, table_option(STRETCH[0])] = None,

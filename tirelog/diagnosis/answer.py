@@ -78,13 +78,11 @@ class AnswerRecord:
         """The answer as plain values by name (`record_fields`)."""
         return record_fields(self)
 
-    def plot(self, path_or_axes: str | Path | Axes | None = None, **how: str) -> Any:
+    def plot(self, path_or_axes: str | Path | Axes | None = None) -> Any:
         """The figure.
 
         path_or_axes  a file to write it to as well (.png, .svg, .pdf), or axes that get its main
                       panel alone
-        kind          of a comparison: "page", "polar" (around the wheel, with the contact pressure)
-                      or "edges" (of the patch, close up)
 
         UsageError: no picture has the path's suffix.
         """
@@ -92,14 +90,14 @@ class AnswerRecord:
             panel = resolve_name(f"{PICTURES}:{self.panel}")(self)
             resolve_name("tirelog.plots.record:draw_panel")(path_or_axes, panel)
             return path_or_axes.figure
-        figure = resolve_name(f"{PICTURES}:{self.picture}")(self, **how)
+        figure = resolve_name(f"{PICTURES}:{self.picture}")(self)
         if path_or_axes is not None:
             resolve_name("tirelog.plots.record:write")(figure, Path(path_or_axes))
         return figure
 
-    def draw(self, path: Path, **how: str) -> list[Path]:
+    def draw(self, path: Path) -> list[Path]:
         """The pictures as files: the first at `path`; those beside it come back."""
-        self.plot(path, **how)
+        self.plot(path)
         return []
 
     def __repr__(self) -> str:

@@ -214,12 +214,12 @@ class Diagnosis(AnswerRecord):
             for c in self.effects
         ]
 
-    def draw(self, path: Path, **how: str) -> list[Path]:
+    def draw(self, path: Path) -> list[Path]:
         """The pictures as files: the verdict's at `path`, those of further observables beside it.
 
         The latter come back.
         """
-        beside: list[Path] = resolve_name(f"{PICTURES}:draw_diagnose")(self, path, **how)
+        beside: list[Path] = resolve_name(f"{PICTURES}:draw_diagnose")(self, path)
         return beside
 
     @property

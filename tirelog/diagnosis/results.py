@@ -326,12 +326,12 @@ class Comparison(AnswerRecord):
         """One row: the numbers of `to_json` that are neither lists nor tables."""
         return [{name: v for name, v in self.to_json().items() if not isinstance(v, dict | list)}]
 
-    def draw(self, path: Path, **how: str) -> list[Path]:
+    def draw(self, path: Path) -> list[Path]:
         """The pictures as files: the first observable's at `path`, of others and of hits beside it.
 
-        Those beside it come back. UsageError: a kind that is none for a number per revolution.
+        Those beside it come back.
         """
-        beside: list[Path] = resolve_name(f"{PICTURES}:draw_compare")(self, path, **how)
+        beside: list[Path] = resolve_name(f"{PICTURES}:draw_compare")(self, path)
         if self.obstacles is not None:
             beside.append(path.with_stem(f"{path.stem}_transient"))
             resolve_name(f"{PICTURES}:draw_transient")(self.obstacles, beside[-1])

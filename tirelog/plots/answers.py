@@ -1,9 +1,7 @@
 """The pictures of answers: `compare`, `diagnose`, `ladder`, `propose`, fits, forms, effects, modes.
 
-page   waveforms, their residuals with the floor's band, and the residual over angle x speed and
-       angle x time, whitened too
-polar  measured and predicted around the wheel, and the model's contact pressure in the patch
-edges  entry and exit edge close up with the floor's band, and the residual there
+A comparison is waveforms, their residuals with the floor's band, and the residual over angle x
+speed and angle x time, whitened too.
 
 It is longer than others: each answer has a picture, and they share their panels.
 """
@@ -21,14 +19,13 @@ import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.answer import in_unit, probability
-from tirelog.errors import UsageError, refuse_unknown
+from tirelog.errors import UsageError
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.user_effects import FRAMES
 from tirelog.plots.record import (
     COLOURS,
     RAW,
-    SLIDE,
     Mark,
     Page,
     Panel,
@@ -39,7 +36,6 @@ from tirelog.plots.record import (
     heat,
     level,
     line,
-    on_a_slide,
     picture,
     rows_of,
     span,
@@ -47,10 +43,8 @@ from tirelog.plots.record import (
     words,
     write,
 )
-from tirelog.plots.turns import around_the_wheel
 from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS, drawn
-from tirelog.vocabulary.tables import COMPARE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -438,28 +432,11 @@ _QUANTILE = 99.9
 _SIGMAS = 3.0
 #: half lengths of the patch that a waveform or map shows at first
 _REACH = 6.0
-#: half of a close-up of an edge, in half angles of the patch; and the edge, if none is known
-_CLOSE, _NO_EDGE_DEG = 0.6, 10.0
 
 
-def compare_figure(result: Comparison, kind: str = "page") -> Figure:
-    """A matplotlib figure of a comparison, of a kind of `vocabulary.tables.COMPARE`.
-
-    UsageError: not of a number per revolution, which has no waveform.
-    """
-    refuse_unknown(kind, COMPARE, f"no picture is called {kind!r}", do="choose one")
-    if kind == "page":
-        return picture(_residuals(result))
-    if result.observable not in WAVEFORMS:
-        raise UsageError(
-            f"--kind {kind} of {result.observable}, a number per revolution",
-            allowed="it is allowed for waveforms: strain and radial_acceleration",
-            do="leave it out",
-        )
-    with on_a_slide():
-        made = picture(_polar(result) if kind == "polar" else _edge_zoom(result))
-        made.draw_without_rendering()  # while letters are large
-    return made
+def compare_figure(result: Comparison) -> Figure:
+    """A matplotlib figure of a comparison."""
+    return picture(_residuals(result))
 
 
 def _residuals(result: Comparison) -> Page:
@@ -480,8 +457,8 @@ def _residuals(result: Comparison) -> Page:
     )
 
 
-def draw_compare(result: Comparison, path: Path, kind: str = "page") -> list[Path]:
-    """Write the figure of a kind; the suffix decides the format.
+def draw_compare(result: Comparison, path: Path) -> list[Path]:
+    """Write the figure; the suffix decides the format.
 
     Of several observables the first has this path, each other one a path of its own beside it;
     these come back.
@@ -489,67 +466,8 @@ def draw_compare(result: Comparison, path: Path, kind: str = "page") -> list[Pat
     lead, *others = result.parts or (result,)
     beside = [path.with_stem(f"{path.stem}_{other.observable}") for other in others]
     for one, target in zip((lead, *others), (path, *beside), strict=True):
-        own = kind if one is lead or one.observable in WAVEFORMS else "page"
-        write(compare_figure(one, own), target)
+        write(compare_figure(one), target)
     return beside
-
-
-def _polar(result: Comparison) -> Page:
-    """Measured and predicted around the wheel, with the model's contact pressure."""
-    factor, unit = drawn(result.observable, result.unit)
-    waves, half = result.waveforms, result.half_angle_rad
-    colours = by_value(waves.conditions.speed_m_s)
-    floors = 2.0 * factor * waves.floor
-    lines = list(zip(waves.phi_rad, factor * waves.predicted, floors, waves.labels, strict=True))
-
-    def around(wheel: Any) -> None:
-        zero = around_the_wheel(wheel, lines, colours, half, unit)
-        for phi, measured, colour in zip(waves.phi_rad, waves.measured, colours, strict=True):
-            wheel.plot(phi, zero + factor * measured, ".", ms=4, color=colour)
-
-    radius_mm, reach = 1e3 * result.model.values["radius_m"], 1.5 * max(half, 0.05)
-    phi = np.linspace(-reach, reach, 301)
-    pressure = result.model.predict(
-        waves.conditions, phi, surface="outer", observable="contact_pressure"
-    )
-    wheel = Panel(
-        title=f"{result.observable}: dots measured, lines predicted",
-        legend={"loc": "center", "fontsize": 9},
-        own=around,
-        polar=True,
-    )
-    patch = Panel(
-        "ξ from the patch centre [mm]",
-        "contact pressure of the model [N/mm]",
-        [
-            *(
-                line(radius_mm * phi, 1e-3 * p, "", c)
-                for p, c in zip(pressure, colours, strict=True)
-            ),
-            *edges(half, radius_mm * np.pi / 180.0),
-        ],
-    )
-    return Page([[wheel, patch]], SLIDE, widths=(1.25, 1.0))
-
-
-def _edge_zoom(result: Comparison) -> Page:
-    """Each edge of the patch close up: waveforms with two noise floors, and residuals."""
-    half = float(np.degrees(result.half_angle_rad)) or _NO_EDGE_DEG
-    rows = [
-        [
-            replace(
-                panel,
-                title=f"{name} edge",
-                y=panel.y if side < 0 else "",
-                limits=((half * (side - _CLOSE), half * (side + _CLOSE)), None),
-                legend={"loc": "best", "fontsize": 9} if side < 0 else None,
-            )
-            for side, name in ((-1.0, "entry"), (1.0, "exit"))
-        ]
-        for panel in (waveforms(result), differences(result))
-    ]
-    said = "dots: measured; lines: predicted; bands: two noise floors of a mean"
-    return Page(rows, SLIDE, said, heights=(1.3, 1.0), share="xy")
 
 
 def waveforms(

@@ -17,10 +17,9 @@ from pathlib import Path
 from tirelog.errors import UsageError
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 
-# ---- Which pictures there are of a log and of a comparison, and which tables of errors, by name.
+# ---- Which pictures there are of a log, and which tables of errors, by name.
 #
-# `plot --kind` and `compare --kind` take the first two, each by default the first of its
-# names; `compare --by` takes the last.
+# `plot --kind` takes the one, the first without it, `compare --by` the other.
 
 
 LOG_PICTURES: Mapping[str, str] = {
@@ -28,11 +27,6 @@ LOG_PICTURES: Mapping[str, str] = {
     "waterfall": "strain over angle and revolution, in colour",
     "polar": "mean strain around the wheel by speed, with the patch",
     "edges": "entry and exit edge close up by speed, with bands and the edges found",
-}
-COMPARE: Mapping[str, str] = {
-    "page": "waveforms with the floor's band, and maps of what the model misses",
-    "polar": "measured and predicted around the wheel, with the model's contact pressure",
-    "edges": "entry and exit edge close up, with the floor's band, and what is left there",
 }
 #: tables of errors that `compare` has of obstacles, and all that it can have
 BY_OBSTACLE = ("hit", "time", "frequency")
