@@ -1,10 +1,13 @@
 """Property: texts are in plain words: subject, verb, object, and at most 25 words a sentence.
 
-A text is a docstring, or any string of the package: a message, a line of help, a page.
+A text is a docstring, or any string of the package: a message, a line of help, a page. Comments
+have no foreign words either.
 """
 
 import ast
+import io
 import re
+import tokenize
 from collections.abc import Iterator
 
 import pytest
@@ -73,6 +76,15 @@ def sentences(text: str) -> Iterator[str]:
 def test_texts_have_no_foreign_words() -> None:
     found = [(file, line, FOREIGN.findall(text)) for file, line, text, _ in held()]
     assert [one for one in found if one[2]] == []
+
+
+def test_comments_have_no_foreign_words() -> None:
+    found = []
+    for file, (text, _) in sources().items():
+        for token in tokenize.generate_tokens(io.StringIO(text).readline):
+            if token.type == tokenize.COMMENT and FOREIGN.search(token.string):
+                found.append((file, token.start[0], token.string))
+    assert found == []
 
 
 def test_no_sentence_is_long() -> None:

@@ -329,7 +329,7 @@ def _table(
     return frame
 
 
-# ---- Does a table still say what an earlier one said?
+# ---- Does a table still hold what an earlier one held?
 
 
 @dataclass(frozen=True)

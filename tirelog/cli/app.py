@@ -116,7 +116,7 @@ def command(asked: str = "") -> Any:
     return parsed
 
 
-# ---- What help says beside each command's own words: groups, examples, what stands for a value.
+# ---- What help says beside each command's own words: groups, examples, words for a value.
 #
 # A new command has its line in GROUPS and in EXAMPLES, an option of a kind not seen before its word
 # in METAVARS.
@@ -317,7 +317,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     ),
     "campaign status": (("tirelog campaign status campaign.toml", "done, failed and open"),),
 }
-#: what stands for the value of an argument or option in help
+#: the word for the value of an argument or option in help
 METAVARS: Mapping[str, str] = {
     "logs": "LOG",
     "log": "LOG",

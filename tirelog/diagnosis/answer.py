@@ -154,7 +154,7 @@ def plain_values(value: Any) -> Any:
 # The only place where a diagnosis is put into words.
 
 
-# Said with every diagnosis, since no statistic can.
+# Printed with every diagnosis, since no statistic can.
 #
 # conditions of the cells, the catalogue's `follows`
 #     -> one sentence, or none if everything that effects follow varies
@@ -209,7 +209,7 @@ _PARITY = {
 }
 
 
-#: the verdict in one sentence, by what is said of it
+#: the verdict in one sentence, by its kind
 _SENTENCES = {
     "nothing_missing": "Nothing is missing that this data could show: what the model{beside} leaves"
     " is the noise floor{above}.",
@@ -379,7 +379,7 @@ def rounding_sentences(observable: str, held: float, floor: float, rounding: flo
             "Samples are not independent: the noise is far below a step, or values were copied, "
             "interpolated or made. The error does not measure the model then; log finer steps"
         ]
-    # share of the floor's mean square from which on rounding is said; doubling it would say it
+    # share of the floor's mean square from which on rounding is named; doubling it would name it
     # never
     if rounding > 0.5 * floor:
         return [

@@ -201,8 +201,8 @@ def calibration() -> dict[str, Any]:
 # probabilities of being right: `certainty` is.
 
 
-#: share of the draws below which a name is said to hang on some manoeuvres; at half of it, it would
-#: be said only of what loses
+#: share of the draws below which a name hangs on some manoeuvres; at half of it only what
+#: loses would
 STEADY = 0.8
 #: draws that are asked for at most: shares are known to 0.5 % then
 MOST_DRAWS = 10000
@@ -303,7 +303,7 @@ def _alarms(
 #
 # What is pooled says one thing of tires that may differ; each alone says whether they do. Over many
 # tires some alarm by chance: the adjusted p (Benjamini and Hochberg 1995) holds the share of false
-# ones among those that are said to lack something at `FALSE_DISCOVERIES`.
+# ones among those that are reported to lack something at `FALSE_DISCOVERIES`.
 
 
 #: share of false ones among tires that are reported to lack something; doubled, twice as many

@@ -45,7 +45,7 @@ from tirelog.vocabulary.quality import Quality, having
 from tirelog.wheel.phase_shift import measure_phase_shift
 from tirelog.wheel.table import encoder_speed
 
-# ---- What a series most likely is: by its unit, its name and its size. A guess, and said to be
+# ---- What a series most likely is: by its unit, its name and its size. A guess, and called
 # one.
 
 
@@ -607,7 +607,7 @@ def findings(recording: Recording, log: str) -> list[Finding]:
         alone = replace(recording, channels={name: channel}, remarks=())
         try:
             found = [Finding("implausible", said) for said in check_recording(alone).remarks]
-            out += [one for one in found if one not in out]  # what is said of a clock is said once
+            out += [one for one in found if one not in out]  # a remark on a clock comes once
         except SetupError as problem:
             out.append(Finding("implausible", problem.message))
     for channel in recording.of_kind(*STRAIN_KINDS):

@@ -75,7 +75,7 @@ DISSIPATED = {
 #: quantities of phase shifts, and their columns by the end of the name
 SHIFTED = ("phase_shift", "patch_width")
 _CLEANED = {"": "measured", "_detrended": "detrended", "_corrected": "corrected"}
-#: marks of what stands beside the best estimate, of each revolution, and of averages over some
+#: marks of columns beside the best estimate, of each revolution, and of averages over some
 _ASIDE, _PALE = {"size": 6, "opacity": 0.4}, {"size": 4, "opacity": 0.4}
 _FULL = {"size": 7, "opacity": 1.0, "symbol": "square"}
 
