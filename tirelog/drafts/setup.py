@@ -55,11 +55,11 @@ _GRATINGS_NM, _GRATING_MOVES = (780.0, 1700.0), 0.02
 _INTERROGATORS_NM = (1460.0, 1620.0)
 #: words of names -> kind, the likeliest first
 _WORDS = (
-    ({"encoder", "teeth", "tooth", "pulse", "pulses", "ticks", "hall"}, "wheel_encoder"),
+    ({"encoder", "enc", "teeth", "tooth", "pulse", "pulses", "ticks", "hall"}, "wheel_encoder"),
     ({"speed", "velocity", "geschwindigkeit"}, "vehicle_speed"),
     ({"temp", "temperature", "temperatur"}, "temperature"),
     ({"pressure", "druck", "tpms", "ttpms"}, "inflation_pressure"),
-    ({"strain", "dms", "gauge", "epsilon"}, "strain"),
+    ({"strain", "dehnung", "dms", "gauge", "epsilon"}, "strain"),
     ({"acc", "accel", "acceleration", "beschleunigung"}, "radial_acceleration"),
     ({"load", "fz"}, "vertical_load"),
     ({"fx"}, "longitudinal_force"),
