@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "TablePicture", "figure_of", "picture_of_logs", "plot", "plot_table", "refuse_no_screen",
-    "role_of", "show",
+    "TablePicture", "figure_of", "plot", "plot_table", "show",
 ]  # fmt: skip
 
 
@@ -118,52 +117,6 @@ def plot_table(
 # ---- What is there: logs, tables, a model, an answer.
 
 
-def picture_of_logs(
-    logs: Iterable[Recording],
-    kind: str = "",
-    channels: Collection[str] = (),
-    ends: Mapping[str, Any] = {},
-    note: Callable[[str], object] = lambda text: None,
-) -> Figure:
-    """The picture of open logs, of a kind of `vocabulary.tables.LOG_PICTURES`.
-
-    `channels`: those that are drawn, all by default; `note` takes remarks. UsageError: no such kind
-    or channel, a stretch of a picture of the whole log, or nothing to draw.
-    """
-    from tirelog.plots import turns
-
-    kind = kind or next(iter(LOG_PICTURES))
-    refuse_unknown(kind, LOG_PICTURES, f"--kind {kind}", do="choose one")
-    if kind != "signal":
-        _refuse_stretch(f"the picture {kind}", ends)
-    table, kept = "speed" if kind == "signal" else "footprint", list[Any]()
-    for recording in logs:
-        parts = list[Part]()
-        try:
-            parts += parts_of(recording, table, ends, () if kind == "signal" else channels)
-        except TirelogError as problem:
-            if kind != "signal":
-                raise
-            note(f"{recording.log}: passages are not marked: {problem.message}")
-        for remark in (remark for part in parts for remark in part.remarks):
-            note(f"{recording.log}: {remark}")
-        parts = [part for part in parts if part.columns]
-        if kind == "signal":
-            for name in channels:
-                what = f"no channel is called {name!r}"
-                refuse_unknown(name, recording.channels, what, do="choose one", file=recording.log)
-            shown = [recording.channels[name] for name in channels or recording.channels]
-            within = stretch_s(recording, ends)
-            between = within.get("start", -math.inf), within.get("stop", math.inf)
-            kept.append(turns.signals(recording, shown, [p.columns for p in parts], between))
-        else:
-            found = [turns.found_of_grating(recording, part) for part in parts]
-            kept += [turns.TurnsSketch.of(recording, one) for one in found]
-    if not kept:
-        raise UsageError("nothing to draw", do="see `tirelog info`")
-    return turns.log_picture(kept, kind)
-
-
 #: bytes that tell what a file is, how a model file goes on, and how rows in JSON begin
 _HEAD = 1 << 16
 _MODEL, _ROWS = re.compile(rb"^\s*\[model\]", re.MULTILINE), re.compile(rb"\[\s*\{")
@@ -201,7 +154,8 @@ def _role(one: Path | Recording) -> str:
 
             names = list(pq.read_schema(os.fspath(one)).names)
         else:
-            names = list(json.loads(first)) if head.startswith(b"{") else _names(first)
+            line = first.decode("utf-8").strip()
+            names = list(json.loads(line)) if line.startswith("{") else line.split(",")
     # a log begins with its time, or has columns that no table has
     own = len(names) > 1 and names[0] != "time_s" and set(names) <= set(COLUMNS)
     if own or names[:2] == ["log", "channel"]:
@@ -209,25 +163,33 @@ def _role(one: Path | Recording) -> str:
     return "answer" if head.startswith(b"{") else "log"
 
 
-def _names(line: bytes) -> list[str]:
-    """The names in the header of a table as csv."""
-    return line.decode("utf-8").strip().split(",")
+def figure_of(
+    what: Sequence[Path | Recording],
+    logs: Iterable[Recording],
+    kind: str = "",
+    channels: Collection[str] = (),
+    ends: Mapping[str, Any] = {},
+    note: Callable[[str], object] = lambda text: None,
+) -> Figure:
+    """The picture of logs, tables, a model or an answer; `logs`: those in `what`, once open.
 
-
-def figure_of(what: Sequence[Path], role: str) -> Figure:
-    """The picture of tables, of a model or of an answer.
-
-    ReadError, ModelError, UsageError: a file is none, or nothing can be drawn of it.
+    Of logs a `kind` of `vocabulary.tables.LOG_PICTURES`, these `channels` or all, a stretch or all;
+    `note` takes remarks. UsageError: as `role_of`, no such kind or channel, a stretch of a picture
+    of the whole log, or nothing to draw. ReadError, SetupError, ModelError: a file is none.
     """
+    role = role_of(what)
+    if role == "log":
+        return _of_logs(logs, kind, channels, ends, note)
+    paths = [os.fspath(str(one)) for one in what]
     if role == "model":
-        made: Figure = resolve_name("tirelog.plots.answers:model_picture")(load_model(what[0]))
+        made: Figure = resolve_name("tirelog.plots.answers:model_picture")(load_model(paths[0]))
         return made
     if role == "answer":
-        return _of_answer(File(what[0]))
-    parts = [part for path in what for part in _parts_of_table(path)]
+        return _of_answer(File(paths[0]))
+    parts = [part for path in paths for part in _parts_of_table(path)]
     if len({tuple(part) for part in parts}) > 1:
         raise UsageError(
-            f"{', '.join(map(str, what))} have unlike columns",
+            f"{', '.join(paths)} have unlike columns",
             allowed="allowed are tables of one kind",
             do="draw them one by one",
         )
@@ -235,12 +197,54 @@ def figure_of(what: Sequence[Path], role: str) -> Figure:
     return figure
 
 
-def _parts_of_table(path: Path) -> list[dict[str, Any]]:
+def _of_logs(
+    logs: Iterable[Recording],
+    kind: str,
+    channels: Collection[str],
+    ends: Mapping[str, Any],
+    note: Callable[[str], object],
+) -> Figure:
+    """The picture of open logs (`figure_of`)."""
+    from tirelog.plots import turns
+
+    kind = kind or next(iter(LOG_PICTURES))
+    refuse_unknown(kind, LOG_PICTURES, f"--kind {kind}", do="choose one")
+    if kind != "signal":
+        _refuse_stretch(f"the picture {kind}", ends)
+    table, kept = "speed" if kind == "signal" else "footprint", list[Any]()
+    for recording in logs:
+        parts = list[Part]()
+        try:
+            parts += parts_of(recording, table, ends, () if kind == "signal" else channels)
+        except TirelogError as problem:
+            if kind != "signal":
+                raise
+            note(f"{recording.log}: passages are not marked: {problem.message}")
+        for remark in (remark for part in parts for remark in part.remarks):
+            note(f"{recording.log}: {remark}")
+        parts = [part for part in parts if part.columns]
+        if kind == "signal":
+            for name in channels:
+                what = f"no channel is called {name!r}"
+                refuse_unknown(name, recording.channels, what, do="choose one", file=recording.log)
+            shown = [recording.channels[name] for name in channels or recording.channels]
+            within = stretch_s(recording, ends)
+            between = within.get("start", -math.inf), within.get("stop", math.inf)
+            kept.append(turns.signals(recording, shown, [p.columns for p in parts], between))
+        else:
+            found = [turns.found_of_grating(recording, part) for part in parts]
+            kept += [turns.TurnsSketch.of(recording, one) for one in found]
+    if not kept:
+        raise UsageError("nothing to draw", do="see `tirelog info`")
+    return turns.log_picture(kept, kind)
+
+
+def _parts_of_table(path: str) -> list[dict[str, Any]]:
     """The columns of a table by channels of logs; a table without them has the file's name."""
     from tirelog.tables.frame import read_table
 
-    table = read_table(os.fspath(path))
-    for name, word in (("log", str(path)), ("channel", ""), ("quality", "ok")):
+    table = read_table(path)
+    for name, word in (("log", path), ("channel", ""), ("quality", "ok")):
         if name not in table:
             table[name] = word
     groups = table.groupby(["log", "channel"], sort=False, observed=True, dropna=False)
@@ -305,38 +309,26 @@ def plot(
         A file cannot be read.
     """
     given = list(as_logs(what))
-    role = role_of(given)
-    if role == "log":
-        ends = {"start": start, "stop": stop}
-        figure = picture_of_logs(each_log(given, setup), kind, channel, ends)
-    else:
-        figure = figure_of([File(os.fspath(str(one))) for one in given], role)
+    ends = {"start": start, "stop": stop}
+    figure = figure_of(given, each_log(given, setup), kind, channel, ends)
     if path is not None:
         show(figure, path)
     return figure
 
 
-def refuse_no_screen() -> None:
-    """UsageError: pictures cannot be shown here, for want of a screen or of matplotlib."""
-    try:
-        from matplotlib import pyplot
-    except ImportError:
-        raise resolve_name("tirelog.vocabulary.tables:no_matplotlib")() from None
+def show(figure: Figure, path: Path | None) -> None:
+    """The figure as a file, or in a window until that is closed.  UsageError: no screen."""
+    if path is not None:
+        resolve_name("tirelog.plots.record:write")(figure, File(path))
+        return
+    from matplotlib import pyplot
+
     if pyplot.get_backend().lower() == "agg":
         raise UsageError(
             "no screen to draw on",
             allowed="a picture goes to a screen or to a file",
             do="give -o PICTURE.png",
         )
-
-
-def show(figure: Figure, path: Path | None) -> None:
-    """The figure as a file, or in a window until that is closed."""
-    if path is not None:
-        resolve_name("tirelog.plots.record:write")(figure, File(path))
-        return
-    from matplotlib import pyplot
-
     window = pyplot.figure(figsize=figure.get_size_inches()).canvas
     window.figure = figure
     figure.set_canvas(window)

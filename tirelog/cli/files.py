@@ -317,16 +317,10 @@ def plot(
 
     The content of the files decides. A log needs no setup to be looked at.
     """
-    if output is None:
-        api.pictures.refuse_no_screen()
-    role, ends = api.pictures.role_of(logs), {"start": start, "stop": stop}
+    ends = {"start": start, "stop": stop}
     with Session(setup, quiet, drafts=True) as session:
-        if role == "log":
-            figure = api.pictures.picture_of_logs(
-                session.recordings(logs), kind, channel or (), ends, session.note
-            )
-        else:
-            figure = api.pictures.figure_of(list(map(Path, logs)), role)
+        opened = session.recordings(logs)
+        figure = api.pictures.figure_of(logs, opened, kind, channel or (), ends, session.note)
         api.pictures.show(figure, output)
 
 
