@@ -146,6 +146,8 @@ def test_errors_of_an_answer_are_in_noise_floors(folder: Path) -> None:
         ("log.csv --kind polar --from 1", "the picture polar is of the whole log"),
         ("log.csv --channel strain_9", "no channel is called 'strain_9' (nearest: strain_1)"),
         ("log.csv --from 90", "no sample lies in --from 90"),
+        ("beam.toml --kind polar", "picture of beam.toml (model); they are allowed for logs"),
+        ("odd.json --from 1", "picture of odd.json (answer)"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused(

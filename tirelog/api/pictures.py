@@ -181,6 +181,12 @@ def figure_of(
     if role == "log":
         return _of_logs(logs, kind, channels, ends, note)
     paths = [os.fspath(str(one)) for one in what]
+    if kind not in ("", "signal") or channels or any(end is not None for end in ends.values()):
+        raise UsageError(
+            f"--kind, --channel, --from or --to for a picture of {paths[0]} ({role})",
+            allowed="they are allowed for logs",
+            do="leave them out",
+        )
     if role == "model":
         made: Figure = resolve_name("tirelog.plots.answers:model_picture")(load_model(paths[0]))
         return made
