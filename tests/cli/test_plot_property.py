@@ -142,6 +142,8 @@ def test_errors_of_an_answer_are_in_noise_floors(folder: Path) -> None:
         ("none.csv", "none.csv: cannot be read"),
         ("odd.json", "odd.json: cannot be drawn"),
         ("list.json", "list.json: is not a table"),
+        ("empty.csv", "empty.csv: no rows to draw"),
+        ("one.csv", "one.csv: is no table of numbers that vary"),
         ("log.csv --kind pie", "--kind pie"),
         ("log.csv --kind polar --from 1", "the picture polar is of the whole log"),
         ("log.csv --channel strain_9", "no channel is called 'strain_9' (nearest: strain_1)"),
@@ -155,6 +157,8 @@ def test_what_cannot_be_drawn_is_refused(
 ) -> None:
     (folder / "odd.json").write_text('{"effects": 1, "verdict": 2}')
     (folder / "list.json").write_text('[{"log": ')
+    (folder / "empty.csv").write_text("log,channel,revolution,time_s,quality\n")
+    (folder / "one.csv").write_text("log,channel,revolution,time_s,quality\none.csv,a,0,1.5,ok\n")
     done = tirelog(f"plot {words} -o p.png")
     assert done.status in (2, 4)
     assert said in done.err

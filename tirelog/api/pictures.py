@@ -1,8 +1,8 @@
 """Pictures: of tables as they are made, and of a log, a table, a model or an answer that is there.
 
 open log --parts_of--> TablePicture.keep --> the picture of a table as its command makes it
-paths --role_of--> logs        --picture_of_logs--> a figure
-                   tables, a model, an answer --figure_of--> a figure
+files --role_of--> logs that are open, tables, a model, an answer --figure_of--> a figure
+    --show--> a file or a window
 """
 
 from __future__ import annotations
@@ -33,9 +33,7 @@ from tirelog.vocabulary.tables import LOG_PICTURES, LOG_TABLES, STRETCH, LogTabl
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = [
-    "TablePicture", "figure_of", "plot", "plot_table", "show",
-]  # fmt: skip
+__all__ = ["TablePicture", "figure_of", "plot", "plot_table", "show"]
 
 
 class TablePicture:
@@ -193,6 +191,8 @@ def figure_of(
     if role == "answer":
         return _of_answer(File(paths[0]))
     parts = [part for path in paths for part in _parts_of_table(path)]
+    if not parts:
+        raise UsageError(f"{', '.join(paths)}: no rows to draw", do="make the table again")
     if len({tuple(part) for part in parts}) > 1:
         raise UsageError(
             f"{', '.join(paths)} have unlike columns",
