@@ -115,8 +115,7 @@ def plot_table(
 # ---- What is there: logs, tables, a model, an answer.
 
 
-#: bytes that tell what a file is, how a model file goes on, and how rows in JSON begin
-_HEAD = 1 << 16
+#: how a model file goes on, and how rows in JSON begin
 _MODEL, _ROWS = re.compile(rb"^\s*\[model\]", re.MULTILINE), re.compile(rb"\[\s*\{")
 
 
@@ -140,7 +139,7 @@ def _role(one: Path | Recording) -> str:
     if isinstance(one, Recording) or not is_file(os.fspath(one)):
         return "log"
     with open_input(os.fspath(one)) as stream:
-        head = stream.read(_HEAD).removeprefix(codecs.BOM_UTF8).lstrip()
+        head = stream.read(LARGEST_BYTES).removeprefix(codecs.BOM_UTF8).lstrip()
     if _MODEL.search(head):
         return "model"
     if _ROWS.match(head):
