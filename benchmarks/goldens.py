@@ -193,7 +193,7 @@ compare drive.csv.gz
 compare drive.csv.gz --model drive.toml
 compare drive.csv.gz --model model.toml --by tyre
 compare drive.csv.gz --model model.toml --plot picture.bmp
-compare drive.csv.gz --model model.toml --plot-kind pie
+plot drive.csv.gz --kind pie -o picture.png
 compare drive.csv.gz --model model.toml --effects none.py
 diagnose drive.csv.gz --model model.toml --leave-one-out wheel
 diagnose drive.csv.gz --model model.toml --format xml

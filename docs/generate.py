@@ -33,7 +33,7 @@ from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.observables import OBSERVABLES
 from tirelog.vocabulary.quality import OK, Quality
-from tirelog.vocabulary.tables import COMPARE, FOOTPRINT, LOG_TABLES, LogTable
+from tirelog.vocabulary.tables import LOG_PICTURES, LOG_TABLES, LogTable
 from tirelog.vocabulary.units import UNITS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -549,10 +549,10 @@ The first rule that holds is the verdict of `tirelog diagnose`:
 {table(("name", "value", "unit", "why"), numbers)}
 
 ## Nuisances
-What every wheel, road and day does stands beside the model if it earns its place by the same rules
-as an effect, or if the model file's `[nuisances]` says `"on"`; never if it says `"off"`. `form` has
-a table of its own there, `[form]`, with the same words. A size is
-the standard deviation of an amplitude before anything is measured, and can be given:
+What every wheel, road and day does is fitted beside the model if it earns its place by the rules of
+an effect, or if the model file's `[nuisances]` says `"on"`; never if it says `"off"`. `form` has a
+table of its own there, `[form]`, with the same words. A size is the standard deviation of an
+amplitude before anything is measured, and can be given:
 `wheel = {{ use = "auto", force = 0.02 }}`.
 
 {table(("nuisance", "what it is", "ordinary sizes"), nuisances)}
@@ -560,7 +560,7 @@ the standard deviation of an amplitude before anything is measured, and can be g
 Hum of the supply (50 or 60 Hz and multiples) keeps its own frequency, so it does not average out
 where the wheel turns at a whole fraction of it, and then looks like a shape that one manoeuvre has.
 It is measured in the differences of neighbouring revolutions, in which whatever repeats with the
-wheel cancels, taken out of the waveforms before anything is compared, and told in a remark with its
+wheel cancels. It is removed from the waveforms before anything is compared, and a remark has its
 size. Other lines, as of an inverter or a pump, stay and can end in the verdict `scatter`.
 """
 
@@ -613,13 +613,9 @@ conditions (`speed / 20`; `1` for none), straight lines between the nodes and no
 
 
 def pictures_section() -> str:
-    """What --plot-kind takes."""
-    rows = [
-        (f"`{command}`", f"`{kind}`", says)
-        for command, kinds in (("footprint", FOOTPRINT), ("compare", COMPARE))
-        for kind, says in kinds.items()
-    ]
-    return table(("command", "`--plot-kind`", "what is drawn"), rows)
+    """What --kind takes."""
+    rows = [(f"`{kind}`", says) for kind, says in LOG_PICTURES.items()]
+    return table(("`--kind`", "what is drawn"), rows)
 
 
 def certainty_section() -> str:
@@ -644,6 +640,7 @@ HEADINGS = {
     "tirelog.api.logs": "Logs and setups",
     "tirelog.api.tables": "Tables",
     "tirelog.api.parts": "Calibrations",
+    "tirelog.api.pictures": "Pictures",
     "tirelog.api.models": "Models",
     "tirelog.api.answers": "Answers",
     "tirelog.api.campaigns": "Campaigns",
@@ -746,7 +743,7 @@ FURTHER_WORDS = (
     ("nuisance", "a disturbance of wheel, road or day, such as run-out, fitted beside the model"),
     ("ladder", "forward selection: effects are added one by one while each improves the model"),
     ("verdict", "the first word of a diagnosis, such as missing, ambiguous or unknown"),
-    ("repeatability", "how far revolutions of like manoeuvres agree; the noise floor measures it"),
+    ("repeatability", "how far similar revolutions agree; the noise floor measures it"),
     ("form", "the tire's own shape of strain, learned from the log without a model of the carcass"),
     ("quality word", "an entry of the column `quality`"),
 )  # fmt: skip

@@ -1,15 +1,18 @@
 """Property: texts are in plain words: subject, verb, object, and at most 25 words a sentence.
 
-A text is a docstring, or any string of the package: a message, a line of help, a page.
+A text is a docstring, or any string of the package: a message, a line of help, a page. Comments
+and the pages of the docs have no foreign words either.
 """
 
 import ast
+import io
 import re
+import tokenize
 from collections.abc import Iterator
 
 import pytest
 
-from tests.sources import sources
+from tests.sources import ROOT, sources
 
 pytestmark = pytest.mark.xdist_group("sources")  # one worker parses the package, once
 
@@ -73,6 +76,23 @@ def sentences(text: str) -> Iterator[str]:
 def test_texts_have_no_foreign_words() -> None:
     found = [(file, line, FOREIGN.findall(text)) for file, line, text, _ in held()]
     assert [one for one in found if one[2]] == []
+
+
+def test_pages_have_no_foreign_words() -> None:
+    pages = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")]
+    texts = {page: page.read_text(encoding="utf-8") for page in pages}
+    assert [
+        (page, FOREIGN.findall(text)) for page, text in texts.items() if FOREIGN.search(text)
+    ] == []
+
+
+def test_comments_have_no_foreign_words() -> None:
+    found = []
+    for file, (text, _) in sources().items():
+        for token in tokenize.generate_tokens(io.StringIO(text).readline):
+            if token.type == tokenize.COMMENT and FOREIGN.search(token.string):
+                found.append((file, token.start[0], token.string))
+    assert found == []
 
 
 def test_no_sentence_is_long() -> None:

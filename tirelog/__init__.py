@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     )
     from tirelog.api.models import contributions, load_model, new_model, predict, save_model
     from tirelog.api.parts import save_calibration
+    from tirelog.api.pictures import plot, plot_table
     from tirelog.api.tables import (
         calibrate,
         check,
@@ -51,7 +52,6 @@ if TYPE_CHECKING:
         footprint,
         inflation,
         phase_shift,
-        plot_table,
         speed,
     )
     from tirelog.data.recording import Conditions, Recording
@@ -74,9 +74,10 @@ _HOMES = {
             *("contributions", "load_model", "new_model", "predict", "save_model"),
         ),
         "tirelog.api.parts": ("save_calibration",),
+        "tirelog.api.pictures": ("plot", "plot_table"),
         "tirelog.api.tables": (
-            *("calibrate", "dissipation", "footprint", "inflation", "phase_shift", "plot_table"),
-            *("check", "speed"),
+            *("calibrate", "dissipation", "footprint", "inflation", "phase_shift", "check"),
+            "speed",
         ),
         "tirelog.data.recording": ("Conditions", "Recording"),
         "tirelog.errors": ("TirelogError",),
@@ -89,8 +90,9 @@ __all__ = [
     "Conditions", "Model", "Recording", "TirelogError", "calibrate", "campaign_status", "check",
     "check_setup", "compare", "contributions", "diagnose", "dissipation", "draft_setup", "fit",
     "footprint", "inflation", "ingest", "ladder", "load_model", "load_setup", "measure",
-    "new_model", "open_log", "phase_shift", "plot_table", "predict", "propose", "run_campaign",
-    "save_calibration", "save_model", "simulate", "speed", "tire_form", "write_report",
+    "new_model", "open_log", "phase_shift", "plot", "plot_table", "predict", "propose",
+    "run_campaign", "save_calibration", "save_model", "simulate", "speed", "tire_form",
+    "write_report",
 ]  # fmt: skip
 
 

@@ -50,14 +50,14 @@ def test_a_calibration_is_learnt_and_applied(folder: Path, command: Command) -> 
 
 
 def test_pictures_of_tables(folder: Path) -> None:
-    tirelog.plot_table("footprint", "log.csv", "p.png", kind="polar")
+    tirelog.plot_table("footprint", "log.csv", "p.png")
     assert (folder / "p.png").read_bytes().startswith(b"\x89PNG")
-    for name, kind in (("speed", ""), ("footprint", "polar"), ("dissipation", "")):
-        shown = tirelog.plot_table(name, "log.csv", kind=kind)
+    for name in ("speed", "footprint", "dissipation"):
+        shown = tirelog.plot_table(name, "log.csv")
         assert shown._repr_png_().startswith(b"\x89PNG")  # in a notebook
     for given, says in (
         (("slip", {}), "has no picture"),
-        (("footprint", {"kind": "pollar"}), "nearest: polar"),
+        (("footprint", {"cut_off": "auto"}), "nearest: cutoff"),
         (("footprnt", {}), "nearest: footprint"),
     ):
         with pytest.raises(tirelog.TirelogError, match=says):

@@ -171,7 +171,7 @@ def test_contributions_sum_to_the_whole():
             "this dict is no setup",
         ),
         (lambda: tirelog.write_report("log.csv"), "add output PAGE.html"),
-        (lambda: tirelog.plot_table("speed", "log.csv", "p.gif"), "^path p.gif: suffix"),
+        (lambda: tirelog.plot_table("speed", "log.csv", "p.gif"), "^picture p.gif: suffix"),
         (lambda: tirelog.speed("log.csv", start="noon"), "start noon; allowed are seconds"),
     ],
 )

@@ -50,6 +50,8 @@ def test_a_guess_is_a_kind_with_a_unit_of_it(name, unit, size, moves):
         ("temp_C", 60.0, "temperature", "degC"),
         ("WL 1", 1532.0, "fbg_strain", "nm"),
         ("hall", 1.0, "wheel_encoder", "1"),
+        ("enc_fl", 1.0, "wheel_encoder", "1"),
+        ("Dehnung_1", 900.0, "strain", "microstrain"),
         ("x", 1.0, "signal", "1"),
     ],
 )

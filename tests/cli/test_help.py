@@ -110,4 +110,4 @@ def test_values_are_completed():
     assert "water_film" in completed("effects", "name", "water")
     assert completed("model new", "preset", "P3") == ["P3"]
     assert completed("tables", "table", "sp") == ["speed"]
-    assert completed("footprint", "kind", "po") == ["polar"]
+    assert completed("plot", "kind", "po") == ["polar"]

@@ -58,6 +58,7 @@ def onto_its_input(path, one):
 
 OWN = {path: onto_its_input(path, one) for path, one in commands(command()) if path != "tables"}
 OVERWRITES |= {path: words for path, words in OWN.items() if words}
+OVERWRITES["plot"] = "plot log.png --setup log.toml -o log.png"  # whose output is a picture
 
 
 @pytest.mark.parametrize("name", OVERWRITES)

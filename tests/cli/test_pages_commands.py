@@ -21,12 +21,10 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PARSED_ONLY = {
     "tirelog campaign ": "a manifest of one's own; tests/campaign runs campaigns",
     "tirelog compare cleat.csv.gz --model m.toml": "17 s; tests/physics/test_coupled_command.py",
-    "tirelog compare hidden_1.csv.gz hidden_2.csv.gz --model beam.toml --plot edges": "3 s; "
-    "tests/diagnosis draws them",
-    "tirelog footprint drive.csv.gz hidden_1.csv.gz -o f.csv --plot": "3 s; tests/strain draws it",
+    "tirelog plot drive.csv.gz hidden_1.csv.gz --kind": "3 s; tests/strain draws it",
     "tirelog ladder hidden": "11 s; tests/diagnosis climbs ladders",
     "tirelog model predict m.toml": "a tire that moves takes 5 s; tests/physics drives it",
-    "tirelog model show beam.toml --history": "needs the ladder that is not climbed here",
+    "tirelog plot beam.ladder.json -o steps.png": "needs the ladder that is not climbed here",
     "tirelog propose unknown": "25 s; tests/diagnosis proposes",
     "tirelog compare unknown_1.csv.gz unknown_2.csv.gz --model proposed": "needs what is proposed",
     "tirelog report hidden": "16 s; tests/report makes pages",

@@ -32,7 +32,6 @@ FOLDER = "the folder has to exist"
         ("compare --model m.toml --plot", "nowhere/x.png", FOLDER),
         ("compare --model m.toml --plot", "x.jpg", "allowed are .png"),
         ("compare --model m.toml -o", "nowhere/x.json", FOLDER),
-        ("compare --model m.toml --plot-kind polar", "", "add --plot FILE"),
         ("diagnose --model m.toml --plot", "nowhere/x.png", FOLDER),
         ("diagnose --model m.toml -o", "nowhere/x.json", FOLDER),
         ("ladder --model m.toml --save", "nowhere/x.toml", FOLDER),
@@ -86,4 +85,4 @@ def test_a_picture_without_matplotlib_is_refused_first(
     models = [] if command == "footprint" else ["--model", model]
     result = tirelog(command, log, *models, "--plot", plot)
     assert result.status == 2
-    assert "--plot needs matplotlib" in result.err
+    assert "a picture needs matplotlib" in result.err

@@ -11,7 +11,6 @@ from tests.diagnosis.planted import MODEL, stack
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.compare import compare as compare_logs
 from tirelog.diagnosis.results import Candidate, Map, Waveforms
-from tirelog.errors import UsageError
 from tirelog.physics.model.model import Model
 from tirelog.plots import answers
 from tirelog.plots.answers import coloured
@@ -113,31 +112,12 @@ def test_logs_whose_names_hold_commas_are_two_on_the_page():
     assert [trace["marker"]["color"] for trace in measured] == [COLOURS[2], COLOURS[1]]
 
 
-def test_edges_close_up_show_what_is_left_behind_the_exit():
-    drawn = answers.compare_figure(with_waveforms(), "edges")
-    assert "residual" not in [axes.get_title() for axes in drawn.axes]
-    entry, exit_ = drawn.axes[2:4]
-    assert entry.get_ylabel() == "residual [microstrain]"
-    x, y = exit_.lines[0].get_data()
-    assert y[x > np.degrees(0.2)] == pytest.approx(5.0)
-    assert np.abs(y[x < np.degrees(0.2)]).max() < 1e-9
-    assert exit_.get_xlim() == pytest.approx(np.degrees([0.08, 0.32]), abs=1e-6)
-    assert entry.get_xlim() == pytest.approx(np.degrees([-0.32, -0.08]), abs=1e-6)
-
-
-def test_the_polar_picture_has_the_pressure_that_carries_the_load():
-    drawn = answers.compare_figure(with_waveforms(), "polar")
-    wheel, patch = drawn.axes
-    assert wheel.name == "polar"
-    for line, load in zip(patch.lines[:2], (3000.0, 4000.0)):
-        assert np.trapezoid(line.get_ydata(), line.get_xdata()) == pytest.approx(load, rel=0.01)
-    named = [text.get_text() for text in wheel.get_legend().texts]
-    assert named == ["10 m/s, a.csv", "20 m/s, b.csv"]
-
-
-def test_a_number_per_revolution_has_no_edges():
-    with pytest.raises(UsageError, match="a number per revolution"):
-        answers.compare_figure(with_waveforms("patch_length"), "edges")
+def test_waveforms_show_what_is_left_behind_the_exit():
+    drawn = answers.differences(with_waveforms())
+    first = next(mark for mark in drawn.marks if mark.kind == "line")
+    assert drawn.y == "residual [microstrain]"
+    assert first.y[first.x > np.degrees(0.2)] == pytest.approx(5.0)
+    assert np.abs(first.y[first.x < np.degrees(0.2)]).max() < 1e-9
 
 
 def test_logs_one_after_the_other_are_parted():

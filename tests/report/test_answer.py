@@ -87,7 +87,9 @@ def test_the_answer_comes_first_with_verdict_evidence_and_next_command(model_pag
     assert "Missing: hydrodynamic wedge ahead of the entry edge (water_film)" in text
     assert re.search(r"\d+ revolutions in \d+ manoeuvres, [\d.]+ to [\d.]+ m/s", text)
     assert "load 3434, 3800 N; inflation pressure 220 kPa" in text
-    assert re.search(r"probability\s+<=? ?[\d.e-]+\s+of being noise", text)
+    assert re.search(
+        r"water_film removes [\d.]+ % ± .*chance alone does so with p <?= [\d.e-]+", text
+    )
     assert re.search(
         r"How sure\s+(\d+ of \d+ simulated cases of this kind|How often such a verdict)", text
     )
@@ -118,6 +120,17 @@ def test_the_rungs_are_the_ladder_s(model_page: Path) -> None:
     for section, command in (("model", "compare"), ("ladder", "ladder")):
         made = f"Made with <code>tirelog {command} .*--model"
         assert re.search(made, part(model_page, section))
+
+
+def test_where_it_fails_is_where_its_map_is_largest(model_page: Path) -> None:
+    figures, text = data(model_page)["figures"], words(part(model_page, "answer"))
+    drawn = figures["answer-map-0"]["traces"][0]
+    angle = numbers(drawn["x"])
+    size = np.sqrt(np.mean(numbers(drawn["z"]).reshape(-1, angle.size) ** 2, axis=0))
+    said = re.search(r"fails most ([a-z ]+) \(([\d.]+) microstrain\), then", text)
+    assert said
+    assert float(said[2]) == pytest.approx(size.max(), rel=0.01)
+    assert said[1] == ("ahead of the entry edge" if angle[size.argmax()] < -11.2 else "elsewhere")
 
 
 def test_before_and_after_are_drawn_at_one_scale(model_page: Path) -> None:

@@ -19,7 +19,7 @@ from tirelog.plots.turns import (
     speed_classes,
 )
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.tables import FOOTPRINT
+from tirelog.vocabulary.tables import LOG_PICTURES
 
 __all__ = ["folder", "tirelog"]
 
@@ -82,7 +82,7 @@ def test_around_the_wheel_zero_is_a_circle_and_the_patch_is_below() -> None:
     assert axes.get_theta_offset() == pytest.approx(1.5 * np.pi)  # angle 0 points down
 
 
-@pytest.mark.parametrize("kind", [kind for kind in FOOTPRINT if kind != "page"])
+@pytest.mark.parametrize("kind", [kind for kind in LOG_PICTURES if kind != "signal"])
 def test_each_log_has_its_panel_or_colour_in_microstrain(kind: str) -> None:
     figure = picture(KINDS[kind]([sketch("a.csv"), sketch("b.csv")]))
     figure.draw_without_rendering()
@@ -99,6 +99,5 @@ def test_each_log_has_its_panel_or_colour_in_microstrain(kind: str) -> None:
 @pytest.mark.parametrize(("kind", "suffix"), [("polar", "svg"), ("waterfall", "pdf")])
 def test_the_command_draws_it(folder: Path, tirelog: Command, kind: str, suffix: str) -> None:
     path = folder / f"p.{suffix}"
-    given = ("-o", "f.csv", "--plot", str(path), "--plot-kind", kind)
-    assert tirelog("footprint", "log.csv", *given).status == 0
+    assert tirelog("plot", "log.csv", "-o", str(path), "--kind", kind).status == 0
     assert path.read_bytes()[:5] in (b"<?xml", b"%PDF-")

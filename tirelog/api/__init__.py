@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 from tirelog.errors import TirelogError
 
 if TYPE_CHECKING:
-    from tirelog.api import answers, campaigns, logs, models, parts, tables
+    from tirelog.api import answers, campaigns, logs, models, parts, pictures, tables
 
-__all__ = ["answers", "campaigns", "logs", "models", "parts", "tables"]
+__all__ = ["answers", "campaigns", "logs", "models", "parts", "pictures", "tables"]
 
 
 def __getattr__(name: str) -> Any:
@@ -28,7 +28,7 @@ def __getattr__(name: str) -> Any:
 
 #: options whose argument in Python has another name
 _ARGUMENTS = {
-    "-o": "output", "--plot": "path", "--plot-kind": "kind", "--set": "values", "--from": "start",
+    "-o": "output", "--plot": "path", "--set": "values", "--from": "start",
     "--to": "stop", "--from-pressure": "from_Pa", "--to-pressure": "to_Pa",
     "--steady-step": "steady_step_m_s",
 }  # fmt: skip

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Contents", "FoundSeries", "Logs", "OpenLog", "Path", "SetupCheck", "SetupLike", "as_logs",
     "as_read", "as_setup", "changed", "channels", "check_setup", "contents", "contents_rows",
-    "described", "draft_setup", "each_log", "ingest", "load_setup", "open_log",
+    "described", "draft_setup", "drafted", "each_log", "ingest", "load_setup", "open_log",
     "open_recording", "opened_run", "samples_hash", "simulate", "simulated_log",
 ]  # fmt: skip
 
@@ -132,6 +132,11 @@ def described(log: str) -> bool:
     if log == "-" or address(log):
         return False
     return setup_beside(log) is not None or (is_file(log) and is_run(log))
+
+
+def drafted(log: str) -> Setup | None:
+    """The draft of a log's setup, to look at its signals; None of standard input, read once."""
+    return None if log == "-" else setups.parse_setup(draft(log).text)
 
 
 def ingest(log: Path, output: Path, setup: SetupLike | None = None) -> IngestSummary:

@@ -13,7 +13,6 @@ import numpy as np
 from tirelog.api.logs import Path, SetupLike, as_read, as_setup
 from tirelog.data.recording import Conditions
 from tirelog.data.setup import RoadSetup, Setup
-from tirelog.diagnosis.history import history_rows as ladder_rows
 from tirelog.errors import ModelError, UsageError, refuse_unknown
 from tirelog.physics.effects import Effect, serves
 from tirelog.physics.model import file
@@ -56,7 +55,7 @@ __all__ = [
     "PRESETS", "SCALARS", "Effect", "Model", "ModelLike", "added", "angles", "as_model",
     "carcass_facts", "catalogue_with", "changed", "conditions_of", "contributions",
     "difference_rows", "draw_effects", "draw_modes", "forces", "given_conditions",
-    "known_surface", "ladder_rows", "load_model", "modes", "new_model", "numbers",
+    "known_surface", "load_model", "modes", "new_model", "numbers",
     "parameter_rows", "passage", "predict", "refuse_another", "revolutions", "save_model",
     "serves", "table_columns", "worn_model",
 ]  # fmt: skip

@@ -1,7 +1,6 @@
 """Rows of tables, part by part: what commands write, and what the DataFrames are made of.
 
     open log --parts_of, parts_of_drive--> Part (rows of a channel, remarks) --> files, DataFrames
-                                           --TablePicture--> a picture
 
 No table is held in memory here, and pandas is not needed.
 """
@@ -14,7 +13,6 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path as File
-from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,17 +29,15 @@ from tirelog.products import (
     tables_of,
     with_channels,
 )
-from tirelog.vocabulary.tables import LOG_TABLES, STRETCH, LogTable
+from tirelog.vocabulary.tables import LOG_TABLES, STRETCH
 from tirelog.vocabulary.units import likely_number
 
 __all__ = [
-    "Part", "TablePicture", "calibrated", "calibration_notes", "checked_options", "parts_of",
-    "parts_of_drive", "refuse_other_tables", "save_calibration",
+    "Part", "calibrated", "calibration_notes", "checked_options", "parts_of", "parts_of_drive",
+    "refuse_other_tables", "save_calibration",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from tirelog.wheel.calibration import Calibration
 
 
@@ -204,46 +200,6 @@ def parts_of_drive(
         refused_first=refused_first, processes=processes,
     )  # fmt: skip
     return made, [name for name in names if name not in suited]
-
-
-class TablePicture:
-    """A picture of a table, of the parts that are kept.
-
-    kind  of `LogTable.pictures`, the first by default; `ends`: of a stretch, `start` and `stop`
-
-    UsageError: the table has no picture, or none of that kind, or its picture is of the whole log
-    and not of a stretch.
-    """
-
-    def __init__(self, table: LogTable, kind: str = "", ends: Mapping[str, Any] = {}) -> None:
-        if not table.picture:
-            raise UsageError(f"{table.name} has no picture", do="draw its rows")
-        if table.drawn == "whole" and any(ends.get(end.name) is not None for end in STRETCH):
-            raise UsageError(
-                f"the picture of {table.name} is of the whole log",
-                allowed="a stretch is for rows",
-                do="leave out --plot, or --from and --to",
-            )
-        if kind and table.pictures:
-            refuse_unknown(kind, table.pictures, f"no picture is called {kind!r}", do="choose one")
-        self.table, self.kept = table, list[Any]()
-        self.kinds = [kind or next(iter(table.pictures))] if table.pictures else []
-
-    def keep(self, recording: Recording, part: Part) -> None:
-        """Keep the content of a part, while its log is open."""
-        sketch = resolve_name(self.table.sketch) if self.table.sketch else None
-        self.kept.append(
-            sketch(recording, part, *(self.kinds or [""])) if sketch else (recording, part)
-        )
-
-    def draw(self, path: Path | None) -> Figure | None:
-        """The figure, None without a part; a file of it if a path is given."""
-        if not self.kept:
-            return None
-        figure: Figure = resolve_name(self.table.picture)(self.kept, *self.kinds)
-        if path is not None:
-            resolve_name("tirelog.plots.record:write")(figure, File(path))
-        return figure
 
 
 def calibrated(parts: Iterable[Part], *, forces: bool = False) -> tuple[Calibration, list[Part]]:

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from tirelog.api.logs import Logs, Path, SetupLike, each_log
-from tirelog.api.parts import TablePicture, calibrated, checked_options, parts_of
-from tirelog.errors import refuse_unknown
+from tirelog.api.parts import calibrated, checked_options, parts_of
 from tirelog.tables.frame import (
     Difference,
     as_table,
@@ -32,8 +31,6 @@ from tirelog.tables.frame import (
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from tirelog.wheel.calibration import Calibration
 
 
@@ -315,48 +312,6 @@ def table_function(table: LogTable) -> Callable[..., pd.DataFrame]:
     return made
 
 
-def plot_table(
-    name: str,
-    logs: Logs,
-    path: Path | None = None,
-    setup: SetupLike | None = None,
-    *,
-    kind: str = "",
-    **options: Any,
-) -> Figure | None:
-    """The picture of a table, which a notebook shows; a file of it if a path is given.
-
-    Parameters
-    ----------
-    name : str
-        The table's command, such as ``"footprint"``.
-    logs, setup
-        As for `speed`.
-    path : str or os.PathLike, optional
-        The picture to write: .png, .svg or .pdf.
-    kind : str, optional
-        Which picture of the table, such as ``"polar"`` of a footprint.
-    **options
-        The table's options, as in campaigns.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The picture; None if no log has rows.
-
-    Raises
-    ------
-    UsageError
-        No such table, picture or option, or a log that it cannot be drawn of.
-    """
-    refuse_unknown(name, LOG_TABLES, f"no table is called {name!r}", do="choose among them")
-    picture = TablePicture(LOG_TABLES[name], kind, options)
-    for recording in each_log(logs, setup):
-        for part in parts_of(recording, name, options):
-            picture.keep(recording, part)
-    return picture.draw(path)
-
-
 def _table(
     name: str, logs: Logs, setup: SetupLike | None, options: Mapping[str, Any]
 ) -> pd.DataFrame:
@@ -374,7 +329,7 @@ def _table(
     return frame
 
 
-# ---- Does a table still say what an earlier one said?
+# ---- Does a table still hold what an earlier one held?
 
 
 @dataclass(frozen=True)

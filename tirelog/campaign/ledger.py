@@ -72,7 +72,7 @@ from tirelog.storage.whole import (
 # ---- What a campaign calls its files, and the folder of this machine in which they are made.
 
 
-#: what stands in a campaign's folder beside its results
+#: what is in a campaign's folder beside its results
 HIDDEN = ".tirelog"
 
 

@@ -50,7 +50,7 @@ from tirelog.version import __version__
 # It opens the log once, writes all its tables and what models need of it, and says how it went.
 #
 # The worker's memory is that of one command on one log, which streams: blocks of a fixed size,
-# whatever the log's length. What models need are the means of like revolutions
+# whatever the log's length. What models need are the means of similar revolutions
 # (`inference.cells.pieces`, 25 kB each); the revolutions that they are made of (8 kB each, one
 # channel) are in memory only here, and only while they are averaged.
 

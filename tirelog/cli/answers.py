@@ -21,7 +21,7 @@ import tirelog.api as api
 from tirelog.cli import options, pages
 from tirelog.cli.session import Session, campaign_progress, say, write_json
 from tirelog.errors import ExitStatus, UsageError, printable, refuse_unknown
-from tirelog.vocabulary.tables import COMPARE, ERRORS_BY
+from tirelog.vocabulary.tables import ERRORS_BY
 
 Answer = TypeVar("Answer")
 #: columns of `ladder --by-log`
@@ -66,11 +66,11 @@ class Question:
             tuple(self.logs), self.setup, model, channel=self.channel, effects=self.effects
         )
 
-    def show(self, answer: Any, remarks: Iterable[str], **how: str) -> None:
+    def show(self, answer: Any, remarks: Iterable[str]) -> None:
         """Print the remarks, and draw the picture if one is asked for."""
         self.session.note(*remarks)
         if self.plot is not None:
-            others = answer.draw(self.plot, **how)
+            others = answer.draw(self.plot)
             self.session.note(*(f"wrote a second picture, {beside}" for beside in others))
 
 
@@ -123,13 +123,11 @@ def compare(
         list[Path] | None,
         typer.Option("--against", help="Another model file to rank on the same logs; repeatable."),
     ] = None,
-    kind: Annotated[str, options.plot_kind(COMPARE)] = "page",
 ) -> None:
     """Validation error of a model beside the noise floor (repeatability of the revolutions).
 
     The model is fitted on some manoeuvres (segments); the held-out error is that on the others.
     """
-    options.refuse_kind_alone(kind, asked.plot)
     if by is not None:
         refuse_unknown(by, ERRORS_BY, f"--by {by}", do="choose one")
         if against:
@@ -142,7 +140,7 @@ def compare(
     ask = partial(api.answers.compare, others=others)
     with asked.answered("fitting the model", ask) as result:
         parts = None if by is None else result.by(by)
-        asked.show(result, result.notes, kind=kind)
+        asked.show(result, result.notes)
         if parts is None:
             write_answer(asked.session, "compare", result, result.page())
             follows = asked.request(asked.model).command("diagnose", model=True)

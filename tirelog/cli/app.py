@@ -25,6 +25,7 @@ COMMANDS: Mapping[str, str | LogTable] = {
     "ingest": "files:ingest",
     "info": "files:info",
     **{name: table for name, table in LOG_TABLES.items() if table.driven},
+    "plot": "files:plot",
     "tables": "files:tables",
     **{name: table for name, table in LOG_TABLES.items() if not table.driven},
     "setup new": "files:new",
@@ -115,7 +116,7 @@ def command(asked: str = "") -> Any:
     return parsed
 
 
-# ---- What help says beside each command's own words: groups, examples, what stands for a value.
+# ---- What help says beside each command's own words: groups, examples, words for a value.
 #
 # A new command has its line in GROUPS and in EXAMPLES, an option of a kind not seen before its word
 # in METAVARS.
@@ -123,7 +124,7 @@ def command(asked: str = "") -> Any:
 
 #: the commands in the order of help, by what one wants
 GROUPS: Mapping[str, tuple[str, ...]] = {
-    "Logs": ("info", "setup", "ingest", "simulate"),
+    "Logs": ("info", "setup", "plot", "ingest", "simulate"),
     "Tables": (
         "speed",
         "footprint",
@@ -148,6 +149,15 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("tirelog ingest drive.csv.gz -o drive.h5", "read once; every command takes the run"),
         ("zstd -dc log.csv.zst | tirelog ingest - --setup drive.toml -o run.h5", "from a pipe"),
     ),
+    "plot": (
+        ("tirelog plot drive.csv.gz -o drive.png", "its signals, passages marked"),
+        ("tirelog plot drive.csv.gz --from 10 --to 12 -o two_seconds.png", "a stretch of them"),
+        (
+            "tirelog plot drive.csv.gz --kind polar -o wheel.svg",
+            "strain around the wheel; also waterfall, edges",
+        ),
+        ("tirelog plot model.toml -o model.png", "what a model predicts; also tables and answers"),
+    ),
     "simulate": (
         ("tirelog simulate scenarios/drive.toml -o made.csv", "beside it its truth and its setup"),
         ("tirelog simulate scenarios/drive.toml -o made.csv --seed 7", "another draw of the noise"),
@@ -161,10 +171,6 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "footprint": (
         ("tirelog footprint drive.csv.gz -o footprint.csv", "contact length, edges, slip onset"),
         ("tirelog footprint drive.csv.gz -o f.csv --plot footprint.png", "and a picture"),
-        (
-            "tirelog footprint drive.csv.gz -o f.csv --plot wheel.svg --plot-kind polar",
-            "strain around the wheel; also waterfall, edges",
-        ),
     ),
     "dissipation": (
         ("tirelog dissipation drive.csv.gz -o dissipation.csv", "factor and power per revolution"),
@@ -268,8 +274,8 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
             "error over the wheel's angle",
         ),
         (
-            "tirelog compare drive.csv.gz --model model.toml --plot edges.pdf --plot-kind edges",
-            "the patch's edges close up",
+            "tirelog compare drive.csv.gz --model model.toml --plot compared.png",
+            "and what the model misses as a picture",
         ),
     ),
     "diagnose": (
@@ -310,7 +316,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     ),
     "campaign status": (("tirelog campaign status campaign.toml", "done, failed and open"),),
 }
-#: what stands for the value of an argument or option in help
+#: the word for the value of an argument or option in help
 METAVARS: Mapping[str, str] = {
     "logs": "LOG",
     "log": "LOG",

@@ -15,7 +15,7 @@ import tirelog.api as api
 from tirelog.cli import options, pages
 from tirelog.cli.session import Session
 from tirelog.errors import ExitStatus, UsageError, printable
-from tirelog.vocabulary.tables import LOG_TABLES, STRETCH, LogTable, TableOption
+from tirelog.vocabulary.tables import LOG_PICTURES, LOG_TABLES, STRETCH, LogTable, TableOption
 
 if TYPE_CHECKING:
     from tirelog.data.recording import Recording
@@ -229,7 +229,7 @@ def table_option(option: TableOption) -> Any:
 def _write(
     parts: Iterable[tuple[Recording, api.parts.Part]],
     writer: TableWriter,
-    picture: api.parts.TablePicture | None,
+    picture: api.pictures.TablePicture | None,
     plot: Path | None,
 ) -> None:
     """Write the rows of parts, and the picture of what it keeps of them."""
@@ -247,9 +247,8 @@ def table_command(table: LogTable) -> Callable[..., None]:
 
     def command(**given: Any) -> None:
         asked = {option.name: given[option.name] for option in table.asked}
-        plot, kind = given.get("plot"), given.get("kind", "page")
-        options.refuse_kind_alone(kind, plot)
-        picture = None if plot is None else api.parts.TablePicture(table, kind, asked)
+        plot = given.get("plot")
+        picture = None if plot is None else api.pictures.TablePicture(table, asked)
         with (
             Session(given["setup"], given["quiet"], given["output"], given["format"]) as session,
             session.table(table.given(asked)) as writer,
@@ -265,9 +264,6 @@ def table_command(table: LogTable) -> Callable[..., None]:
     ]
     if table.picture:
         own.append(("plot", options.Plot, None))
-    if table.pictures:
-        kinds = Annotated[str, options.plot_kind(table.pictures)]
-        own.append(("kind", kinds, next(iter(table.pictures))))
     shared = (
         ("logs", options.Logs, Parameter.empty),
         ("setup", options.SetupFile, None),
@@ -285,6 +281,47 @@ def table_command(table: LogTable) -> Callable[..., None]:
     )
     command.__doc__ = table.says
     return command
+
+
+# ---- `tirelog plot WHAT...`.
+
+
+def plot(
+    logs: Annotated[
+        list[str],
+        typer.Argument(metavar="WHAT", help="Logs or runs; or tables, a model, an answer's JSON."),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Picture to write: .png, .svg or .pdf. Without it a window shows it.",
+            callback=options.drawable,
+        ),
+    ] = None,
+    kind: Annotated[
+        str,
+        typer.Option(
+            help=f"What of logs is drawn: {', '.join(LOG_PICTURES)}.",
+            autocompletion=options.completing(LOG_PICTURES),
+        ),
+    ] = "signal",
+    setup: options.SetupFile = None,
+    channel: options.Channels = None,
+    start: Annotated[str | None, table_option(STRETCH[0])] = None,
+    stop: Annotated[str | None, table_option(STRETCH[1])] = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """Picture of a log's signals, a table, a model or an answer, on the screen or as a file.
+
+    The content of the files decides. A log needs no setup to be looked at.
+    """
+    ends = {"start": start, "stop": stop}
+    with Session(setup, quiet, drafts=True) as session:
+        opened = session.recordings(logs)
+        figure = api.pictures.figure_of(logs, opened, kind, channel or (), ends, session.note)
+        api.pictures.show(figure, output)
 
 
 # ---- `tirelog tables LOG... -o FOLDER`.
@@ -405,7 +442,7 @@ def phase_shift(
         )
     applied = api.parts.calibration_notes(calibration)
     asked = {"zero": zero, "calibration": calibration}
-    picture = None if plot is None else api.parts.TablePicture(TABLE, ends=ends)
+    picture = None if plot is None else api.pictures.TablePicture(TABLE, ends)
     with (
         Session(setup, quiet, output, format) as session,
         session.table(TABLE.name, calibration=str(calibration or "")) as writer,

@@ -89,9 +89,6 @@ def show(
     against: Annotated[
         Path | None, typer.Option(help="Another model: differences in standard errors.")
     ] = None,
-    history: Annotated[
-        bool, typer.Option("--history", help="The steps of the ladders from this model.")
-    ] = False,
     effects: options.EffectsFile = None,
     output: options.Output = None,
     format: options.Format = None,
@@ -99,11 +96,10 @@ def show(
 ) -> None:
     """Parameters and effects of a model; with --against the difference of two models."""
     read = api.models.load_model(model, effects=effects)
-    if history:
-        rows: dict[str, Any] = api.models.ladder_rows(model)
-        shown = pages.rows_page(rows)
-    elif against is not None:
-        rows = api.models.difference_rows(read, api.models.load_model(against, effects=effects))
+    if against is not None:
+        rows: dict[str, Any] = api.models.difference_rows(
+            read, api.models.load_model(against, effects=effects)
+        )
         shown = pages.rows_page(rows)
     else:
         rows, shown = api.models.parameter_rows(read), pages.model_page(read)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import tirelog.api as api
-from tirelog.errors import OutputError, UsageError, refuse_unknown
+from tirelog.errors import OutputError, UsageError
 from tirelog.storage.remote import address
 from tirelog.storage.whole import (
     output_error,
@@ -235,31 +235,6 @@ def with_options(command: Callable[..., None], parameters: Iterable[Parameter]) 
     typed = [one.replace(kind=Parameter.KEYWORD_ONLY) for one in parameters]
     vars(command)["__signature__"] = Signature(typed)
     command.__annotations__ = {one.name: one.annotation for one in typed}
-
-
-def plot_kind(kinds: Mapping[str, str]) -> Any:
-    """The option --plot-kind of a command that draws these kinds.  UsageError: another kind."""
-
-    def known(kind: str) -> str:
-        refuse_unknown(kind, kinds, f"--plot-kind {kind}", do="choose one")
-        return kind
-
-    return typer.Option(
-        "--plot-kind",
-        help=f"What --plot draws: {', '.join(kinds)}.",
-        callback=known,
-        autocompletion=completing(kinds),
-    )
-
-
-def refuse_kind_alone(kind: str, plot: Path | None) -> None:
-    """UsageError: --plot-kind names a picture, and no --plot says where to draw it."""
-    if plot is None and kind != "page":
-        raise UsageError(
-            f"--plot-kind {kind} without --plot",
-            allowed="it says what --plot draws",
-            do="add --plot FILE",
-        )
 
 
 Logs = Annotated[list[str], typer.Argument(help="Logs or runs; '-' is standard input.")]

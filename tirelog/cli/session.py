@@ -272,6 +272,7 @@ class Session:
 
     output, format   as given; a parquet table holds the sha256 of its logs
     hashed           compute them in any case
+    drafts           a log that nobody has described is read by a draft of its setup
     tires            the logs that were read, by the tire that their setups name
     """
 
@@ -283,9 +284,10 @@ class Session:
         format: str | None = None,
         *,
         hashed: bool = False,
+        drafts: bool = False,
     ) -> None:
         self.quiet, self.output, self.format = quiet, output, format
-        self._setup_file = setup
+        self._setup_file, self._drafts = setup, drafts
         self._hashed = hashed or self._parquet()
         self._resources, self._kept = ExitStack(), list["Recording"]()
         self._noted, self._copies = set[str](), dict[str, str]()
@@ -465,8 +467,11 @@ class Session:
         """One log, or None if it cannot be read; then the error is printed."""
 
         def opened() -> Recording:
+            setup = self.setup
+            if setup is None and self._drafts and not api.logs.described(log):
+                setup = api.logs.drafted(log)
             return resources.enter_context(
-                api.logs.open_recording(log, self.setup, blocks=blocks, hashed=self._hashed)
+                api.logs.open_recording(log, setup, blocks=blocks, hashed=self._hashed)
             )
 
         recording = self._known(opened)

@@ -78,13 +78,11 @@ class AnswerRecord:
         """The answer as plain values by name (`record_fields`)."""
         return record_fields(self)
 
-    def plot(self, path_or_axes: str | Path | Axes | None = None, **how: str) -> Any:
+    def plot(self, path_or_axes: str | Path | Axes | None = None) -> Any:
         """The figure.
 
         path_or_axes  a file to write it to as well (.png, .svg, .pdf), or axes that get its main
                       panel alone
-        kind          of a comparison: "page", "polar" (around the wheel, with the contact pressure)
-                      or "edges" (of the patch, close up)
 
         UsageError: no picture has the path's suffix.
         """
@@ -92,14 +90,14 @@ class AnswerRecord:
             panel = resolve_name(f"{PICTURES}:{self.panel}")(self)
             resolve_name("tirelog.plots.record:draw_panel")(path_or_axes, panel)
             return path_or_axes.figure
-        figure = resolve_name(f"{PICTURES}:{self.picture}")(self, **how)
+        figure = resolve_name(f"{PICTURES}:{self.picture}")(self)
         if path_or_axes is not None:
             resolve_name("tirelog.plots.record:write")(figure, Path(path_or_axes))
         return figure
 
-    def draw(self, path: Path, **how: str) -> list[Path]:
+    def draw(self, path: Path) -> list[Path]:
         """The pictures as files: the first at `path`; those beside it come back."""
-        self.plot(path, **how)
+        self.plot(path)
         return []
 
     def __repr__(self) -> str:
@@ -156,7 +154,7 @@ def plain_values(value: Any) -> Any:
 # The only place where a diagnosis is put into words.
 
 
-# Said with every diagnosis, since no statistic can.
+# Printed with every diagnosis, since no statistic can.
 #
 # conditions of the cells, the catalogue's `follows`
 #     -> one sentence, or none if everything that effects follow varies
@@ -211,7 +209,7 @@ _PARITY = {
 }
 
 
-#: the verdict in one sentence, by what is said of it
+#: the verdict in one sentence, by its kind
 _SENTENCES = {
     "nothing_missing": "Nothing is missing that this data could show: what the model{beside} leaves"
     " is the noise floor{above}.",
@@ -381,7 +379,7 @@ def rounding_sentences(observable: str, held: float, floor: float, rounding: flo
             "Samples are not independent: the noise is far below a step, or values were copied, "
             "interpolated or made. The error does not measure the model then; log finer steps"
         ]
-    # share of the floor's mean square from which on rounding is said; doubling it would say it
+    # share of the floor's mean square from which on rounding is named; doubling it would name it
     # never
     if rounding > 0.5 * floor:
         return [

@@ -85,12 +85,18 @@ class Certainty:
     def sentence(self) -> str:
         """The same in words."""
         if self.probability is None:
-            return f"How often such a verdict is right is not known: {self.reason}."
+            return f"{self.count}: {self.reason}."
         but = f" None had an {' or an '.join(self.lacking)}." if self.lacking else ""
+        return f"{self.count} ({self.bound}; {self.tires} tires, {self.date}).{but}"
+
+    @property
+    def count(self) -> str:
+        """The cases that were right, in words; that none is known otherwise."""
+        if self.probability is None:
+            return "How often such a verdict is right is not known"
         return (
             f"{self.right} of {self.cases} simulated cases of this kind were right: at least "
-            f"{int(100.0 * self.probability)} % ({self.bound}; {self.tires} tires, "
-            f"{self.date}).{but}"
+            f"{int(100.0 * self.probability)} %"
         )
 
 
@@ -172,7 +178,7 @@ def calibration() -> dict[str, Any]:
 #
 # What is pooled says one thing of tires that may differ; each alone says whether they do. Over many
 # tires some alarm by chance: the adjusted p (Benjamini and Hochberg 1995) holds the share of false
-# ones among those that are said to lack something at `FALSE_DISCOVERIES`.
+# ones among those that are reported to lack something at `FALSE_DISCOVERIES`.
 
 
 #: share of false ones among tires that are reported to lack something; doubled, twice as many

@@ -211,12 +211,12 @@ class Diagnosis(AnswerRecord):
             for c in self.effects
         ]
 
-    def draw(self, path: Path, **how: str) -> list[Path]:
+    def draw(self, path: Path) -> list[Path]:
         """The pictures as files: the verdict's at `path`, those of further observables beside it.
 
         The latter come back.
         """
-        beside: list[Path] = resolve_name(f"{PICTURES}:draw_diagnose")(self, path, **how)
+        beside: list[Path] = resolve_name(f"{PICTURES}:draw_diagnose")(self, path)
         return beside
 
     @property
@@ -462,7 +462,7 @@ def decide(found: SearchResult) -> dict[str, Any]:
     }
     verdict, selected = verdict_of(evidence), found.named
     if selected and verdict not in CLAIMING:
-        # what was named is not claimed: all that is said is of the model as it came
+        # what was named is not claimed: all sentences are on the model as given
         selected, floor, left = (), found.before.floor, describe(found.before)
         before = after = max(found.before.square_held - floor.square, 0.0)
         if max(before, certain) <= LEAST_SHARE_OF_FLOOR * floor.square:

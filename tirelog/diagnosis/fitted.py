@@ -313,7 +313,7 @@ class TireForm(AnswerRecord):
         ):
             own = (f"{quantity}_{unit}", f"{quantity}_se_{unit}", f"{quantity}_formula_{unit}")
             columns = (profile.at, profile.value, profile.se, profile.formula)
-            # a pressure below zero by more of its errors, or of this share of the highest, is said
+            # a pressure below zero by more of its errors, or of this share of the highest, is noted
             # to pull; twice as many leave a pull of a tenth without a word
             pulls = profile.value < -2.0 * np.maximum(profile.se, 0.01 * profile.value.max())
             words = map(quality_text, marked(pulls | self.doubtful, Quality.FORM_UNCLEAR).tolist())
@@ -391,7 +391,7 @@ def draws(fit: Fit) -> list[Model]:
     rows, floor = inequalities(fit.model, names)
     mean = np.array([fit.model.values[name] for name in names])
     se = np.sqrt(np.diagonal(covariance))
-    # eigenvectors of like values turn with the rounding of a machine, a triangle does not
+    # eigenvectors of similar values turn with the rounding of a machine, a triangle does not
     unit = np.where(se > 0.0, se, 1.0)
     root = np.linalg.cholesky(covariance / np.outer(unit, unit) + 1e-12 * np.eye(len(se)))
     # the nearest model in standard errors, and of what is kept in standard deviations: pushed off

@@ -218,7 +218,7 @@ def members_held(pieces: Sequence[Pieces], fitted: JointBase) -> Iterator[Member
     model = replace(model, nuisances=tuple(n.used("auto") for n in model.nuisances))
     free = [name for name in model.free if name != LEVER]
     held = model.with_parameters({name: model.parameters[name].fixed() for name in free})
-    # means of like revolutions that each grating is asked on: thirty tell a twentieth of a squared
+    # similar revolutions' means that each grating is asked on: thirty tell a twentieth of a squared
     # floor and take a third of a second; twice as many tell no more that matters
     rows = [np.linspace(0, len(p) - 1, min(30, len(p))).round() for p in pieces]
     parts = [p.take(np.unique(r.astype(int))) for p, r in zip(pieces, rows, strict=True)]
@@ -509,7 +509,7 @@ def spread_out(pieces: list[Pieces]) -> list[Pieces]:
         off = np.abs(np.angle(np.exp(1j * (place[gratings][:, None] - place[chosen]))))
         chosen.append(gratings[int(off.min(axis=1).argmax())])
     some = [part for i, part in enumerate(pieces) if i in chosen or not part.member]
-    # means of like revolutions that a search of them takes, or as many as one grating has: a search
+    # similar revolutions' means that a search takes, or as many as one grating has: a search
     # takes 0.2 to 0.4 s for each
     every = int(np.clip(np.ceil(sum(map(len, some)) / 80), 1, MOST_SEARCHED))
     if every == 1:

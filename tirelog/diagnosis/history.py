@@ -87,28 +87,6 @@ def _with_outcomes(ladder: dict[str, Any]) -> dict[str, Any]:
     return ladder
 
 
-def history_rows(model: Path) -> dict[str, list[Any]]:
-    """A row per step of every ladder.  ModelError: none was climbed yet."""
-    ladders = read_history(model)
-    if not ladders:
-        raise ModelError(
-            "no ladder was climbed from it yet",
-            do=f"`tirelog ladder LOG... --model {model}` climbs one",
-            file=model,
-        )
-    rows = [(entry, step) for entry in ladders for step in entry["steps"]]
-    about = {
-        key: [str(entry.get(key, "")) for entry, _ in rows]
-        for key in ("climbed", "observable", "verdict")
-    }
-    nothing = float("nan")
-    return about | {
-        key: [nothing if step[key] is None else step[key] for _, step in rows]
-        for key in _STEP
-        if key != "outcome?"
-    }
-
-
 def remember(ladder: Ladder, model: Path) -> None:
     """The ladder, appended to those kept beside the model's file.  ModelError as `read_history`."""
     past = read_history(model)

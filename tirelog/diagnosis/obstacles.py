@@ -446,7 +446,7 @@ BANDS_HZ = np.array(
 _ANGLES = 128
 
 
-#: mean squares that are told of a hit: what the model leaves, its error off the obstacle, noise
+#: mean squares of a hit: what the model leaves, its error off the obstacle, noise
 #: floor, what the obstacle added as measured, and what of that the model's answer misses
 _SQUARES = ("residual", "steady", "floor", "added", "missed")
 

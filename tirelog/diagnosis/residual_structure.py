@@ -113,7 +113,7 @@ def gone_along(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:
         for n, x in factors.items()
         if n != name and not n.startswith((SPEED, "log ")) and np.ptp(x) > 0.0
     ]
-    # two quantities that move together beyond this correlation are not told apart: a fifth of the
+    # two quantities that move together beyond this correlation are not separated: a fifth of the
     # one in size is its own then; at 0.96 it would be 28 %
     return tuple(n for n in others if abs(float(np.corrcoef(mine, factors[n])[0, 1])) > 0.98)
 
@@ -242,7 +242,7 @@ def _score(
     def left_of(some: FloatArray) -> FloatArray:
         white = base.white(factor * some)
         left = taken.without(white)
-        # of a column that the base explains whole, rounding is left, which is no evidence
+        # of a column that the base explains whole, rounding is left: no evidence
         left *= np.linalg.norm(left, axis=(0, 1)) > RANK * np.linalg.norm(white, axis=(0, 1))
         return left
 
@@ -467,8 +467,8 @@ def scattered(base: Base, floor_square: float) -> dict[str, Any]:
     square = (left**2).sum(axis=1)
     load = plain(np.nan_to_num(load_derivative(cells, base.fit)))
     along = (left * load).sum(axis=1) ** 2 / np.maximum((load**2).sum(axis=1), 1e-300)
-    # share of what is left that one shape must make up to be said, and rank correlation over
-    # manoeuvres of its size with what it is said to follow: so much, and more than chance gives
+    # share of what is left that one shape must make up to be reported, and rank correlation over
+    # manoeuvres of its size with what it is reported to follow: so much, and more than chance gives
     # with this probability on either side (a dozen factors are looked at); doubling either says
     # nothing
     like_load = cells.phi.shape[1] > 1 and bool(along.sum() > 0.5 * square.sum())
@@ -720,7 +720,7 @@ def suspects(base: Base) -> tuple[Suspect, ...]:
     for ((condition, log), column), (white, plain) in zip(columns.items(), losses, strict=True):
         gain, error = gain_and_error(base.held_white, white)
         share = mean_drop(base, plain) / base.excess
-        # a suspect is said from this share of the excess on, that it would remove; twice as much
+        # a suspect is named from this share of the excess on, that it would remove; twice as much
         # names only what removes more than half of it
         if gain > GAIN_SIGMAS * error and share >= 0.3:
             left = taken.without(base.white(column)).ravel()

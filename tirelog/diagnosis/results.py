@@ -43,7 +43,7 @@ from tirelog.vocabulary.observables import shown
 from tirelog.vocabulary.tables import BY_OBSTACLE, ERRORS_BY
 
 Rows = list[dict[str, Any]]
-#: the errors of a comparison, in the order in which they are told
+#: the errors of a comparison, in the order in which they are shown
 ERRORS = ("rmse_heldout", "rmse", "noise_floor", "reduced_chi2")
 #: and of a step of a ladder
 _STEP_ERRORS = ("rmse_fit", "rmse_heldout", "noise_floor", "excess_heldout")
@@ -326,12 +326,12 @@ class Comparison(AnswerRecord):
         """One row: the numbers of `to_json` that are neither lists nor tables."""
         return [{name: v for name, v in self.to_json().items() if not isinstance(v, dict | list)}]
 
-    def draw(self, path: Path, **how: str) -> list[Path]:
+    def draw(self, path: Path) -> list[Path]:
         """The pictures as files: the first observable's at `path`, of others and of hits beside it.
 
-        Those beside it come back. UsageError: a kind that is none for a number per revolution.
+        Those beside it come back.
         """
-        beside: list[Path] = resolve_name(f"{PICTURES}:draw_compare")(self, path, **how)
+        beside: list[Path] = resolve_name(f"{PICTURES}:draw_compare")(self, path)
         if self.obstacles is not None:
             beside.append(path.with_stem(f"{path.stem}_transient"))
             resolve_name(f"{PICTURES}:draw_transient")(self.obstacles, beside[-1])
@@ -387,7 +387,7 @@ class Comparison(AnswerRecord):
 
         Of several observables with the error that the others leave if one is left out.
         """
-        gratings = all(part.member for part in self.parts)  # each of like sensors knows the same
+        gratings = all(part.member for part in self.parts)  # each of similar sensors knows the same
         known = () if gratings else self.contributions
 
         def error(value: float | None) -> float | str | None:
@@ -638,7 +638,7 @@ def _curve(base: Base, effect: str) -> EffectCurve | ModelError:
 #         -> the error of each parameter if the observable were left out
 #
 # A parameter that one observable alone can see is no matter of agreement. What chance does not
-# explain may still be too small to matter: a contradiction is said if the observable would be
+# explain may still be too small to matter: a contradiction is reported if the observable would be
 # nearer
 # to its floor by as much as an effect must remove.
 
@@ -719,7 +719,7 @@ def contributions(base: JointBase) -> tuple[Contribution, ...]:
             values = np.array([base.model.values[name] for name in fit.names])
             sigmas = np.abs(step - back) / np.hypot(alone, without)
             # standard errors by which a parameter differs that is named, and how many are at most;
-            # with twice as many, contradictions are told without the parameter that makes them
+            # with twice as many, contradictions are reported without the parameter that makes them
             named = [k for k in np.argsort(-sigmas, kind="stable") if sigmas[k] >= 3.0][:3]
             pulls = tuple(
                 {

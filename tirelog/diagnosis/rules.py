@@ -94,7 +94,7 @@ THRESHOLDS: tuple[Threshold, ...] = (
         "MOST_EFFECTS", 4, "effects",
         "most effects that one diagnosis names",
     ),
-    # ---- what is said of it?
+    # ---- which sentences does it get?
     Threshold(
         "EXPLAINED", 0.9, "share of the excess that repeats",
         "share that the named effects remove; below it something else is missing too",

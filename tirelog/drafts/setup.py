@@ -45,7 +45,7 @@ from tirelog.vocabulary.quality import Quality, having
 from tirelog.wheel.phase_shift import measure_phase_shift
 from tirelog.wheel.table import encoder_speed
 
-# ---- What a series most likely is: by its unit, its name and its size. A guess, and said to be
+# ---- What a series most likely is: by its unit, its name and its size. A guess, and called
 # one.
 
 
@@ -55,11 +55,11 @@ _GRATINGS_NM, _GRATING_MOVES = (780.0, 1700.0), 0.02
 _INTERROGATORS_NM = (1460.0, 1620.0)
 #: words of names -> kind, the likeliest first
 _WORDS = (
-    ({"encoder", "teeth", "tooth", "pulse", "pulses", "ticks", "hall"}, "wheel_encoder"),
+    ({"encoder", "enc", "teeth", "tooth", "pulse", "pulses", "ticks", "hall"}, "wheel_encoder"),
     ({"speed", "velocity", "geschwindigkeit"}, "vehicle_speed"),
     ({"temp", "temperature", "temperatur"}, "temperature"),
     ({"pressure", "druck", "tpms", "ttpms"}, "inflation_pressure"),
-    ({"strain", "dms", "gauge", "epsilon"}, "strain"),
+    ({"strain", "dehnung", "dms", "gauge", "epsilon"}, "strain"),
     ({"acc", "accel", "acceleration", "beschleunigung"}, "radial_acceleration"),
     ({"load", "fz"}, "vertical_load"),
     ({"fx"}, "longitudinal_force"),
@@ -607,7 +607,7 @@ def findings(recording: Recording, log: str) -> list[Finding]:
         alone = replace(recording, channels={name: channel}, remarks=())
         try:
             found = [Finding("implausible", said) for said in check_recording(alone).remarks]
-            out += [one for one in found if one not in out]  # what is said of a clock is said once
+            out += [one for one in found if one not in out]  # a remark on a clock comes once
         except SetupError as problem:
             out.append(Finding("implausible", problem.message))
     for channel in recording.of_kind(*STRAIN_KINDS):

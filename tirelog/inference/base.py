@@ -663,7 +663,7 @@ def _correlated(names: Sequence[str], known: Errors) -> tuple[tuple[str, str, fl
     for i in range(len(names)):
         for j in range(i):
             r = float(known.covariance[i, j] / (se[i] * se[j]))
-            # correlations beyond this are said: a combination of the two is known far better than
+            # correlations beyond this are named: a combination of the two is known far better than
             # each; 3.2 times better at 0.9, and 4.5 times at 0.95
             if abs(r) > 0.9:
                 pairs.append((names[j], names[i], r))

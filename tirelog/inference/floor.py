@@ -301,12 +301,12 @@ def wander_within(
     ):
         hat, left = hat_followed, left_followed
     freedom = float(weight.size - np.trace(hat))
-    # degrees of freedom of cells within manoeuvres that a wander of the load is told from; twice as
+    # degrees of freedom of cells within manoeuvres that a wander of the load is seen in; twice as
     # many would leave short logs without it
     if freedom < 8.0:
         return none
     spread = float((weight * (1.0 - np.diag(hat))).sum())
-    # standard deviations of chi-square by which it must be told: nulls stay below 2, a wander of 3
+    # standard deviations of chi-square by which it must be seen: nulls stay below 2, a wander of 3
     # % shows with 18 and more; below it, what the model's shape lacks would pass for a wander;
     # twice as many would leave wanders of up to 2 % unsaid
     if float(left @ left) < freedom + 4.0 * np.sqrt(2.0 * freedom):

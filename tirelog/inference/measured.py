@@ -267,7 +267,7 @@ def _hits(log: TransientLog) -> FloatArray:
     if road.spacing_m and placed and found.size:
         period = road.spacing_m / (log.radius_m * log.spin_rad_s)
         found = found[0] + period * np.arange(np.floor((log.time_s[-1] - found[0]) / period) + 1)
-        # the way driven is known to a percent: what stands out nearby tells better
+        # the way driven is known to a percent: what exceeds its neighbours tells better
         seen = _outbursts(log)
         nearest = (
             seen[np.argmin(np.abs(seen[None, :] - found[:, None]), axis=1)] if seen.size else found

@@ -137,7 +137,7 @@ def _drifts(
     along, driven = _along_log(cells, whole)
     if not driven:
         return {}
-    # whatever of it the model has: what is fitted and what is said of it ask alike
+    # whatever of it the model has: the fit and its sentences ask alike
     parts = _parts(cells, whole, 3 * (len(_DRIFTING) + 2))
     # warming slows down: a straight line and a bend about it; and one log is warmer than another
     # size of the bend of a drift over that of its slope; twice as much lets a drift bend twice as

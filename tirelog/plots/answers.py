@@ -1,9 +1,7 @@
 """The pictures of answers: `compare`, `diagnose`, `ladder`, `propose`, fits, forms, effects, modes.
 
-page   waveforms, their residuals with the floor's band, and the residual over angle x speed and
-       angle x time, whitened too
-polar  measured and predicted around the wheel, and the model's contact pressure in the patch
-edges  entry and exit edge close up with the floor's band, and the residual there
+A comparison is waveforms, their residuals with the floor's band, and the residual over angle x
+speed and angle x time, whitened too.
 
 It is longer than others: each answer has a picture, and they share their panels.
 """
@@ -14,21 +12,20 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.answer import in_unit, probability
-from tirelog.errors import UsageError, refuse_unknown
+from tirelog.errors import UsageError
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.user_effects import FRAMES
 from tirelog.plots.record import (
     COLOURS,
-    MICRO,
     RAW,
-    SLIDE,
     Mark,
     Page,
     Panel,
@@ -39,7 +36,6 @@ from tirelog.plots.record import (
     heat,
     level,
     line,
-    on_a_slide,
     picture,
     rows_of,
     span,
@@ -47,10 +43,8 @@ from tirelog.plots.record import (
     words,
     write,
 )
-from tirelog.plots.turns import around_the_wheel
 from tirelog.vocabulary.conditions import CONDITIONS
-from tirelog.vocabulary.observables import WAVEFORMS, drawn
-from tirelog.vocabulary.tables import COMPARE
+from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS, drawn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -110,6 +104,8 @@ _DRIVES: tuple[tuple[float, float, str, dict[str, Any]], ...] = (
     (20.0, 0.0, "20 m/s", {"colour": COLOURS[0], "width": 1.6}),
     (20.0, -3.0, "20 m/s, braking 3 m/s²", {"colour": COLOURS[1], "width": 1.2, "dash": "dash"}),
 )
+#: the other conditions that a model or an effect is shown under
+_EXAMPLES = {name: c.example for name, c in CONDITIONS.items() if c.example is not None}
 
 
 def signatures(chosen: Sequence[Effect], path: Path) -> None:
@@ -131,24 +127,58 @@ def signatures(chosen: Sequence[Effect], path: Path) -> None:
 
 def _signature(effect: Effect, *, named: bool) -> Panel:
     """The change of strain along the tread by one effect; drives in a legend if `named`."""
-    told = {name: c.example for name, c in CONDITIONS.items() if c.example is not None}
-    phi = np.linspace(-0.8, 0.8, 801)
     base = Model.new("beam")
     full = base.with_effect(effect)
     full = full.with_values({f"{effect.id}.{p.name}": p.probe for p in effect.parameters})
-    xi = 1e3 * phi * base.parameters["radius_m"].value
-    marks = [span(-55.0, 55.0, "0.92", zorder=0)]
+    found = driven(full, "strain", effect.id, base)
+    return replace(found, legend={"fontsize": 6} if named else None)
+
+
+def driven(model: Model, observable: str, title: str, less: Model | None = None) -> Panel:
+    """What a model predicts along the tread under a few drives, or what it has more than another.
+
+    The patch is grey where the model prescribes it.
+    """
+    phi, values = np.linspace(-0.8, 0.8, 801), model.values
+    factor, unit = drawn(observable, "N/m" if observable == "contact_pressure" else "")
+    half = 1e3 * values.get("patch_half_length_m", 0.0)
+    marks, words = [span(-half, half, "0.92", zorder=0)], observable.replace("_", " ")
     for speed, acceleration, text, style in _DRIVES:
-        conditions = Conditions.of(1, speed_m_s=speed, acceleration_m_s2=acceleration, **told)
-        change = (full.predict(conditions, phi) - base.predict(conditions, phi))[0]
-        marks.append(line(xi, MICRO * change, text, **style))
+        conditions = Conditions.of(1, speed_m_s=speed, acceleration_m_s2=acceleration, **_EXAMPLES)
+        wave = model.predict(conditions, phi, observable=observable)[0]
+        if less is not None:
+            wave = wave - less.predict(conditions, phi, observable=observable)[0]
+        marks.append(line(1e3 * phi * values["radius_m"], factor * wave, text, **style))
     return Panel(
         "from the patch centre, entry to exit [mm]; grey: the patch",
-        "change of strain [microstrain]",
+        f"{'change of ' if less is not None else ''}{words} [{unit}]",
         marks,
-        effect.id,
-        legend={"fontsize": 6} if named else None,
+        title,
+        legend={"fontsize": 6},
     )
+
+
+def model_picture(model: Model) -> Figure:
+    """Waveform and contact pressure of a model, and what each of its effects adds.
+
+    Of a number per revolution: the number over the speed. ModelError as `Model.predict`.
+    """
+    observable = model.observable
+    if observable not in WAVEFORMS:
+        speeds = np.linspace(5.0, 30.0, 26)
+        values = model.predict(Conditions.of(speeds.size, speed_m_s=speeds, **_EXAMPLES))[:, 0]
+        label = f"{observable.replace('_', ' ')} [{OBSERVABLES[observable].unit}]"
+        only = Panel("speed [m/s]", label, [line(speeds, values)])
+        return picture(Page([[only]], (6.5, 4.0)))
+    panels = [driven(model, observable, f"{observable.replace('_', ' ')} of the {model.carcass}")]
+    panels.append(driven(model, "contact_pressure", "contact pressure"))
+    for effect in model.effects:
+        panels.append(driven(model, observable, effect.id, model.without_effect(effect.id)))
+    rows = rows_of(panels, 2)
+    known = [
+        f"{CONDITIONS[name].name} {x:g} {CONDITIONS[name].unit}" for name, x in _EXAMPLES.items()
+    ]
+    return picture(Page(rows, (12.0, 3.4 * len(rows)), ", ".join(known) if model.effects else ""))
 
 
 # ---- The picture of `ladder`: the error falling to the floor, step by step.
@@ -402,28 +432,11 @@ _QUANTILE = 99.9
 _SIGMAS = 3.0
 #: half lengths of the patch that a waveform or map shows at first
 _REACH = 6.0
-#: half of a close-up of an edge, in half angles of the patch; and the edge, if none is known
-_CLOSE, _NO_EDGE_DEG = 0.6, 10.0
 
 
-def compare_figure(result: Comparison, kind: str = "page") -> Figure:
-    """A matplotlib figure of a comparison, of a kind of `vocabulary.tables.COMPARE`.
-
-    UsageError: not of a number per revolution, which has no waveform.
-    """
-    refuse_unknown(kind, COMPARE, f"no picture is called {kind!r}", do="choose one")
-    if kind == "page":
-        return picture(_residuals(result))
-    if result.observable not in WAVEFORMS:
-        raise UsageError(
-            f"--plot-kind {kind} of {result.observable}, a number per revolution",
-            allowed="it is allowed for waveforms: strain and radial_acceleration",
-            do="leave it out",
-        )
-    with on_a_slide():
-        made = picture(_polar(result) if kind == "polar" else _edge_zoom(result))
-        made.draw_without_rendering()  # while letters are large
-    return made
+def compare_figure(result: Comparison) -> Figure:
+    """A matplotlib figure of a comparison."""
+    return picture(_residuals(result))
 
 
 def _residuals(result: Comparison) -> Page:
@@ -444,8 +457,8 @@ def _residuals(result: Comparison) -> Page:
     )
 
 
-def draw_compare(result: Comparison, path: Path, kind: str = "page") -> list[Path]:
-    """Write the figure of a kind; the suffix decides the format.
+def draw_compare(result: Comparison, path: Path) -> list[Path]:
+    """Write the figure; the suffix decides the format.
 
     Of several observables the first has this path, each other one a path of its own beside it;
     these come back.
@@ -453,67 +466,8 @@ def draw_compare(result: Comparison, path: Path, kind: str = "page") -> list[Pat
     lead, *others = result.parts or (result,)
     beside = [path.with_stem(f"{path.stem}_{other.observable}") for other in others]
     for one, target in zip((lead, *others), (path, *beside), strict=True):
-        own = kind if one is lead or one.observable in WAVEFORMS else "page"
-        write(compare_figure(one, own), target)
+        write(compare_figure(one), target)
     return beside
-
-
-def _polar(result: Comparison) -> Page:
-    """Measured and predicted around the wheel, with the model's contact pressure."""
-    factor, unit = drawn(result.observable, result.unit)
-    waves, half = result.waveforms, result.half_angle_rad
-    colours = by_value(waves.conditions.speed_m_s)
-    floors = 2.0 * factor * waves.floor
-    lines = list(zip(waves.phi_rad, factor * waves.predicted, floors, waves.labels, strict=True))
-
-    def around(wheel: Any) -> None:
-        zero = around_the_wheel(wheel, lines, colours, half, unit)
-        for phi, measured, colour in zip(waves.phi_rad, waves.measured, colours, strict=True):
-            wheel.plot(phi, zero + factor * measured, ".", ms=4, color=colour)
-
-    radius_mm, reach = 1e3 * result.model.values["radius_m"], 1.5 * max(half, 0.05)
-    phi = np.linspace(-reach, reach, 301)
-    pressure = result.model.predict(
-        waves.conditions, phi, surface="outer", observable="contact_pressure"
-    )
-    wheel = Panel(
-        title=f"{result.observable}: dots measured, lines predicted",
-        legend={"loc": "center", "fontsize": 9},
-        own=around,
-        polar=True,
-    )
-    patch = Panel(
-        "ξ from the patch centre [mm]",
-        "contact pressure of the model [N/mm]",
-        [
-            *(
-                line(radius_mm * phi, 1e-3 * p, "", c)
-                for p, c in zip(pressure, colours, strict=True)
-            ),
-            *edges(half, radius_mm * np.pi / 180.0),
-        ],
-    )
-    return Page([[wheel, patch]], SLIDE, widths=(1.25, 1.0))
-
-
-def _edge_zoom(result: Comparison) -> Page:
-    """Each edge of the patch close up: waveforms with two noise floors, and residuals."""
-    half = float(np.degrees(result.half_angle_rad)) or _NO_EDGE_DEG
-    rows = [
-        [
-            replace(
-                panel,
-                title=f"{name} edge",
-                y=panel.y if side < 0 else "",
-                limits=((half * (side - _CLOSE), half * (side + _CLOSE)), None),
-                legend={"loc": "best", "fontsize": 9} if side < 0 else None,
-            )
-            for side, name in ((-1.0, "entry"), (1.0, "exit"))
-        ]
-        for panel in (waveforms(result), differences(result))
-    ]
-    said = "dots: measured; lines: predicted; bands: two noise floors of a mean"
-    return Page(rows, SLIDE, said, heights=(1.3, 1.0), share="xy")
 
 
 def waveforms(
@@ -770,4 +724,73 @@ def ranked_panel(
         ((0.0, 118.0), (max(len(shown), 1) - 0.5, -0.5)),
         y_words=[c.effect for c in shown],
         legend=None,
+    )
+
+
+# ---- The picture of an answer's JSON: what its file holds.
+
+
+def answer_picture(fields: Mapping[str, Any]) -> Figure:
+    """The figure of an answer from its JSON, of `compare`, `diagnose`, `ladder` or `form`.
+
+    It has no waveforms and maps: these are in the answer, not in its JSON. ValueError: the JSON is
+    of no answer that has a picture.
+    """
+    if "steps" in fields:
+        shown = drawn(fields["observable"], fields["unit"])
+        return picture(Page([[climbed_panel(fields, shown)]], (8.0, 4.5)))
+    if "pressure" in fields and "stiffness" in fields:
+        profiles = {name: _profile_of(fields[name]) for name in ("pressure", "stiffness")}
+        form: Any = SimpleNamespace(**{**fields, **profiles})
+        return form_figure(form)
+    if "verdict" in fields and "effects" in fields:
+        candidates = [SimpleNamespace(**one) for one in fields["effects"]]
+        panels = [ranked_panel(candidates[:_MOST_EFFECTS]), _errors(fields)]
+        title = "\n".join(textwrap.wrap(fields["sentence"], _LETTERS))
+        return picture(Page([panels], (13.0, 5.5), title, widths=(1.6, 1.0)))
+    if "extra_errors" in fields:
+        return picture(Page([[_extra(fields), _errors(fields)]], (13.0, 5.5), widths=(1.6, 1.0)))
+    raise ValueError("it is of no answer that has a picture")
+
+
+def _profile_of(fields: Mapping[str, Any]) -> SimpleNamespace:
+    """A profile of a form's JSON, with arrays."""
+    return SimpleNamespace(**{name: np.array(values, float) for name, values in fields.items()})
+
+
+def _errors(fields: Mapping[str, Any]) -> Panel:
+    """The errors of an answer's JSON over its noise floor."""
+    known = {
+        said: fields[name] / fields["noise_floor"]
+        for name, said in (
+            ("rmse", "of the fit"),
+            ("rmse_heldout", "held out"),
+            ("rmse_heldout_before", "held out, before"),
+            ("rmse_heldout_after", "held out, after"),
+        )
+        if fields.get(name) is not None
+    }
+    return Panel(
+        "",
+        "error over the noise floor",
+        [bars(np.arange(len(known)), list(known.values())), level(1.0, "noise floor", _FLOOR)],
+        x_words=list(known),
+    )
+
+
+def _extra(fields: Mapping[str, Any]) -> Panel:
+    """The error that a model adds at least, by where and when, the first on top."""
+    observable = fields["observable"].split(" ")[0]
+    shown = [
+        row
+        for row in fields["extra_errors"]
+        if row["of"] != "parameter" and row["size"] is not None and row["observable"] == observable
+    ]
+    factor, unit = drawn(observable, fields["unit"])
+    return Panel(
+        f"error in {observable.replace('_', ' ')} that the model adds at least [{unit}]",
+        "",
+        [bars(np.arange(len(shown)), [factor * row["size"] for row in shown], across=True)],
+        limits=(None, (len(shown) - 0.5, -0.5)),
+        y_words=[f"{row['of']} {row['name']}" for row in shown],
     )

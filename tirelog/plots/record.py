@@ -366,15 +366,20 @@ def _draw_heat(axes: Any, mark: Mark) -> Any:
     )
 
 
-def decimated(channel: Channel, buckets: int = BUCKETS) -> tuple[FloatArray, FloatArray]:
-    """(times [s], values) of a channel, thinned so that no peak vanishes.
+def decimated(
+    channel: Channel, buckets: int = BUCKETS, first: int = 0, end: int | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """(times [s], values) of the samples [first, end) of a channel, so that no peak vanishes.
 
     The smallest and the largest sample of every bucket stay, in their order. Reads block by block;
     shapes (<= 2 buckets + 2,).
     """
-    size = max(1, -(-channel.size // buckets))
+    end = channel.size if end is None else end
+    size = max(1, -(-(end - first) // buckets))
     at, values = list[FloatArray](), list[FloatArray]()
-    for start, block in channel.blocks(size * max(1, _BLOCK // size)):
+    step = size * max(1, _BLOCK // size)
+    for start in range(first, end, step):
+        block = channel.read(start, min(start + step, end))
         rows = -(-block.size // size)
         padded = np.full(rows * size, np.nan)
         padded[: block.size] = block

@@ -8,6 +8,7 @@ Longer than others: a picture per table, which share their parts.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -34,14 +35,14 @@ from tirelog.plots.record import (
     line,
     picture,
     robust_range,
+    rows_of,
     span,
     upright,
     words,
 )
-from tirelog.plots.turns import TurnsSketch, turns_picture
+from tirelog.plots.turns import found_of_grating
 from tirelog.products import Part
 from tirelog.strain.dissipation import AVERAGED, DissipationOfChannel, regressions
-from tirelog.strain.footprint.footprint import FootprintOfChannel
 from tirelog.strain.footprint.learn import gather_windows
 from tirelog.strain.footprint.measure import along_tread
 from tirelog.strain.inflation import InflationOfChannel
@@ -74,7 +75,7 @@ DISSIPATED = {
 #: quantities of phase shifts, and their columns by the end of the name
 SHIFTED = ("phase_shift", "patch_width")
 _CLEANED = {"": "measured", "_detrended": "detrended", "_corrected": "corrected"}
-#: marks of what stands beside the best estimate, of each revolution, and of averages over some
+#: marks of columns beside the best estimate, of each revolution, and of averages over some
 _ASIDE, _PALE = {"size": 6, "opacity": 0.4}, {"size": 4, "opacity": 0.4}
 _FULL = {"size": 7, "opacity": 1.0, "symbol": "square"}
 
@@ -83,26 +84,26 @@ _FULL = {"size": 7, "opacity": 1.0, "symbol": "square"}
 _MOST_ROWS = 20_000
 
 
-def rows_of_parts(parts: Sequence[tuple[Recording, Mapping[str, Any]]]) -> list[ChannelRows]:
+def rows_of_parts(parts: Sequence[Mapping[str, Any]]) -> list[ChannelRows]:
     """The good rows of each part, by channel and, of several, log; at most MOST.
 
     Of more than so many rows every n-th.
     """
     found = list[ChannelRows]()
-    for number, (recording, columns) in enumerate(parts[:MOST]):
+    for number, columns in enumerate(parts[:MOST]):
         kept = np.flatnonzero(good_rows(columns["quality"]))
         kept = kept[:: -(-max(kept.size, 1) // _MOST_ROWS)]
-        name = str(next(iter(np.atleast_1d(columns["channel"])), ""))
+        log, name = (str(next(iter(np.atleast_1d(columns[c])), "")) for c in ("log", "channel"))
         if len(parts) > 1:
-            name = f"{Path(recording.log).name}: {name}"
+            name = f"{Path(log).name}: {name}"
         rows = {c: np.asarray(values)[kept] for c, values in columns.items() if np.ndim(values)}
         found.append((name, rows, number, SYMBOLS[0]))
     return found
 
 
-def undrawn(parts: Iterable[tuple[Recording, Mapping[str, Any]]]) -> str:
+def undrawn(parts: Iterable[Mapping[str, Any]]) -> str:
     """How many flagged rows and further channels a picture leaves out; empty if none."""
-    rows = [int((~good_rows(columns["quality"])).sum()) for _, columns in parts]
+    rows = [int((~good_rows(columns["quality"])).sum()) for columns in parts]
     left_out = ((sum(rows[:MOST]), "flagged rows"), (len(rows) - MOST, "more channels"))
     said = "; ".join(f"{number} {what}" for number, what in left_out if number > 0)
     return f"{said} are not drawn" if said else ""
@@ -188,6 +189,69 @@ def holds(table: Mapping[str, Any], column: str) -> bool:
     return column in table and bool(np.isfinite(np.asarray(table[column], float)).any())
 
 
+# ---- Any table as one page: a panel per quantity, over time or over its first column of numbers.
+
+
+#: columns that share a panel, with their words, by the first of them
+_TOGETHER: Mapping[str, Mapping[str, str]] = {
+    "length_m": LENGTHS,
+    **{
+        column: {column: "each revolution", mean: "moving average"}
+        for column, (mean, _, _) in DISSIPATED.items()
+    },
+    **{
+        f"{quantity}_deg": {f"{quantity}{part}_deg": word for part, word in _CLEANED.items()}
+        for quantity in SHIFTED
+    },
+}
+#: columns that only say which row it is
+_OF_A_ROW = ("revolution", "period_s", "entry_time_s", "exit_time_s", "steady", "rank", "step")
+#: what the name of a column of standard errors has more than that of its quantity
+_ERROR = re.compile(r"_se(?=_|$)")
+
+
+def rows_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure:
+    """The page of a table as its command made it, with scalars for columns of one value."""
+    parts = []
+    for _, part in kept:
+        names, values = part.columns.keys(), np.broadcast_arrays(*part.columns.values())
+        parts.append(dict(zip(names, values, strict=True)))
+    return table_picture(parts)
+
+
+def table_picture(parts: Sequence[Mapping[str, Any]]) -> Figure:
+    """The page of a table by parts with `log`, `channel` and `quality`, as a rule by channels.
+
+    UsageError: it has no two columns of numbers that vary.
+    """
+    found, varying = rows_of_parts(parts), list[str]()
+    for name in parts[0]:
+        values = np.concatenate([np.asarray(part[name]) for part in parts])
+        if values.dtype.kind in "fiu" and np.unique(values[np.isfinite(values)]).size > 1:
+            varying.append(name)
+    x = "time_s" if "time_s" in varying else next(iter(varying), "")
+    aside = {c for own in _TOGETHER.values() for c in own if c not in _TOGETHER}
+    panels = []
+    for column in varying:
+        if column in (x, *aside, *_OF_A_ROW) or _ERROR.search(column):
+            continue
+        words = {c: said for c, said in _TOGETHER.get(column, {}).items() if c in varying}
+        error = next((c for c in parts[0] if c != column and _ERROR.sub("", c) == column), "")
+        factor, label = (MICRO, "strain [microstrain]") if column == "strain" else (1.0, column)
+        marks = ways(found, x, words or {column: ""}, factor, error=error)
+        panels.append(Panel(AXES.get(x, x), label, marks))
+    if not panels:
+        raise UsageError(
+            "is no table of numbers that vary",
+            allowed="allowed is a table with two columns of such numbers",
+            do="read its rows",
+            file=str(next(iter(parts[0]["log"]), "")),
+        )
+    across = min(len(panels), 2)
+    rows = rows_of(panels, across)
+    return picture(Page(rows, (6.5 * across, 0.6 + 2.7 * len(rows)), undrawn(parts)))
+
+
 # ---- The footprint as one page (P2 Figs. 17 to 22).
 #
 # Left: strain and speed over time of the first channel (Figs. 17, 20), contact lengths over time
@@ -223,18 +287,9 @@ class Sketch:
     closer: Any
 
 
-def footprint_sketch(recording: Recording, part: Part, kind: str) -> Sketch | TurnsSketch:
-    """The numbers of a channel for a picture of this kind.  UsageError: no grating."""
-    found = part.found
-    if not isinstance(found, FootprintOfChannel):
-        raise UsageError(
-            "--plot draws the footprint of a grating; this log has accelerometers",
-            allowed="a log of strain is allowed",
-            do="leave --plot out; `tirelog phase-shift --plot` draws fronts",
-            file=recording.log,
-        )
-    if kind != "page":
-        return TurnsSketch.of(recording, found)
+def footprint_sketch(recording: Recording, part: Part) -> Sketch:
+    """The numbers of a channel for the page.  UsageError: no grating."""
+    found = found_of_grating(recording, part)
     shown = []
     for row, title in _passages(part.columns):
         said = f"{title}: {row['time_s']:.2f} s, {row['speed_m_s']:.1f} m/s"
@@ -243,15 +298,10 @@ def footprint_sketch(recording: Recording, part: Part, kind: str) -> Sketch | Tu
     return Sketch(recording, found, decimated(found.channel), shown)
 
 
-def footprint_picture(sketches: Sequence[Any], kind: str) -> Figure:
-    """The picture of this kind."""
-    return picture(_footprint_page(sketches)) if kind == "page" else turns_picture(sketches, kind)
-
-
-def _footprint_page(sketches: Sequence[Sketch]) -> Page:
+def footprint_picture(sketches: Sequence[Sketch]) -> Figure:
     """Time series and lengths at the left, passages at the right."""
     first = next((sketch for sketch in sketches if len(sketch.found.passages)), sketches[0])
-    kept = [(sketch.recording, sketch.found.columns) for sketch in sketches]
+    kept = [sketch.found.columns for sketch in sketches]
     p, found = first.found.passages, rows_of_parts(kept)
     speeds = Panel(
         "time [s]", "speed [m/s]", [line(p.time_s, p.speed_m_s, symbol=".", size=2, width=0.8)]
@@ -277,11 +327,13 @@ def _footprint_page(sketches: Sequence[Sketch]) -> Page:
     columns = first.closer
     right = [list(row) for row in zip(*columns, strict=True)] or [[None]]
     left = [Page(over_time, heights=(1.0, 0.7, 1.0), share="x"), Page([[by_speed]])]
-    return Page(
-        size=(13.5 if len(columns) < 2 else 17.0, 10.5),
-        title=undrawn(kept),
-        parts=[Page(parts=left, stacked=True, heights=(2.7, 1.1)), Page(right, share="x")],
-        widths=(1.0, 0.8 * max(len(columns), 1)),
+    return picture(
+        Page(
+            size=(13.5 if len(columns) < 2 else 17.0, 10.5),
+            title=undrawn(kept),
+            parts=[Page(parts=left, stacked=True, heights=(2.7, 1.1)), Page(right, share="x")],
+            widths=(1.0, 0.8 * max(len(columns), 1)),
+        )
     )
 
 
@@ -414,7 +466,7 @@ def _edge_lines(row: Any, colour: Any) -> list[Mark]:
 MAGNIFIED = 4
 
 
-def dissipation_sketch(recording: Recording, part: Part, kind: str) -> Sketch:
+def dissipation_sketch(recording: Recording, part: Part) -> Sketch:
     """The numbers of a channel for the page."""
     found = part.found
     p, steady = found.passages, np.flatnonzero(found.dissipation.steady)
@@ -432,7 +484,7 @@ def dissipation_picture(sketches: Sequence[Sketch]) -> Figure:
     """The page."""
     first = next((sketch for sketch in sketches if len(sketch.found.passages)), sketches[0])
     d, p = first.found.dissipation, first.found.passages
-    kept = [(sketch.recording, sketch.found.columns) for sketch in sketches]
+    kept = [sketch.found.columns for sketch in sketches]
     found = rows_of_parts(kept)
     lines = [
         (name, number, fit)
@@ -482,41 +534,6 @@ def _magnified(sketch: Sketch) -> Panel:
     time, strain, speed = sketch.closer
     title = f"{MAGNIFIED} revolutions at {speed:.1f} m/s" if time.size else ""
     return Panel("time [s]", "strain [microstrain]", [line(time, MICRO * strain, width=0.9)], title)
-
-
-# ---- The speed over a log as one page, a row per log: speed with its error, and acceleration.
-#
-# Rows of each channel --> PNG, SVG or PDF
-
-
-def speed_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure:
-    """The page: logs by rows, channels by colour."""
-    logs: dict[str, list[tuple[Recording, Mapping[str, Any]]]] = {}
-    for recording, part in kept:
-        logs.setdefault(recording.log, []).append((recording, part.columns))
-    rows = []
-    for log, parts in list(logs.items())[:MOST]:
-        found = rows_of_parts(parts)
-        speeds = ways(found, "time_s", {"speed_m_s": ""}, error="speed_se_m_s")
-        pushed = ways(found, "time_s", {"acceleration_m_s2": ""})
-        said = "; ".join(filter(None, (Path(log).name, "bars: two errors", undrawn(parts))))
-        rows.append(
-            [
-                Panel("time [s]", "speed [m/s]", speeds, said),
-                Panel("time [s]", "acceleration [m/s²]", pushed, legend=None),
-            ]
-        )
-    more = len(logs) - len(rows)
-    title = f"{more} more logs are not drawn" if more > 0 else ""
-    return picture(Page(rows, (12.0, 3.2 * len(rows) + 0.4), title))
-
-
-def _thinned(columns: Mapping[str, Any], names: Sequence[str]) -> list[Any]:
-    """These columns as arrays, of at most so many rows."""
-    arrays = np.broadcast_arrays(*(np.atleast_1d(np.asarray(columns[name])) for name in names))
-    n = arrays[0].size
-    kept = np.unique(np.linspace(0, n - 1, min(n, _MOST_ROWS)).round().astype(int))
-    return [array[kept if n else []] for array in arrays]
 
 
 # ---- Static tests as one page (P2 Figs. 15, 16).
@@ -577,35 +594,6 @@ def _ramps(recording: Recording, found: InflationOfChannel) -> Panel:
     return Panel("inflation pressure [bar]", _SINCE, marks, title, legend={"fontsize": 8})
 
 
-# ---- A stretch of the wheel's encoder as one page (P4 Figs. 4 to 6).
-#
-# The signal, the speed at the contact point and the wheel's angle, over time.
-#
-# Recording and columns of each log --> PNG, SVG or PDF
-
-
-_ENCODER = {
-    "encoder_signal": "encoder, as recorded",
-    "speed_m_s": "speed [m/s]",
-    "turned_deg": "wheel angle [deg]",
-}
-
-
-def wheel_angle_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure:
-    """The page, a row per log."""
-    rows = []
-    for recording, part in kept:
-        time, *drawn = _thinned(part.columns, ("time_s", *_ENCODER))
-        titles = (Path(recording.log).name, "", "")
-        rows.append(
-            [
-                Panel("time [s]", text, [line(time, values, width=1.0)], title)
-                for values, text, title in zip(drawn, _ENCODER.values(), titles, strict=True)
-            ]
-        )
-    return picture(Page(rows, (12.0, 2.8 * len(rows) + 0.4)))
-
-
 # ---- Phase shift (P4).
 #
 # Top: fronts in the acceleration over wheel angle (Fig. 7), maps of shift and width over speed
@@ -622,7 +610,7 @@ def phase_shift_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure:
     """The page."""
     kept, calibration = kept[:MOST_ACCELEROMETERS], kept[0][1].found.calibration
     shown = [part.found.passages[0] for _, part in kept]
-    parts = [(recording, part.columns) for recording, part in kept]
+    parts = [part.columns for _, part in kept]
     rows = rows_of_parts(parts)
     maps = [_with_map(rows, quantity, calibration) for quantity in SHIFTED]
     columns = [

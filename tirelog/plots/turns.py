@@ -1,23 +1,26 @@
-"""Pictures of the revolutions of a grating: waterfall, polar footprint, edges.
+"""Pictures of logs: their signals, and a grating's revolutions as waterfall, wheel and edges.
 
-Recording and FootprintOfChannel of each channel --while the log is open--> TurnsSketch
-    --all of them, and the kind--> a slide as PNG, SVG or PDF, a panel per log
+Recording, and its tables of speeds or footprints --while the log is open--> sketches
+    --all of them, and the kind--> a page, or a slide with a panel per log
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tirelog.data.recording import Recording, Stack
+from tirelog.data.recording import Channel, Recording, Stack
+from tirelog.errors import UsageError
 from tirelog.inference.stacks.cut import joined, stacks_from_logs
 from tirelog.plots.record import (
+    BUCKETS,
     EDGE,
+    MARK,
     MICRO,
     RAW,
     SLIDE,
@@ -25,6 +28,8 @@ from tirelog.plots.record import (
     Panel,
     band,
     by_value,
+    decimated,
+    dots,
     heat,
     line,
     on_a_slide,
@@ -34,9 +39,11 @@ from tirelog.plots.record import (
     span,
     upright,
 )
+from tirelog.products import Part
 from tirelog.strain.footprint.footprint import FootprintOfChannel
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.quality import good
+from tirelog.vocabulary.kinds import STRAIN_KINDS
+from tirelog.vocabulary.quality import good, good_rows
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -94,8 +101,61 @@ def _round_step(span: float) -> float:
     return float(size * max(n for n in (1.0, 2.0, 5.0) if n * size <= span / 2.0))
 
 
-#: channels that are drawn; more panels cannot be read on a slide
+# ---- The signals of a log over time, with the passages of the patch.
+
+
+#: channels that are drawn; more panels cannot be read on a slide. Logs whose signals are drawn
 MOST = 4
+#: signals of a log that are drawn
+_MOST_SIGNALS = 8
+
+
+def signals(
+    recording: Recording,
+    channels: Sequence[Channel],
+    speeds: Sequence[Mapping[str, Any]],
+    ends: tuple[float, float],
+) -> list[Panel]:
+    """A panel per channel of a log that is open, between two times [s]; points are passages.
+
+    `speeds`: rows of the table `speed`, a part for each channel that has passages.
+    """
+    left = len(channels) - _MOST_SIGNALS
+    title = f"{left} more channels are not drawn" if left > 0 else ""
+    passages = {str(rows["channel"][0]): rows for rows in speeds if np.size(rows["time_s"])}
+    panels = list[Panel]()
+    for channel in channels[:_MOST_SIGNALS]:
+        low, high = channel.axis.index(np.array(ends)).clip(0, channel.size - 1)
+        time, values = decimated(channel, BUCKETS, int(np.ceil(low)), int(high) + 1)
+        strain = channel.kind in STRAIN_KINDS
+        factor, unit = (MICRO, "microstrain") if strain else (1.0, channel.unit or "1")
+        marks = [line(time, factor * values, width=0.6)]
+        if channel.name in passages and values.size:
+            rows = passages[channel.name]
+            clean = good_rows(rows["quality"])
+            below = factor * (np.min(values) - 0.06 * np.ptp(values))
+            for some, said, colour in ((clean, "", MARK), (~clean, ", flagged", EDGE)):
+                at = np.asarray(rows["time_s"])[some]
+                marks.append(dots(at, np.full(at.size, below), f"passage{said}", colour, size=4))
+        panels.append(Panel("time [s]", f"{channel.name}\n[{unit}]", marks))
+    panels[0] = replace(panels[0], title="; ".join(filter(None, (Path(recording.log).name, title))))
+    return panels
+
+
+def signal_page(logs: Sequence[Sequence[Panel]]) -> Page:
+    """Logs beside each other, the signals of each below each other."""
+    shown = [Page([[panel] for panel in panels], share="x") for panels in logs[:MOST]]
+    left = len(logs) - len(shown)
+    title = f"{left} more logs are not drawn" if left > 0 else ""
+    width = 12.0 if len(shown) == 1 else 7.0 * len(shown)
+    return Page(
+        size=(width, 1.4 + 1.9 * max(len(part.rows) for part in shown)), title=title, parts=shown
+    )
+
+
+# ---- The revolutions of a grating.
+
+
 #: revolutions of a channel that are kept, evenly over the log if there are more: 4 MB
 _MOST_TURNS = 2000
 #: classes of speed that have a colour each
@@ -106,6 +166,18 @@ _AROUND = 7.0
 _CLOSE = 0.55
 #: standard errors of a band
 _SIGMAS = 2.0
+
+
+def found_of_grating(recording: Recording, part: Part) -> FootprintOfChannel:
+    """What rows of the table `footprint` were made of.  UsageError: of an accelerometer."""
+    if isinstance(part.found, FootprintOfChannel):
+        return part.found
+    raise UsageError(
+        "this picture is of a grating; this log has accelerometers",
+        allowed="a log of strain is allowed",
+        do="`tirelog phase-shift --plot` draws fronts",
+        file=recording.log,
+    )
 
 
 @dataclass(frozen=True)
@@ -189,8 +261,10 @@ def speed_classes(turns: Stack) -> list[tuple[float, int, FloatArray, FloatArray
     return found
 
 
-def turns_picture(sketches: Sequence[TurnsSketch], kind: str) -> Figure:
-    """The picture of this kind: a panel per channel, of at most MOST."""
+def log_picture(sketches: Sequence[Any], kind: str) -> Figure:
+    """The picture of this kind: a panel per channel of at most MOST, or all signals of a log."""
+    if kind == "signal":
+        return picture(signal_page(sketches))
     with on_a_slide():
         return picture(KINDS[kind](sketches))
 

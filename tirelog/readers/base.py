@@ -200,7 +200,7 @@ def rate_Hz(value: float | None, is_period: bool) -> float | None:
     return 1.0 / value if is_period else value
 
 
-# ---- What a series means as a time, whatever format it stands in.
+# ---- What a series means as a time, whatever format it has.
 #
 # name, unit, numbers --> is it a time, in which unit, and since when does it count
 

@@ -72,7 +72,7 @@ def build(
     """
     tables = given_tables(asked.tables, asked.campaign)
     climbed = read_ladder(asked.ladder) if asked.ladder else None
-    # before the tables, which may take minutes: a model that cannot be read is told at once
+    # before the tables, which may take minutes: a model that cannot be read is refused at once
     if model is None and asked.model:
         model = load_model(asked.model, effects=asked.effects)
     if model is not None:
@@ -238,7 +238,7 @@ def _provenance(recordings: Sequence[Recording], asked: ReportRequest) -> list[s
     return said
 
 
-# ---- What a model says of the logs: one search for missing effects, told in sections.
+# ---- What a model says of the logs: one search for missing effects, shown in sections.
 #
 # recordings, Model --stacks, `diagnose`--> comparison, diagnosis
 #                                           (a campaign: pieces of its logs, and what it was asked)

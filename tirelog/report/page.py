@@ -40,12 +40,12 @@ from tirelog.storage.remote import shown
 from tirelog.tables.writer import shown_cell
 from tirelog.version import __version__
 
-#: told apart by all forms of colour blindness (Okabe and Ito's first three), each with three times
+#: distinct for all forms of colour blindness (Okabe and Ito's first three), each with three times
 #: the luminance contrast to white that a graphic needs
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#C4569A", "#4B3FA0", "#8A6D00", "#6b6b6b")
 #: the same ones, in order, on dark paper
 DARK_COLOURS = ("#56B4E9", "#FF9E4A", "#35C99A", "#E8A0CC", "#A99CF0", "#E6C34A", "#B4BAC0")
-#: what is no log's: models and effects, and what stands aside of them; on dark paper
+#: what is no log's: models and effects, and what is beside them; on dark paper
 INK, GREY, PALE = "#26323d", "#5f6b76", "#7f8992"
 DARK_NEUTRALS = ("#e8edf2", "#b9c2ca", "#8d97a0")
 EDGE = "#8d8d8d"

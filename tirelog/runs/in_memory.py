@@ -115,7 +115,7 @@ def _whole(
 # left to whoever reads the channel, who knows their neighbours.
 
 
-#: cells over which the signal's range is told, 2 s; fewer than FEWEST of them, half a second, tell
+#: cells over which the signal's range is known, 2 s; fewer than FEWEST of them, half a second, tell
 #: none; half as many hold a passage or two
 AROUND, FEWEST = 250, 62
 #: a burst leaves the range by so many times its width; passages in 2 s are seldom twice as high as
@@ -400,7 +400,7 @@ def _bursts_of_cell(
     peak = own.start + int(np.argmax(off[own]))
     near = slice(max(peak - 2 * size, 0), peak + 2 * size + 1)
     sides = [side for side in (off[: near.start], off[near.stop :]) if side.size]
-    # a burst is so many times as far off as the middle of what stands beside it: a spike upon a
+    # a burst is so many times as far off as the middle of what is beside it: a spike upon a
     # slow passage takes nothing else of it away.  Twice as much leaves in what is six times as far
     # off
     beside = 3.0 * max([0.0, *(float(np.median(side)) for side in sides)])
@@ -461,7 +461,7 @@ def cell_ranges(
 # does not matter which format they came in, and a channel is asked for itself: others of its log
 # may be as fast as the logger.
 #
-# If each value stands equally often, all changes lie at multiples of that number: one change
+# If each value is there equally often, all changes lie at multiples of that number: one change
 # elsewhere and it is none, so values that are alike by chance and the rounding of a signal do not
 # matter. If the numbers of samples vary (2, 3, 2, 3: the two clocks are no multiples), they have to
 # be neighbours nearly everywhere.
@@ -549,7 +549,7 @@ def sample_and_hold(
     usual = int(np.bincount(np.minimum(steps, BLOCK_SAMPLES)).argmax())
     near = steps[np.abs(steps - usual) <= 1]
     # share of a channel's samples that must lie between changes as far apart as usual, or a sample
-    # nearer or further; a rounded signal stands still for most of a turn; with more, values that
+    # nearer or further; a rounded signal does not change for most of a turn; with more, values that
     # are alike by chance speak against it
     if usual < 2 or near.sum() < 0.9 * steps.sum():
         return None

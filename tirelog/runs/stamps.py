@@ -57,7 +57,7 @@ _FEW, _MANY = 5, 60
 #: share of all steps is more; with twice the first a lost sample hides where a period has two
 #: digits; with twice the share logs that lose one sample of a hundred count as rounded
 _ROUNDED, _JUMPING = 1.1, 0.005
-#: stretches of so many stamps, of each of which a tick is told; ticks show where fewer steps than
+#: stretches of so many stamps, of each of which a tick is known; ticks show where fewer steps than
 #: this share are one number of them, as rows that stand twice or lack show where more are; steps
 #: are whole ticks to this share of one, and stamps stay this near their line [ticks]
 _STRETCHES, _STRETCH, _ALIKE, _WHOLE, _BOUND = 32, 256, 0.97, 1e-3, 1.2
@@ -354,7 +354,7 @@ class Stamps:
             if done == 0 and good.size and good[0] > 0:
                 times[: good[0]] = known[0] - step * np.arange(good[0], 0, -1)
             repaired += whole - int((good < whole).sum())
-            # a pause is told if samples without a clock leave out this many usual steps; twice as
+            # a pause is named if samples without a clock leave out this many usual steps; twice as
             # many leave pauses of up to twenty steps unsaid
             far += (
                 done + np.flatnonzero(np.diff(times[:whole], prepend=times[0]) > 10.0 * step)

@@ -320,7 +320,7 @@ def recording_of(run: Run, log: str, setup: Setup | None = None) -> Recording:
                 file=log,
             )
         axis = run.axes[stored.group]
-        # what is damaged is said when it is asked for
+        # what is damaged is reported when it is asked for
         quiet = _channel(name, stored, used, axis, [])
         whole = _channel(name, stored, used, axis, losses)
         mended = without_codes if used.kind in SLOW_KINDS else without_repeats

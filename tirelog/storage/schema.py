@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 from tirelog.errors import TirelogError, choices
 from tirelog.storage.whole import toml_tables
 
-#: where a key stands: names of tables and keys, and the number of a table in a list
+#: where a key is: names of tables and keys, and the number of a table in a list
 Path = tuple[str | int, ...]
 #: so many letters of a wrong value are shown, and of a line are looked at for a key: twice as many
 #: make a message of three lines, or cost time with a hostile file

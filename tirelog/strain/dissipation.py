@@ -505,11 +505,11 @@ PIECE_M_S = 1.0
 #: probability that an interval covers; and the one of the test whether a parabola is needed; half
 #: the rest, 0.975, makes intervals a seventh wider
 COVERED = 0.95
-#: said of a line whose errors hold although its means lie far off
+#: the sentence on a line whose errors hold although its means lie far off
 SCATTERED = "stretches scatter more than their revolutions, which the errors count"
 
 
-#: the line quantity = intercept + slope x speed, and what can be said of it:
+#: the line quantity = intercept + slope x speed, and what is known of it:
 #:   rows, stretches, points, speeds   it goes through the means of `points` pieces of stretches
 #:   intercept, slope    with standard errors from the scatter of the means about the line, NaN if
 #:                       there are no `degrees_of_freedom` (points - 2)
@@ -519,7 +519,7 @@ SCATTERED = "stretches scatter more than their revolutions, which the errors cou
 #:   miss, miss_sigmas   largest distance of a mean from the line, also in the mean's own errors
 #:   parabola            coefficients (3,) of 1, speed, speed^2 through the same means; `curvature`
 #:                       the last one with its error; NaN with fewer than three speeds
-#:   judgement           what can be said; `doubtful`: it is not tested, or misses its means
+#:   judgement           what is known; `doubtful`: it is not tested, or misses its means
 #:   speed_m_s, means, mean_se   the means themselves, (points,)
 Regression = dict[str, Any]
 #: columns of the table that stand in a Regression
@@ -667,7 +667,7 @@ def _judgement(speeds: int, free: int, bent: bool, sigmas: float) -> str:
 
     Empty if nothing speaks against it.
     """
-    # a line is said to miss a mean that lies further off than this many of the mean's own standard
+    # a line misses a mean that lies further off than this many of the mean's own standard
     # errors: by noise alone one line in a thousand does; at twice as many only a line that is
     # visibly wrong
     far = f"the line misses a mean by {sigmas:.0f} of its errors" if sigmas > 4.0 else ""

@@ -44,7 +44,7 @@ LONGEST_S = 7 * 86400.0
 #: twice as much cuts the slow ends off a ramp, half as much takes leaks of an eighth of the rate
 #: for one
 RAMP_SHARE = 0.25
-#: means of the ramp on either side that a stop's kinks are told by: so little of a ramp is straight
+#: means of the ramp on either side that a stop's kinks are seen by: so little of a ramp is straight
 #: whatever the compressor does; twice as many tell them better, and count on it for 6 s
 BESIDE = 30
 
@@ -60,7 +60,7 @@ MEANS = np.dtype(
 #:   time_s, duration_s its beginning and how long it lasts
 #:   strain, strain_se, pressure_Pa   means, and the standard error
 #:   strain_change, pressure_change_Pa   from beginning to end
-#:   slope_1_Pa, slope_se_1_Pa   strain on pressure; NaN if that is not known or stands still
+#:   slope_1_Pa, slope_se_1_Pa   strain on pressure; NaN if that is not known or does not change
 #:   rate_1_s           of the strain
 #:   nonlinearity       largest deviation of the strain from its straight line on the pressure (on
 #:                      time, without pressure) as a share of its range, ramps and whole
@@ -144,11 +144,11 @@ def inflation_stretches(values: Records) -> tuple[BoolArray, IntArray]:
     """
     direction = np.sign(values["strain"][-1] - values["strain"][0]) or 1.0
     reach = RATE_MEANS
-    for _ in range(2):  # the fast rate is told better by the wider window
+    for _ in range(2):  # the fast rate is known better by the wider window
         rate = _rates(values, reach)
         fast = float(np.quantile(direction * rate, 0.8))
-        # standard errors of a rate that the border between ramp and stop is above: the rate is told
-        # over as many means as that takes.  With half as many noise makes ramps of stops
+        # standard errors of a rate that the border between ramp and stop is above: the rate is
+        # taken over as many means as that needs.  With half as many noise makes ramps of stops
         wider = 5.0 * values["noise"][0] / (np.sqrt(2.0) * MEAN_S * RAMP_SHARE * max(fast, 1e-300))
         reach = int(np.clip(np.ceil(wider), RATE_MEANS, max(rate.size // 8, RATE_MEANS)))
     ramp = direction * rate > RAMP_SHARE * fast if fast > 0 else np.zeros(rate.size, bool)
@@ -239,7 +239,7 @@ def _lost(values: Records, before: int, low: int, high: int, after: int) -> tupl
     edges = [k for k, there in zip((low, high), beside, strict=True) if there]
     part = values[first:stop]
     line = _kinked(part, time[edges])
-    if high - low >= 2 * SHORTEST:  # what falls at once and stands then is no straight line
+    if high - low >= 2 * SHORTEST:  # what falls at once and then stays is no straight line
         middles = range(low + 2, high - 1, max((high - low) // SHORTEST, 1))
         lines = [_kinked(part, time[sorted([*edges, k])]) for k in middles]
         bent = min(lines, key=itemgetter(0))
@@ -256,7 +256,7 @@ def _lost(values: Records, before: int, low: int, high: int, after: int) -> tupl
     lost = float(level[begin] - level[end])
     error = scatter * float(np.linalg.norm(inverse[begin] - inverse[end]))
     # a leak is one that exceeds so many of its standard errors: chance makes none in a million
-    # stops; with twice as many, leaks up to twice as large are said to be 0
+    # stops; with twice as many, leaks up to twice as large are reported as 0
     return (lost if direction * lost > 5.0 * error else 0.0), error
 
 

@@ -410,7 +410,7 @@ def grip_columns(
 #     footprint's entry and exit times --wheel angle at them--> fronts in wheel angle
 #         --P4 section III--> patch width, shift of the patch's middle against its zero
 #
-# P1 and P2 end with a phonic wheel beside the gratings: its speed stands beside that of the
+# P1 and P2 end with a phonic wheel beside the gratings: its speed is beside that of the
 # passages,
 # and the shift is what a longitudinal force does to the patch's place, as P4 measures it by an
 # accelerometer. The sensor's own angle is not known; the zero is the mean over the first passages

@@ -139,7 +139,7 @@ def _of_kind(values: pd.Series, kind: str) -> pd.Series:
     return values
 
 
-# ---- `check`: does a table still say what an earlier one said?
+# ---- `check`: does a table still hold what an earlier one held?
 #
 #     two tables --match rows by key--> differences beyond each column's tolerance, largest first
 #
@@ -167,7 +167,7 @@ KEYS = (
 )
 #: a column that the register of columns does not know, with its tolerance
 _UNKNOWN = TableColumn("", "", "float", "")
-#: what stands for the key of a whole column, and for the column of a whole row
+#: the word for the key of a whole column, and for the column of a whole row
 _ALL_ROWS, _ROW = "(all rows)", "(row)"
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
-#: an array of named fields; what they are stands beside the dtype
+#: an array of named fields; what they are is beside the dtype
 Records = NDArray[np.void]
 #: one element of such an array
 Record = np.void

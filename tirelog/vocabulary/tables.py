@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, is_dataclass
+from dataclasses import dataclass, is_dataclass
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
@@ -17,21 +17,16 @@ from pathlib import Path
 from tirelog.errors import UsageError
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 
-# ---- Which pictures a command can draw, and which tables of errors, by name.
+# ---- Which pictures there are of a log, and which tables of errors, by name.
 #
-# `--plot-kind` takes the one (the first is drawn without it), `compare --by` the other.
+# `plot --kind` takes the one, the first without it, `compare --by` the other.
 
 
-FOOTPRINT: Mapping[str, str] = {
-    "page": "the drive, contact lengths, and passages with their derivatives (P2)",
+LOG_PICTURES: Mapping[str, str] = {
+    "signal": "every channel over time, with the passages of the patch marked",
     "waterfall": "strain over angle and revolution, in colour",
     "polar": "mean strain around the wheel by speed, with the patch",
     "edges": "entry and exit edge close up by speed, with bands and the edges found",
-}
-COMPARE: Mapping[str, str] = {
-    "page": "waveforms with the floor's band, and maps of what the model misses",
-    "polar": "measured and predicted around the wheel, with the model's contact pressure",
-    "edges": "entry and exit edge close up, with the floor's band, and what is left there",
 }
 #: tables of errors that `compare` has of obstacles, and all that it can have
 BY_OBSTACLE = ("hit", "time", "frequency")
@@ -44,7 +39,7 @@ def refuse_no_picture(path: Path) -> None:
     """UsageError: the path's suffix is not a picture's."""
     if path.suffix.lower() not in SUFFIXES:
         raise UsageError(
-            f"--plot {path}: suffix {path.suffix!r}",
+            f"picture {path}: suffix {path.suffix!r}",
             allowed=f"allowed are {', '.join(SUFFIXES)}",
             do="rename it",
         )
@@ -53,7 +48,7 @@ def refuse_no_picture(path: Path) -> None:
 def no_matplotlib() -> UsageError:
     """The error that says how to come by what draws pictures."""
     return UsageError(
-        "--plot needs matplotlib",
+        "a picture needs matplotlib",
         allowed="allowed without it are tables",
         do="install it: pip install 'tirelog[plot]'",
     )
@@ -120,12 +115,10 @@ class LogTable:
              per channel. Empty: `products` makes the table, together with others
     checked_by  "module:function", called with the options as keywords before any log is opened; it
              raises UsageError for options that no log can be made a table with
-    picture  "module:function" that gives the figure of all that was kept of the parts, of several
-             `pictures` that of a kind: the command then has --plot
-    pictures what kinds there are, by name, with what each shows; the first is drawn if none is
-             asked for, "page" if there is one alone
+    picture  "module:function" that gives the figure of all that was kept of the parts: the command
+             then has --plot
     sketch   "module:function" for what the picture keeps of a part while its log is open,
-             (recording, part, kind); empty: (recording, part) themselves
+             (recording, part); empty: (recording, part) themselves
     driven   False for a table that is only made if it is asked for by name, such as that of a
              static test: not by `tables` without names, campaigns and reports
     rows_of  kinds of channel that its rows are of, if others than `kinds`
@@ -143,7 +136,6 @@ class LogTable:
     made_by: str = ""
     checked_by: str = ""
     picture: str = ""
-    pictures: Mapping[str, str] = field(default_factory=dict)
     sketch: str = ""
     driven: bool = True
     rows_of: tuple[str, ...] = ()
@@ -200,7 +192,7 @@ _ALL = (
                 "Take the rolling radius from the log's vehicle_speed, with its error.",
             ),
         ),
-        picture="tirelog.plots.tables:speed_picture",
+        picture="tirelog.plots.tables:rows_picture",
     ),
     LogTable(
         "footprint",
@@ -228,7 +220,6 @@ _ALL = (
             ),
         ),
         picture="tirelog.plots.tables:footprint_picture",
-        pictures=FOOTPRINT,
         sketch="tirelog.plots.tables:footprint_sketch",
         drawn="whole",
     ),
@@ -360,7 +351,7 @@ _ALL = (
         ),
         made_by="tirelog.wheel.table:wheel_angle_of",
         checked_by="tirelog.wheel.table:refuse_every",
-        picture="tirelog.plots.tables:wheel_angle_picture",
+        picture="tirelog.plots.tables:rows_picture",
         driven=False,
         stretch="own",
     ),

@@ -48,7 +48,7 @@ from tirelog.wheel.rolling import WheelTurns, rolling
 #     wheel angle, placings --what nothing tells--> untold (stretches,)
 #
 # A turning point that the signal shows and the tone wheel's own pattern are used before
-# (`dsp.teeth`, `dsp.pitch`); what is left is told by the vehicle's speed, if it
+# (`dsp.teeth`, `dsp.pitch`); what is left is known from the vehicle's speed, if it
 # has a
 # sign, or by a speed at which nobody drives backwards.
 
@@ -157,7 +157,7 @@ class WheelAngle:
         first = np.clip(np.searchsorted(knots, start_s) - 1, 0, knots.size - 1)
         last = np.clip(np.searchsorted(knots, stop_s), 0, knots.size - 1)
         # slower than this, in turns per second, the wheel counts as standing: 0.2 m/s on a car;
-        # doubled, what creeps at 0.4 m/s stands
+        # doubled, what creeps at 0.4 m/s is at rest
         slow = np.flatnonzero(np.diff(knots) > max(1 / 0.1 / self.steps, 2 * KNOT_STEP_S))
         back = np.flatnonzero(self.backward)
         still = np.searchsorted(slow, last) > np.searchsorted(slow, first)

@@ -228,7 +228,7 @@ class Calibration:
     def has_delay(self) -> bool:
         """Whether there is a constant telemetry delay beyond its error."""
         # a delay that is more than so many standard errors long is one; with twice as many, delays
-        # up to twice as long are not told
+        # up to twice as long are not seen
         return bool(np.isfinite(self.delay_s) and abs(self.delay_s) > 3.0 * self.delay_se_s)
 
     @property

@@ -161,7 +161,7 @@ def _scaled(rows: Records, owner: IntArray, phi: FloatArray, values: FloatArray)
 
 # ---- The form of a passage, and each passage's shift and growth against it.
 
-#: reach of the form in half widths of the patch; twice as far is level, where nothing is told
+#: reach of the form in half widths of the patch; twice as far is level and tells nothing
 REACH = 2.0
 #: points of the form's table: straight lines between miss a ten-millionth of a level
 POINTS = 8193

@@ -353,7 +353,7 @@ def _passages(
     shared = np.sqrt(0.5) * wheel.angle.shared_noise_at(time)
     middle_se = np.degrees(np.hypot(fronts["middle_se_rad"], shared))
     width_se = np.degrees(fronts["width_se_rad"])
-    # a road makes the patch wider and narrower from turn to turn, which is no error, and hardly
+    # a road makes the patch wider and narrower from turn to turn: no error, and hardly
     # moves it; a hum does both
     # usual rms beside the patch, in sigmas of a sample, of an accelerometer that hums; on a road it
     # is 1.2 to 4

@@ -35,7 +35,7 @@ from tirelog.wheel.rolling import WheelTurns, off_clock
 # encoder samples of a stretch --wheel angle--> angle within the turn, v_c = r omega at 20 Hz
 
 
-#: seconds that are told if none are asked for: P4 Fig. 4 shows 100 ms; the table is as long as
+#: seconds that are written if none are asked for: P4 Fig. 4 shows 100 ms; the table is as long as
 #: that
 STRETCH_S = 0.1
 #: rows of one table: a minute of 10 kHz; twice as many take twice the memory, some 100 MB

@@ -137,7 +137,7 @@ def refit_candidate(base: Base, candidate: Variant, trials: Sequence[Trial]) -> 
     least = min(chi2 for _, chi2 in trials)
     # starts that end so near the least chi-square, as a share of it, fit alike; of these the one
     # counts that stays nearest to the values given: EJ, k, y and tension share a scale, and along
-    # it a fit may drift until something stands at a bound.  Ten times what settles a fit; doubling
+    # it a fit may drift until something is at a bound.  Ten times what settles a fit; doubling
     # changes nothing seen
     reached = [model for model, chi2 in trials if chi2 <= (1.0 + 1e-3) * least]
     best = refit(base, min(reached, key=lambda model: _moved(base, model)))

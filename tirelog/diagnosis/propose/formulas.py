@@ -182,7 +182,7 @@ def _turned(
     # a column of which less than this is left beside base and nuisances says nothing of its own, as
     # for candidates; a share of squares: 1 % of a form's size, and with twice as much 1.4 %
     good = np.all(length > 1e-4 * np.maximum(size, 1e-300), axis=1)
-    # of two columns that are one, to a share of squares of 1e-6, nothing is said
+    # two columns that are one, to a share of squares of 1e-6, get no sentence
     good &= np.linalg.det(gram) > 1e-6 * np.prod(length, axis=1)
     root = np.linalg.cholesky(np.where(good[:, None, None], gram, identity))
     return np.swapaxes(np.linalg.solve(root, np.swapaxes(scores, 1, 2)), 1, 2), good
@@ -421,7 +421,7 @@ def _as_good(best: Base, other: Base, excess: float) -> bool:
     """
     worse, error = gain_and_error(other.held_white, best.held_white)
     more = other.square_held - best.square_held
-    # with twice the error more forms are said to be as good as the first
+    # with twice the error more forms are as good as the first
     near = worse < error and more < REST_SHARE * excess
     return near or more < LEAST_SHARE_OF_FLOOR * best.floor.square
 

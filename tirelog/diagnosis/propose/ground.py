@@ -213,7 +213,7 @@ class Ground:
         )
 
 
-# ---- Free shapes, measured: in which frame the leftover stands still, and by which law it grows.
+# ---- Free shapes, measured: in which frame the leftover does not move, and by which law it grows.
 #
 # ground -> hats along each frame's coordinate, under every law -> what each explains
 #     -> the best held out: the ceiling of any single form in that frame, and an effect as it is

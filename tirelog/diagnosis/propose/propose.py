@@ -255,7 +255,7 @@ class Proposal(AnswerRecord):
 
 
 #: every so many manoeuvres one is locked away before anything is looked at; twice as rarely leaves
-#: the number that is said to two or three manoeuvres
+#: the number that is reported to two or three manoeuvres
 LOCK_EVERY = 3
 
 
@@ -367,7 +367,7 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
     """
     climb = _Climb([base])
     first_excess = max(base.excess, 1e-300)
-    # terms of a proposal at most: what needs more is better told by its measured shape; each
+    # terms of a proposal at most: what needs more is better shown by its measured shape; each
     # further one has to pass the same test, so that twice as many are reached only by what repeats
     while len(climb.choices) < 3:
         at, number = climb.after, len(climb.choices) + 1
@@ -519,7 +519,7 @@ def _on_locked(base: Base, after: Base, locked: Sequence[Pieces]) -> dict[str, A
     square = there[1] ** 2
     excess, left = before[0] ** 2 - square, max(there[0] ** 2 - square, 0.0)
     share, number = 1.0 - left / excess if excess > 0.0 else None, manoeuvres_of(locked).size
-    # what is chance removes nothing; with twice the share only what is right to the floor is said
+    # what is chance removes nothing; with twice the share only what is right to the floor is named
     if share is not None and share >= 0.5:
         return {
             "manoeuvres": number, "rmse_before": before[0], "rmse_after": there[0],

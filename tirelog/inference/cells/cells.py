@@ -106,7 +106,7 @@ class SharedEffects:
 #: degrees of freedom that all pieces together stand for beside one, at most: then they are alike to
 #: a tenth; twice as many, to 7 %
 _MOST_PRIOR = 200.0
-#: neighbours that numbers are alike with, told by pieces of so many revolutions; twice as many of
+#: neighbours that numbers are alike with, seen in pieces of so many revolutions; twice as many of
 #: the first tell a road that wanders over more turns, and of others noise
 NEIGHBOURS, LONG = 2, 20
 

@@ -36,11 +36,11 @@ from tirelog.vocabulary.arrays import FloatArray
 #
 #     LeastSquares, theta (p,) --damped steps, none longer than a parameter's size--> Reached
 #
-# A parameter that stands at a bound and would leave it is held for that step.
+# A parameter that is at a bound and would leave it is held for that step.
 
 
 #: steps of a descent at most; twice as many only matter to fits that have not settled by then,
-#: which is said
+#: which is reported
 MOST_STEPS = 25
 #: a step that gains less than this share of the sum of squares is the last
 SETTLED = 1e-4
@@ -221,7 +221,7 @@ FORM_STARTS: tuple[Mapping[str, float], ...] = (
 _STIFFER: tuple[Mapping[str, float], ...] = tuple(
     {"flexural_stiffness_N_m2": 4.0**i, "foundation_stiffness_N_m2": 4.0**i} for i in range(5)
 )
-#: a fit that ends within this share of a bound, and would leave it, stands at it: steps along a
+#: a fit that ends within this share of a bound, and would leave it, is at it: steps along a
 #: valley shrink before they arrive; doubling changes nothing seen
 AT_BOUND = 5e-3
 

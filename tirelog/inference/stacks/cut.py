@@ -251,7 +251,7 @@ def with_level(stretches: Iterable[Stack], log: str) -> Iterator[Stack]:
 ANGLES = 256
 #: revolutions that are in memory at a time, 8 kB each
 STRETCH = 1024
-#: whole revolutions of a log: what repeats is told from what does not by their scatter, which six
+#: whole revolutions of a log: their scatter separates what repeats from what does not, which six
 #: tell to 30 %.  Twelve would tell it to 20 % and refuse a recording of a second
 FEWEST = 6
 
@@ -507,7 +507,7 @@ def _times(runs: Sequence[Run], rows: slice, phi: FloatArray) -> FloatArray:
 # ---- Where gratings stand on the wheel: by the setup, or by the delay between their passages.
 #
 #     passages of the first grating -> theta(t), a spline through whole turns
-#     passages of another at times t -> theta(t) modulo a turn: by so much it stands behind the
+#     passages of another at times t -> theta(t) modulo a turn: by so much it is behind the
 #     first
 #
 # Both pass the same patch, so that wind-up and whatever moves the patch's centre cancel.

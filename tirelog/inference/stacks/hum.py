@@ -66,7 +66,7 @@ OFF_HZ = 0.25
 #: what is around a line is looked at to here [Hz] to either side
 _AROUND_HZ = 1.5
 #: least length of a stretch [s] and fewest neighbouring revolutions of it: below it lines are not
-#: told from their surroundings
+#: separated from their surroundings
 _SHORTEST_S, _FEWEST = 5.0, 20
 
 

@@ -71,7 +71,7 @@ def measured_slip(recording: Recording, centre_s: FloatArray) -> FloatArray:
     )
     error = np.hypot(own, late)
     good = (np.asarray(columns["quality"]) == OK) & np.isfinite(slip) & np.isfinite(error)
-    # a slip is told if it varies by more than so many of its standard errors, which then take a
+    # a slip is known if it varies by more than so many of its standard errors, which then take a
     # sixteenth of what follows it; with half as many a quarter
     if good.sum() < 2 or np.std(slip[good]) < 4.0 * np.median(error[good]):
         return unknown

@@ -518,7 +518,7 @@ def first_stored(found: SourceColumn, end: int | None) -> NDArray[Any]:
 
 # ---- An HDF5 file that was cut off, opened up to the cut.
 #
-# The chunks before the cut can be read; which samples stand behind it is told.
+# The chunks before the cut can be read; which samples follow it is reported.
 
 
 class PaddedFile(io.FileIO):

@@ -72,7 +72,7 @@ class ChannelDecoder:
         self.failures = 0
 
     def _add_fault(self, what: str, messages: int = 1) -> None:
-        if what in self.faults or len(self.faults) < 100:  # no more kinds are told apart
+        if what in self.faults or len(self.faults) < 100:  # no more kinds are separated
             self.faults[what] += messages
 
     def message(self, data: bytes) -> Any:

@@ -294,7 +294,7 @@ class McapLog:
         self.records = Records(stream, self.report, log_name)
         self.decoders: dict[int, ChannelDecoder | None] = {}
         self.opened = ExitStack()  # what is closed at the end, as it was opened here
-        self.undecodable: set[str] = set()  # topics of which that was said
+        self.undecodable: set[str] = set()  # topics of which that was reported
         self.unknown: dict[int, int] = {}
         self.origin_ns: int | None = None
         self.samples = 0

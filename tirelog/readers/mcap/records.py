@@ -218,7 +218,7 @@ RECORD_ERRORS = (
     OverflowError,
     MemoryError,
 )
-#: damaged places that are told one by one
+#: damaged places that are reported one by one
 MOST_SAID = 5
 #: opcodes from here on are free for private use
 PRIVATE = 0x80

@@ -170,7 +170,7 @@ def _text(cell: object) -> str:
 # ---- The text in a zip archive, as it is.
 
 
-#: bytes unpacked at once: what stands before damage is kept
+#: bytes unpacked at once: what precedes damage is kept
 _PIECE_BYTES = 1 << 12
 
 
@@ -611,7 +611,7 @@ def _number(value: object) -> float | None:
 
 #: kinds of function of a set: a general one, a time response; of its axis: unknown, time
 _IN_TIME, _TIME_AXES = (0, 1), (0, 17)
-#: bytes at the end in which a set's end stands
+#: bytes at the end in which a set's end is
 _END_BYTES = 400
 _DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from tirelog.errors import ReadError
 
-#: bytes by which a format is told: magic numbers stand at the start
+#: bytes by which a format is known: magic numbers are at the start
 HEAD_BYTES = 4096
 
 

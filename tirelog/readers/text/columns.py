@@ -533,7 +533,7 @@ def placed(layout: Layout) -> Layout:
         return replace(
             layout, names=("", *names, *more), units=("", *layout.units, *more), counter=True
         )
-    # a list of peaks behind fewer names: what stands first is first
+    # a list of peaks behind fewer names: what comes first is first
     kept = names[:1] if len(names) < layout.width - 1 else ()
     fill = ("",) * (layout.width - 1) if kept else ()
     return replace(
@@ -584,7 +584,7 @@ def stated_units(layout: Layout, columns: Columns) -> dict[str, str]:
     stated = {}
     for channel, column in columns.values.items():
         name, unit = layout.name(column), layout.unit(column)
-        unknown = _STRANGE_UNIT.search(name)  # a unit that is known has been taken off the name
+        unknown = _STRANGE_UNIT.search(name)  # a unit that is known has been removed from the name
         if unit or unknown:
             stated[channel] = unit or (unknown[1] if unknown else "")
     lengths = {unit for unit in layout.units if _is_length(unit)}

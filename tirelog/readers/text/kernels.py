@@ -262,7 +262,7 @@ LARGEST = np.iinfo(np.int64).max
 _UNREAD, _NUMBER, _BLANK = range(3)
 #: a cell that is left to the caller: its row and column, first byte and byte behind
 HARD = np.dtype([("row", "i8"), ("column", "i8"), ("first", "i8"), ("stop", "i8")])
-#: what stands between cells in place of a separator that quoted cells hold, too: the unit separator
+#: what is between cells in place of a separator that quoted cells hold, too: the unit separator
 BETWEEN = 31
 #: bytes at the end of a block that are not loaded as words
 _TAIL = 48

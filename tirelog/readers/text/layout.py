@@ -29,7 +29,7 @@ from tirelog.vocabulary import units
 
 #: for `str.translate`: a number stays one, whatever its digits
 _DIGITS_ALIKE = dict.fromkeys(map(ord, "123456789"), "0")
-#: a time of day that ends with a colon and stands before the first separator
+#: a time of day that ends with a colon and is before the first separator
 TIMED = re.compile(r"^\d{1,2}[-:]\d{1,2}[-:]\d{1,2}(\.\d+)?:\s")
 
 
@@ -82,7 +82,7 @@ _SEPARATORS = "\t;,| "
 #: separator looks at, one after the other
 SAMPLE_ROWS = 200
 _TAILS = (10, 3, 50, 200)
-#: lines above the first row that look like rows and are said to be left out: fewer are numbers of
+#: lines above the first row that look like rows and are reported as left out: fewer are numbers of
 #: a preamble, as they stand in the heads of many instruments
 _FEWEST_ABOVE = 3
 
@@ -441,7 +441,7 @@ def _first_row(
             above = full[k - 1] if k else None
         elif any(cells[i]):  # blank cells between rows are lost samples
             # a row that does not parse may stand among the others, a header and a preamble stand
-            # above them; or the header stands there again, as a logger that starts anew writes it
+            # above them; or the header is there again, as a logger that starts anew writes it
             bad += 1
             if first is None or above is None:
                 continue

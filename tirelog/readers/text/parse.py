@@ -297,7 +297,7 @@ def unreadable(stamps: Nanoseconds | FloatArray) -> NDArray[np.bool_]:
 
 # ---- A block of text row by row.
 #
-# Rows of any width, and cells that are no numbers, with the line where each stands. A row of
+# Rows of any width, and cells that are no numbers, with the line of each. A row of
 # numbers whose stamp cannot be read keeps its place without one, any other such row is left out;
 # one of the wrong width keeps its place with NaN; a cell that is no number is NaN.
 

@@ -83,7 +83,7 @@ _CLOCK = "clock\n"
 _THREADS, _AHEAD = 2, 4
 #: what begins again with times of a form
 _ROUNDS = {"hms": "midnight", "hhmmss": "midnight", "mmss": "hour"}
-#: stamps above this many seconds are kept as whole numbers until the first one is taken off
+#: stamps above this many seconds are kept as whole numbers until the first one is subtracted
 _EXACT_ABOVE_S = 1e6
 
 
@@ -472,7 +472,7 @@ def _plan(layout: Layout, columns: Columns) -> RowPlan:
 
 #: peaks further apart than this are of two gratings [nm]; those of a fibre lie 5 to 40 nm apart
 _APART_NM = 1.0
-#: share of the rows in which a grating's peak stands
+#: share of the rows in which a grating has its peak
 _OFTEN = 0.3
 #: wavelengths that gratings are written at [nm]
 _WAVELENGTHS_NM = (600.0, 2500.0)

@@ -24,14 +24,12 @@ from tirelog.diagnosis.answer import (
     percent,
     probability,
     separation_sentence,
-    strengths,
 )
 from tirelog.diagnosis.candidates.search import removed_errors
 from tirelog.diagnosis.candidates.separation import drive_sentences
 from tirelog.diagnosis.diagnose import Diagnosis
 from tirelog.diagnosis.obstacles import TransientComparison
 from tirelog.diagnosis.results import Comparison, EffectCurve, Map, steps_table
-from tirelog.diagnosis.rules import RULES
 from tirelog.inference.measured import TransientLog
 from tirelog.physics.effects import Effect
 from tirelog.plots.answers import (
@@ -71,14 +69,6 @@ _WORDS = {
 #: a model on the way, as a card has it
 Rung = dict[str, Any]
 NO_MODEL = "No model was compared with these logs, so its errors are not known."
-
-
-_ZONES = {
-    "entry": "around the entry edge",
-    "patch": "inside the patch",
-    "exit": "around the exit edge",
-    "away": "away from the patch",
-}
 
 
 def shown_value(observable: str, unit: str) -> tuple[float, str]:
@@ -212,20 +202,17 @@ def _conditions(result: Comparison) -> str:
 
 
 def _how_sure(found: Diagnosis) -> str:
-    errors = removed_errors(found.found)
-    told = []
+    """What the section of the diagnosis says at length, in short sentences."""
+    errors, told = removed_errors(found.found), [f"{found.certainty.count}."]
     for c in found.effects:
         if c.selected:
-            error = f" ± {100.0 * errors[c.effect]:.2g} %" if c.effect in errors else ""
-            size = strengths(c.strengths)
+            error = f" ± {100.0 * errors[c.effect]:.1f} %" if c.effect in errors else ""
+            p = f"p = {probability(c.p_adjusted, found.manoeuvres)}".replace("= <=", "<=")
             told.append(
-                f"{c.effect} removes {percent(c.excess_removed)}{error} of the excess, probability "
-                f"{probability(c.p_adjusted, found.manoeuvres)} of being noise"
-                + (f" ({size})" if size else "")
+                f"{c.effect} removes {percent(c.excess_removed)}{error} of the excess; chance "
+                f"alone does so with {p}."
             )
-    meaning = next(rule.words for rule in RULES if rule.verdict == found.verdict)
-    sure = found.certainty.sentence.removesuffix(".")
-    return "; ".join([sure, *told, f"the verdict means: {meaning}"])
+    return " ".join(told)
 
 
 def _physics(effect: Effect) -> str:
@@ -507,19 +494,28 @@ def _with_nuisances(result: Comparison) -> list[str]:
 
 
 def where(result: Comparison) -> str:
-    """Where the excess is largest, from the comparison's own tables."""
+    """Where the map of the residual is largest, and at which speed and regime the excess is."""
     factor, unit = shown_value(result.observable, result.unit)
-    angle = max(result.tables["angle"], key=lambda row: row["excess"])
     speed = max(result.tables["speed"], key=lambda row: row["excess"])
     regime = max(result.tables["regime"], key=lambda row: row["excess"])
-    if angle["excess"] == 0.0:
+    if speed["excess"] == 0.0:
         return "The first model fails nowhere by more than the floor."
-    there = _ZONES.get(angle["angle"])
+    most, phi, edge = "", result.by_speed.phi_rad, result.half_angle_rad
+    if phi.size > 1:
+        size = factor * np.sqrt(np.mean(result.by_speed.residual**2, axis=0))
+        sides = {
+            "ahead of the entry edge": phi < -edge,
+            "inside the patch": np.abs(phi) <= edge,
+            "behind the exit edge": phi > edge,
+        }
+        largest = {name: float(size[side].max()) for name, side in sides.items() if side.any()}
+        first, *others = sorted(largest.items(), key=lambda one: -one[1])
+        then = " and ".join(f"{name} ({value:.3g})" for name, value in others)
+        most = f"The first model fails most {first[0]} ({first[1]:.3g} {unit}), then {then}. "
     return (
-        "The first model fails most "
-        + (f"{there} (excess {angle['excess'] * factor:.3g} {unit}), " if there else "")
-        + f"by speed near {speed['speed_m_s']:g} m/s ({speed['excess'] * factor:.3g}), by regime "
-        f"in {regime['regime']} ({regime['excess'] * factor:.3g})."
+        f"{most}The excess is largest at speeds near {speed['speed_m_s']:g} m/s "
+        f"({speed['excess'] * factor:.3g} {unit}) and in {regime['regime']} "
+        f"({regime['excess'] * factor:.3g})."
     )
 
 

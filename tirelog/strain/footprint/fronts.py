@@ -47,7 +47,7 @@ def footprint_of_accelerometer(recording: Recording, channel: Channel) -> Passag
     passages = passages_of(recording, channel)
     fronts, entry_s, exit_s = _fronts(channel, passages)
     nothing, width = np.full(len(passages), np.nan), fronts["exit_rad"] - fronts["entry_rad"]
-    # samples between the fronts below which none can be told; twice as many leave fast passages of
+    # samples between the fronts below which none can be known; twice as many leave fast passages of
     # slow loggers without
     short = 2.0 * fronts["half_rad"] * channel.axis.rate_Hz < 4.0 * fronts["rate_rad_s"]
     untold, flags = np.isnan(width), speed_quality(passages)
@@ -108,7 +108,7 @@ def _angle(passages: Passages, known: np.ndarray) -> AngleFunction:
     omega = passages.omega_rad_s[known][:, None]
     alpha = np.nan_to_num(passages.alpha_rad_s2[known])[:, None]
     turned = np.array([-_OWN_RAD, 0.0, _OWN_RAD])
-    with np.errstate(invalid="ignore"):  # a wheel that stands before has no time there
+    with np.errstate(invalid="ignore"):  # a wheel at rest before has no time there
         rate = np.sqrt(omega**2 + 2.0 * alpha * turned)
     time = (passages.time_s[known][:, None] + 2.0 * turned / (omega + rate)).ravel()
     angle = (TURN_RAD * np.arange(known.size)[:, None] + turned).ravel()

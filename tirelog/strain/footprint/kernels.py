@@ -24,7 +24,7 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records, rec
 MOTION = np.dtype(
     [("centre", "f8"), ("rate_Hz", "f8"), ("speed_m_s", "f8"), ("acceleration_m_s2", "f8")]
 )
-#: where a table stands: abscissa of its first row and from row to row, square of the speed that it
+#: where a table is: abscissa of its first row and from row to row, square of the speed that it
 #: holds at, shift of its form behind the patch centre, half of the window that samples are used in
 GRID = np.dtype(
     [("first_m", "f8"), ("step_m", "f8"), ("speed2_m2_s2", "f8"), ("shift_m", "f8"),
@@ -285,7 +285,7 @@ ONSET = np.dtype(
 #: one onset that was tried: squared residual over sigma^2, length over height and its standard
 #: error [m]
 TRIED = np.dtype([("chi2", "f8"), ("length", "f8"), ("length_se", "f8")])
-#: a traction of which the passage's other columns leave less than this share cannot be told from
+#: a traction of which the passage's other columns leave less than this share cannot be parted from
 #: them; twice as much tells fewer tractions
 LEAST_OWN = 1e-5
 #: a joint solution is trusted about where the form was put; beyond, its cost grows with this power

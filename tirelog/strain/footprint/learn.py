@@ -60,7 +60,7 @@ from tirelog.vocabulary.quality import good
 # With the distance of every sample along the tread.
 #
 #     Channel + Passages
-#         --passages of like window length, read one stretch of the log at a time-->
+#         --passages of similar window length, read one stretch of the log at a time-->
 #         PatchWindows (rows x columns)
 #         --neighbouring samples averaged if they lie closer than needed-->
 #         PatchWindows, fewer columns
@@ -211,7 +211,7 @@ def _cut(
 #
 # A passage is height x form(xi - shift; length, damping, tilt) + offset. Linear in everything about
 # the reference; what is quadratic in length and shift is known from two more columns of the same
-# products and taken off in turns, without touching the samples again. At the noise of the log the
+# products and subtracted in turns, without touching the samples again. At the noise of the log the
 # errors are those of Cramer and Rao.
 
 

@@ -349,7 +349,7 @@ def descend(
             damped = before.normal + np.diag(damping * np.diag(before.normal))
             step = np.linalg.solve(damped, before.gradient)
             out = (before.theta + step < low) | (before.theta + step > high)
-            if out.any():  # what stands at a bound stays there, and the others know it
+            if out.any():  # what is at a bound stays there, and the others know it
                 kept = ~out
                 step[out] = (np.clip(before.theta + step, low, high) - before.theta)[out]
                 right = before.gradient[kept] - damped[np.ix_(kept, out)] @ step[out]

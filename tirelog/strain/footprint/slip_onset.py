@@ -43,10 +43,10 @@ FIRST, LAST, COARSE, FINE = -0.8, 0.94, 22, 5
 #: 1.0 all are as likely; twice as much doubles the share of an onset's error by it
 RATIO, RATIO_SD = 0.75, 0.13
 #: free passages that are asked what a traction removes from them, and rows with less than this
-#: share of the gain beyond what free ones leave are not looked at; twice as many are told to 0.7 of
+#: share of the gain beyond what free ones leave are not looked at; twice as many are good to 0.7 of
 #: the scatter, in twice the time
 ASKED, LEAST_SHARE = 96, 0.5
-#: an onset stands alone if others this far from it (share of the half length) leave so many more
+#: an onset is alone if others this far from it (share of the half length) leave so many more
 #: squared sigmas; half as many keep a hundredth more of the onsets
 APART, ALONE = 0.28, 20.0
 #: weak knowledge of damping and tilt beside a traction; turns of the joint fit (each puts the form
@@ -203,7 +203,7 @@ def as_starts(found: Records, told: Records, scatter: float) -> BoolArray:
     Their rivals are worse by far more than is required; their answers give no `reason` against.
     """
     with np.errstate(invalid="ignore"):
-        # others start from an onset that stands alone by so many times what is asked of each; half
+        # others start from an onset that is alone by so many times what is asked of each; half
         # as many would tell onsets beside which others are nearly as good
         alone = found["rival"] - found["chi2"] > 3.0 * ALONE * _scale(found, scatter)
     return np.asarray(alone & (told["reason"] == ""))
@@ -238,7 +238,7 @@ def slip_onsets(
     # misfit is alike in neighbouring samples, which noise is not. Without it 86 to 90 % of onsets
     # on rings by differences lie within 1.96 errors, with it 95 %; twice as much covers 96 to 97 %
     missed = np.sqrt(1.0 + 2.0 * np.maximum(1.0 - 1.0 / scale, 0.0))
-    # an onset is not told better than this share of the half length, which adds to its error; twice
+    # an onset is not surer than this share of the half length, which adds to its error; twice
     # as much covers errors of two millimetres that nothing shows
     # change of an onset over that of the ratio, as a share of the half length: logs of simulated
     # beams have 0.15 to 0.2, of rings 0.05 to 0.1; twice as much doubles an error that covers
@@ -247,7 +247,7 @@ def slip_onsets(
     error = np.hypot(own * missed, shared * L)
     reason = np.full(best.size, "", object)
     reason[rival - left < ALONE * scale] = NOT_ALONE
-    # an onset whose error is above this share of the half length is not told: at twice as much one
+    # an onset whose error is above this share of the half length is not given: at twice as much one
     # in twenty is off by 5 mm or more
     reason[(own > 0.05 * L) | (scale > WORST_LEFT * scatter**2)] = TOO_WIDE
     reason[(best == 0) | (best == onsets.size - 1)] = AT_EDGE

@@ -34,7 +34,7 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 from tirelog.wheel.pulses import AT_ONCE, decimate, patch_sign, pulses_in
 from tirelog.wheel.rolling import off_clock
 
-# ---- Whether what was found are passages of a tire at all: the gate before any speed is told.
+# ---- Whether what was found are passages of a tire at all: the gate before any speed is known.
 #
 #     Pulses as found, Matched passages
 #         --share of a turn, turns between, shape, speed--> '' or what is wrong with them
@@ -46,7 +46,7 @@ from tirelog.wheel.rolling import off_clock
 
 
 #: width at half level over the period; tires of cars, trucks, bicycles and karts: 0.03 to 0.12, a
-#: sine: 0.5.  Twice as much lets gravity on a rim pass, of which every second turn stands out
+#: sine: 0.5.  Twice as much lets gravity on a rim pass, of which every second turn differs
 WIDEST_TURNS = 0.2
 #: pairs that it takes to say so.  Half as many would doubt a car that is parked; twice as many let
 #: the axles of a weighing bridge pass

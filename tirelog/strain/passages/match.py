@@ -158,7 +158,7 @@ def window_samples(
 #: passages that the template is learnt from, in clusters of neighbours, and rounds; twice as many
 #: tell the template to 0.7 of the noise, in twice the time
 LEARNT_FROM, CLUSTERS, LEARNING_ROUNDS = 320, 16, 3
-#: stretches of angle over which the scatter between turns is told, from so many passages at most,
+#: stretches of angle over which the scatter between turns is known, from so many passages at most,
 #: and the passages that it takes: of fewer a spike is a large part; twice as many stretches have
 #: half of the samples each
 SCATTER_PARTS, SCATTER_FROM, FEWEST = 24, 60, 5
@@ -231,7 +231,7 @@ def _scatter(signal: Signal, template: Template, at: Records) -> FloatArray:
     return scatter
 
 
-# ---- Pulses that are no passages, told by when they come and how long they last.
+# ---- Pulses that are no passages, known by when they come and how long they last.
 #
 # The instrument jumped, or a jump split a passage in two.
 #

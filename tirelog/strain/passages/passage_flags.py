@@ -25,7 +25,7 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, having, marked
 # The second-order centred difference over two turns (P1 4, P2 4.2, errata) in its form for unequal
 # steps is exact for a constant acceleration. What a change of acceleration leaves, one twelfth of
 # the
-# period times the change over two turns, is taken off as far as it stands out of the noise; what a
+# period times the change over two turns, is subtracted as far as it exceeds the noise; what a
 # smooth curve through the accelerations around does not foretell goes into the standard error.
 
 
@@ -43,7 +43,7 @@ BLIND_TURNS = 2.0
 
 
 #: a passage's wheel speed with standard error, wheel acceleration, and neighbours on how many sides
-#: told these: 2 centred, 1 extrapolated from the next, 0 none (NaN)
+#: these are known: 2 centred, 1 extrapolated from the next, 0 none (NaN)
 KINEMATICS = np.dtype(
     [("omega_rad_s", "f8"), ("omega_se_rad_s", "f8"), ("alpha_rad_s2", "f8"), ("sides", "i8")]
 )

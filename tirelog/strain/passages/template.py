@@ -70,7 +70,7 @@ class Source(NamedTuple):
 
 
 #: a sample of a window: its value, patch upward, and when it was taken [s]; 1 if it counts, 1 if it
-#: stands at an end of the range; angle from the patch centre [rad]; the template there, its slope
+#: is at an end of the range; angle from the patch centre [rad]; the template there, its slope
 #: [1/rad], its scatter between turns; what the fit leaves of it, and how far that leaves its
 #: neighbours' mean
 SAMPLE = np.dtype(
