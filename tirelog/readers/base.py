@@ -13,10 +13,12 @@ stamps.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -311,6 +313,48 @@ def several_signals(signals: Collection[str], column: str) -> str:
         f"its rows hold {len(signals)} signals one after the other, by column {column!r}: "
         f"{', '.join(sorted(signals)[:5])}"
     )
+
+
+def long_form(signals: Collection[str], column: str, log: str = "") -> ReadError:
+    """What to say of a log whose rows hold some signals one after the other."""
+    return ReadError(
+        several_signals(signals, column),
+        allowed="allowed is a column per signal",
+        do="pivot it first, e.g. with pandas: table.pivot(index=TIME, columns=NAME, values=VALUE)",
+        file=log,
+    )
+
+
+def signal_column(names: Sequence[str], kinds: Sequence[str]) -> int | None:
+    """The column of a long table that may name signals, by names and kinds of all its columns.
+
+    Of kind `text`, or `number` by its name. None if there are more columns than a time, a name and
+    a value.
+    """
+    numbers = [k for k, kind in enumerate(kinds) if kind == "number"]
+    named = [k for k, kind in enumerate(kinds) if kind == "text"]
+    if not named and len(numbers) == 3:
+        named = [k for k in numbers if is_signal_name(names[k])]
+    others = len({*numbers} - {*named})
+    return named[0] if len(named) == 1 and others <= 2 else None
+
+
+def signals_in(cells: Sequence[str], name: str, kind: str) -> set[str]:
+    """The signals that cells of a column name, from a log's begin and its end; none if it has one.
+
+    `kind` of the column: text or number.
+    """
+    by_name = is_signal_name(name)
+    # a name that comes once is a damaged cell
+    first, seen = cells[: len(cells) // 2], {c for c, n in Counter(cells).items() if c and n > 1}
+    many = len(seen)
+    if kind == "number":  # in turns, or sorted: else they are what is measured
+        in_turns = len({*first[:many]}) == many and first[many:] == first[:-many]
+        one_by_one = sum(a != b for a, b in pairwise(cells)) == many - 1
+        by_name = in_turns or (by_name and one_by_one)
+    in_turn = sum(a != b for a, b in pairwise(first)) > 0.5 * len(first)
+    named = by_name or (in_turn and kind == "text")
+    return seen if named and 2 <= many <= 0.3 * len(first) else set()
 
 
 def stated_time_unit(name: str, unit: str) -> str | None:
