@@ -471,6 +471,11 @@ def split_unit(name: str) -> tuple[str, str]:
     return name, ""
 
 
+def unit_in_source(source: str) -> str:
+    """The unit behind the name in a source, '' if there is none; an index in brackets is none."""
+    return split_unit(re.sub(r"\[[\d\s,:]+\]$", "", source))[1]
+
+
 def with_stated_units(setup: Setup, stated: Mapping[str, str]) -> tuple[Setup, list[str]]:
     """(the setup with the units that the log states, what to say about them).
 

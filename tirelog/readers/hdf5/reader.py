@@ -49,6 +49,7 @@ from tirelog.readers.base import (
     split_unit,
     stated_time_unit,
     unit_by_size,
+    unit_in_source,
     with_stated_units,
 )
 from tirelog.readers.hdf5.source import (
@@ -612,8 +613,7 @@ class Hdf5Log:
                         f"channel {name}: the file has a scale of its own; the setup's scale and "
                         "offset act on what it gives"
                     )
-                plain = re.sub(r"\[[\d\s,:]+\]$", "", channel.source)  # an index is no unit
-                if unit := unit_of(column) or split_unit(plain)[1]:
+                if unit := unit_of(column) or unit_in_source(channel.source):
                     self.stated[name] = unit
             except ReadError as problem:
                 problems.append(f"channel {name}: {problem.message}")

@@ -39,7 +39,7 @@ from tirelog.readers.base import (
     rate_Hz,
     signal_column,
     signals_in,
-    split_unit,
+    unit_in_source,
     with_stated_units,
 )
 from tirelog.readers.mcap.decode import LARGEST_MESSAGE_BYTES, ChannelDecoder, spread
@@ -347,7 +347,7 @@ class McapLog:
             try:
                 topic, field = topic_and_field(channel.source)
                 wants.setdefault(topic, {})[name] = parse_path(field)
-                if unit := split_unit(field)[1]:
+                if unit := unit_in_source(field):
                     stated[name] = unit
             except ReadError as problem:
                 self.report.losses.append(f"channel {name}: {problem.message}")
