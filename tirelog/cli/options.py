@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import math
 import os
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import wraps
 from importlib import util
@@ -98,8 +97,6 @@ def drawable(path: Path | None) -> Path | None:
 #: revolutions that one command computes, and rows that it writes of them; twice as many rows take
 #: twice the memory, some 500 MB
 MOST, MOST_ROWS = 2000, 2_100_000
-#: two whole numbers, or one with a decimal comma
-_PAIR = re.compile(r"[-+]?\d+,\d+")
 _FIELDS = {
     "speed": "speed_m_s",
     "load": "load_N",
@@ -111,11 +108,13 @@ _FIELDS = {
 
 def values_of(text: str, option: str) -> list[float]:
     """The values that an option gives.  UsageError: words that are none."""
+    likely = likely_number(text)
     try:
         numbers = [float(part) for part in text.split(":" if ":" in text else ",")]
-        if all(map(math.isfinite, numbers)) and len(numbers) <= MOST:
+        # 22,5 and 0,05 are one number to who writes decimals with a comma
+        one = likely and (numbers[-1] <= numbers[0] or ",0" in text[:-1])
+        if all(map(math.isfinite, numbers)) and len(numbers) <= MOST and not one:
             if ":" not in text:
-                _refuse_decimal_comma(text, option, numbers)
                 return numbers
             low, high, step = numbers
             count = math.floor((high - low) / step + 1e-9) + 1
@@ -123,23 +122,12 @@ def values_of(text: str, option: str) -> list[float]:
                 return [low + i * step for i in range(count)]
     except (ValueError, ZeroDivisionError, OverflowError):
         pass
-    likely = likely_number(text)
     raise UsageError(
         f"{option} {text}",
-        allowed=f"allowed are a number, several with commas, or FROM:TO:STEP, {MOST} at most",
+        allowed="allowed are a number, several that rise with commas, or FROM:TO:STEP, "
+        f"{MOST} at most",
         do=likely or f"write {option} 20, {option} 10,20 or {option} 5:25:5",
     )
-
-
-def _refuse_decimal_comma(text: str, option: str, numbers: list[float]) -> None:
-    """UsageError: whole numbers such as 22,5 that fall, or 0,05 whose second begins with 0."""
-    if _PAIR.fullmatch(text) and (numbers[1] <= numbers[0] or re.search(",0.", text)):
-        low, high = sorted(numbers)
-        raise UsageError(
-            f"{option} {text} is one number with a decimal comma, or two numbers that fall",
-            allowed="the decimal sign is a point, and several numbers rise",
-            do=f"write {option} {text.replace(',', '.')} or {option} {low:g},{high:g}",
-        )
 
 
 def assigned(text: str, option: str, allowed: str, do: str = "correct it") -> tuple[str, str]:
@@ -193,16 +181,13 @@ def conditions_given(
     return api.models.conditions_of(given, setup, called=called, **other)
 
 
-def doubts(conditions: Conditions, *texts: str | None) -> list[str]:
+def doubts(conditions: Conditions, *texts: str) -> list[str]:
     """Remarks on a speed that is more likely in km/h, and on texts that may be one number.
 
     No speed below 200 km/h.
     """
-    said = [
-        f"{text} is two values; as one it is {text.replace(',', '.')}"
-        for text in texts
-        if text is not None and _PAIR.fullmatch(text)
-    ]
+    likely = [(text, likely_number(text)) for text in texts]
+    said = [f"{text} is two values; {one}" for text, one in likely if one]
     highest = float(max(conditions.speed_m_s, default=0.0))
     if 3.6 * highest < 200.0:
         return said
