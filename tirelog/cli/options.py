@@ -186,8 +186,7 @@ def doubts(conditions: Conditions, *texts: str) -> list[str]:
 
     No speed below 200 km/h.
     """
-    likely = [(text, likely_number(text)) for text in texts]
-    said = [f"{text} is two values; {one}" for text, one in likely if one]
+    said = [f"{text} is two values; {likely_number(text)}" for text in texts if likely_number(text)]
     highest = float(max(conditions.speed_m_s, default=0.0))
     if 3.6 * highest < 200.0:
         return said

@@ -348,10 +348,10 @@ def signals_in(cells: Sequence[str], name: str, kind: str) -> set[str]:
     # a name that comes once is a damaged cell
     first, seen = cells[: len(cells) // 2], {c for c, n in Counter(cells).items() if c and n > 1}
     many = len(seen)
-    if kind == "number":  # in turns, or sorted: else they are what is measured
+    if kind == "number":  # in turns, or whole ones sorted: else they are what is measured
         in_turns = len({*first[:many]}) == many and first[many:] == first[:-many]
         one_by_one = sum(a != b for a, b in pairwise(cells)) == many - 1
-        by_name = in_turns or (by_name and one_by_one)
+        by_name = in_turns or (by_name and one_by_one and all(map(str.isdigit, seen)))
     in_turn = sum(a != b for a, b in pairwise(first)) > 0.5 * len(first)
     named = by_name or (in_turn and kind == "text")
     return seen if named and 2 <= many <= 0.3 * len(first) else set()

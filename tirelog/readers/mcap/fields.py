@@ -6,6 +6,7 @@
 "/tire:data[3]"           one element (from 0)
 "/tire:samples"           a list of numbers: a batch of samples, in the order of time
 "/tire:data[3::16]"       a batch that is every 16th element (rows of 16 laid end to end)
+"/tire:FBG 1 [nm]"        a field of that name, which only JSON has
 "/tire:rows[:][3]"        a batch over a list of lists; "/tire:rows[:].strain" over a list of
                           objects
 """

@@ -272,10 +272,6 @@ def _near(problem: FieldError, message: Any) -> str:
     return f"{near}; it has {', '.join(known[:20])}" if problem.name and known else ""
 
 
-#: messages that show whether each is of another signal
-_LOOKED_AT = 200
-
-
 def _several_signals(decoder: ChannelDecoder, table: MessageTable, message: Any) -> str:
     """What is wrong with a topic that has some signals in turn, by a name in each message, or ''.
 
@@ -288,7 +284,8 @@ def _several_signals(decoder: ChannelDecoder, table: MessageTable, message: Any)
     if column is None:
         return ""
     cells = []
-    for data in table.take(slice(0, _LOOKED_AT)).messages():
+    # as many as show signals in turn, of up to thirty
+    for data in table.take(slice(0, 200)).messages():
         with suppress(FieldError, KeyError):
             cells.append(str(field_of(decoder.message(data), names[column])))
     signals = signals_in(cells, names[column], kinds[column])
