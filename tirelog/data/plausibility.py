@@ -163,12 +163,11 @@ def _end_of_teeth(recording: Recording, encoder: Channel) -> list[str]:
     starts = np.linspace(0, max(encoder.size - size, 0), 9).astype(np.int64).tolist()
     # a tenth: the noise of a cable that is broken is less, a slow wheel's teeth are more
     least = 0.1 * max(_swing(encoder, start, size) for start in starts)
-    last = encoder.size
-    while last > size and not _swing(encoder, last - size, size) > least:
-        last -= size
-    others = [one for one in recording.channels.values() if one.size]
-    ends_s = [float(one.axis.at(float(one.size))) for one in others]
-    end_s, own_s = max(ends_s), float(encoder.axis.at(float(last)))
+    seconds = range(encoder.size, size, -size)
+    last = next((at for at in seconds if _swing(encoder, at - size, size) > least), size)
+    own_s = float(encoder.axis.at(float(last)))
+    channels = recording.channels.values()
+    end_s = max(float(one.axis.at(float(one.size))) for one in channels if one.size)
     # a tenth of the log, and more than the second that is looked at
     if last <= size or end_s - own_s < max(2.0, 0.1 * end_s):
         return []

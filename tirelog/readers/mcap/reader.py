@@ -339,17 +339,16 @@ class McapLog:
 
     def _topics(self) -> dict[str, Topic]:
         wants: dict[str, dict[str, RequestedField]] = {}
-        stated: dict[str, str] = {}
         for name, channel in self.setup.channels.items():
             try:
                 topic, field = topic_and_field(channel.source)
                 wants.setdefault(topic, {})[name] = parse_path(field)
-                if unit := unit_in_source(field):
-                    stated[name] = unit
             except ReadError as problem:
                 self.report.losses.append(f"channel {name}: {problem.message}")
         if not wants:
             raise ReadError("; ".join(self.report.losses), file=self.log_name)
+        units_of = {name: unit_in_source(one.source) for name, one in self.setup.channels.items()}
+        stated = {name: unit for name, unit in units_of.items() if unit}
         self.setup, said = with_stated_units(self.setup, stated)
         self.report.remarks += said
         return {

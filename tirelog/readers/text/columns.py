@@ -407,12 +407,7 @@ def refuse_long_form(layout: Layout, name: str) -> None:
         return
     signals = signals_in(layout.cells(column), layout.name(column), layout.kinds[column])
     if signals:
-        raise long_form(signals, signal_title(layout, column), name)
-
-
-def signal_title(layout: Layout, column: int) -> str:
-    """What the column of signals' names is called in a message."""
-    return layout.name(column) or f"#{column + 1}"
+        raise long_form(signals, layout.name(column) or f"#{column + 1}", name)
 
 
 def one_signal(layout: Layout) -> tuple[int, str] | None:

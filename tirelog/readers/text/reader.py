@@ -52,7 +52,6 @@ from tirelog.readers.text.columns import (
     placed,
     refuse_long_form,
     resolution_s,
-    signal_title,
     start_iso,
     stated_unit,
     stated_units,
@@ -223,7 +222,7 @@ class TextReader:
                 others[other] += 1
         for other, rows in others.most_common(1):
             if rows > 1:  # one is a damaged cell
-                raise long_form({signal, other}, signal_title(layout, column), self.name)
+                raise long_form({signal, other}, layout.name(column), self.name)
 
     def _whole(self, block: bytes) -> bytes:
         """The block without a last row that is cut off."""
