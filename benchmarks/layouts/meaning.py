@@ -362,6 +362,18 @@ def _long_tables() -> Iterator[Case]:
         frame = pd.DataFrame(columns).astype({"name": kind})
         yield Case("long tables", f"Parquet, sorted, names of type {kind}", "log.parquet",
                    frame.to_parquet, setup("value"), refused="by column 'name': a, b")  # fmt: skip
+    named = {"time": np.repeat(T, 2), "name": np.tile(["a", "b"], ROWS), "value": V[:2].T.ravel()}
+    for more, values in (("index", np.arange(2 * ROWS)), ("unit", ["K"] * 2 * ROWS)):
+        frame = pd.DataFrame({**named, more: values})
+        text = frame.to_csv(index=False)
+        yield text_case("long tables", f"name of each row, in turns, beside an {more}", text,
+                        setup("value"), refused="by column 'name': a, b")  # fmt: skip
+    yield Case("long tables", "Parquet, in turns, beside an index", "log.parquet",
+               pd.DataFrame({**named, "row": np.arange(2 * ROWS)}).to_parquet, setup("value"),
+               refused="by column 'name': a, b")  # fmt: skip
+    states = np.where(np.arange(ROWS) // 200 % 2, "good", "bad")
+    yield text_case("long tables", "a state of the signal beside several", "time,a,b,c,signal\n"
+                    + table([t, A, B, A, states]), setup("a", "b"), BOTH)  # fmt: skip
     for order in ("in turns", "sorted"):
         own = {"time": np.repeat(T, 2), "name": np.tile(["a", "b"], ROWS), "value": V[:2].T.ravel()}
         if order == "sorted":

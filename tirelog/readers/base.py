@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -339,22 +339,32 @@ def signal_column(names: Sequence[str], kinds: Sequence[str]) -> int | None:
     return named[0] if len(named) == 1 and others <= 2 else None
 
 
-def signals_in(cells: Sequence[str], name: str, kind: str) -> set[str]:
-    """The signals that cells of a column name, from a log's begin and its end; none if it has one.
+def signals_of(
+    names: Sequence[str], kinds: Sequence[str], cells_of: Callable[[int], Sequence[str]]
+) -> tuple[int, set[str]]:
+    """(the column that names a signal in each row, these signals); none if there is one signal.
 
-    `kind` of the column: text or number.
+    `cells_of` gives cells of a column from a log's begin and its end. Beside more columns than a
+    time and a value only names that take turns count: an index or a unit may be among these.
     """
-    by_name = is_signal_name(name)
+    column, wide = signal_column(names, kinds), False
+    if column is None:
+        named = [k for k, kind in enumerate(kinds) if kind == "text" and is_signal_name(names[k])]
+        column, wide = named[0] if len(named) == 1 else None, True
+    if column is None:
+        return -1, set()
+    cells, of_words = cells_of(column), kinds[column] == "text"
+    by_name = is_signal_name(names[column]) and not wide
     # a name that comes once is a damaged cell
     first, seen = cells[: len(cells) // 2], {c for c, n in Counter(cells).items() if c and n > 1}
     many = len(seen)
-    if kind == "number":  # in turns, or whole ones sorted: else they are what is measured
+    if not of_words:  # in turns, or whole ones sorted: else they are what is measured
         in_turns = len({*first[:many]}) == many and first[many:] == first[:-many]
         one_by_one = sum(a != b for a, b in pairwise(cells)) == many - 1
         by_name = in_turns or (by_name and one_by_one and all(map(str.isdigit, seen)))
     in_turn = sum(a != b for a, b in pairwise(first)) > 0.5 * len(first)
-    named = by_name or (in_turn and kind == "text")
-    return seen if named and 2 <= many <= 0.3 * len(first) else set()
+    found = (by_name or (in_turn and of_words)) and 2 <= many <= 0.3 * len(first)
+    return column, seen if found else set()
 
 
 def stated_time_unit(name: str, unit: str) -> str | None:

@@ -44,8 +44,7 @@ from tirelog.readers.base import (
     long_form,
     rises_as_time,
     runs,
-    signal_column,
-    signals_in,
+    signals_of,
     split_unit,
     stated_time_unit,
     unit_by_size,
@@ -349,16 +348,16 @@ def refuse_long_form(found: SourceColumn) -> None:
     for k, dtype in enumerate(types):
         if h5py.check_string_dtype(dtype) is not None:
             kinds[k] = "text"
-    column = signal_column([*beside], kinds)
-    if column is None:
-        return
-    name, stored = [*beside.items()][column]
-    ends = max(len(found) - _LOOKED_AT, 0)
-    cells = [*stored.read(0, _LOOKED_AT), *stored.read(ends, len(found))]
-    texts = [cell.decode("utf-8", "replace") if isinstance(cell, bytes) else str(cell)
-             for cell in cells]  # fmt: skip
-    if signals := signals_in(texts, name, kinds[column]):
-        raise long_form(signals, name)
+
+    def cells(number: int) -> list[str]:
+        stored = [*beside.values()][number]
+        ends = max(len(found) - _LOOKED_AT, 0)
+        both = [*stored.read(0, _LOOKED_AT), *stored.read(ends, len(found))]
+        return [x.decode("utf-8", "replace") if isinstance(x, bytes) else str(x) for x in both]
+
+    column, signals = signals_of([*beside], kinds, cells)
+    if signals:
+        raise long_form(signals, [*beside][column])
 
 
 def _beside(found: SourceColumn) -> dict[str, SourceColumn]:

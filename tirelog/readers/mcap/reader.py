@@ -37,8 +37,7 @@ from tirelog.readers.base import (
     date_of,
     long_form,
     rate_Hz,
-    signal_column,
-    signals_in,
+    signals_of,
     unit_in_source,
     with_stated_units,
 )
@@ -280,15 +279,16 @@ def _several_signals(decoder: ChannelDecoder, table: MessageTable, message: Any)
     names = field_names(message)
     of_type = {str: "text", int: "number", float: "number"}
     kinds = [of_type.get(type(field_of(message, name)), "other") for name in names]
-    column = signal_column(names, kinds)
-    if column is None:
-        return ""
-    cells = []
-    # as many as show signals in turn, of up to thirty
-    for data in table.take(slice(0, 200)).messages():
-        with suppress(FieldError, KeyError):
-            cells.append(str(field_of(decoder.message(data), names[column])))
-    signals = signals_in(cells, names[column], kinds[column])
+
+    def cells(number: int) -> list[str]:
+        found = []
+        # as many as show signals in turn, of up to thirty
+        for data in table.take(slice(0, 200)).messages():
+            with suppress(FieldError, KeyError):
+                found.append(str(field_of(decoder.message(data), names[number])))
+        return found
+
+    column, signals = signals_of(names, kinds, cells)
     return long_form(signals, names[column]).message if signals else ""
 
 

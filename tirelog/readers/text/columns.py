@@ -30,7 +30,7 @@ from tirelog.readers.base import (
     name_without_unit,
     rises_as_time,
     signal_column,
-    signals_in,
+    signals_of,
     stated_time_unit,
     unit_by_size,
     words,
@@ -402,10 +402,7 @@ def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
 
 def refuse_long_form(layout: Layout, name: str) -> None:
     """ReadError: the rows hold one signal after the other, named in a column of words."""
-    column = _signal_column(layout)
-    if column is None:
-        return
-    signals = signals_in(layout.cells(column), layout.name(column), layout.kinds[column])
+    column, signals = signals_of(*_names_and_kinds(layout), layout.cells)
     if signals:
         raise long_form(signals, layout.name(column) or f"#{column + 1}", name)
 
@@ -415,7 +412,7 @@ def one_signal(layout: Layout) -> tuple[int, str] | None:
 
     None if there is none. Rows of another signal may follow, in a table that is sorted by it.
     """
-    named = _signal_column(layout)
+    named = signal_column(*_names_and_kinds(layout))
     if named is None or layout.kinds[named] != "text":
         return None
     seen = {*layout.cells(named)}
@@ -423,10 +420,9 @@ def one_signal(layout: Layout) -> tuple[int, str] | None:
     return (named, seen.pop()) if by_name else None
 
 
-def _signal_column(layout: Layout) -> int | None:
-    """The column of a long table that may name signals."""
-    width = layout.width
-    return signal_column([layout.name(k) for k in range(width)], layout.kinds[:width])
+def _names_and_kinds(layout: Layout) -> tuple[list[str], Sequence[str]]:
+    """The name and the kind of each column."""
+    return [layout.name(k) for k in range(layout.width)], layout.kinds[: layout.width]
 
 
 def clock_columns(layout: Layout, setup: Setup) -> tuple[set[int], str]:
