@@ -373,7 +373,7 @@ def _long_tables() -> Iterator[Case]:
                refused="by column 'name': a, b")  # fmt: skip
     states = np.where(np.arange(ROWS) // 200 % 2, "good", "bad")
     yield text_case("long tables", "a state of the signal beside several", "time,a,b,c,signal\n"
-                    + table([t, A, B, A, states]), setup("a", "b"), BOTH)  # fmt: skip
+                    + table([t, A, B, A, states.tolist()]), setup("a", "b"), BOTH)  # fmt: skip
     for order in ("in turns", "sorted"):
         own = {"time": np.repeat(T, 2), "name": np.tile(["a", "b"], ROWS), "value": V[:2].T.ravel()}
         if order == "sorted":
