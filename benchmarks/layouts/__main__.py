@@ -11,14 +11,14 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from benchmarks.layouts import extras, meaning
+from benchmarks.layouts import crossed, extras, meaning
 from benchmarks.layouts.generated import cases
 from benchmarks.layouts.judge import Verdict, judged
 
 
 def generated(only: str) -> Iterator[tuple[str, str, Verdict]]:
     """(source, layout, verdict) of every generated file."""
-    for case in (*cases(), *extras.cases(), *meaning.cases()):
+    for case in (*cases(), *extras.cases(), *meaning.cases(), *crossed.cases()):
         if only not in f"{case.source} {case.layout}":
             continue
         if not case.can_be_made:

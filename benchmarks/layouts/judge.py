@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.util import find_spec
@@ -10,7 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+import tirelog
 from tirelog.data.setup import parse_setup
+from tirelog.drafts.setup import contents
 from tirelog.errors import TirelogError
 from tirelog.runs.ingest import open_recording
 
@@ -25,7 +28,9 @@ class Case:
     `truth` values per channel in SI (n,); `times_s` (n,) from the first row; `refused` is a part of
     the message if refusing is right; `own_times_s` those from the log's first sample of channels
     that do not begin with it; `said` a part of what has to be said; `time_error_s` how far a
-    time may be off, `value_error` a value; `needs` the library of an extra.
+    time may be off, `value_error` a value; `needs` the library of an extra; not `checked` if the
+    values are no tire's; `speed_m_s` of a wheel whose rows of `speed` are judged, if it is one.
+    Without a `setup` the channels c0, c1, ... are the sources that the log's own list has.
     """
 
     source: str
@@ -41,6 +46,8 @@ class Case:
     time_error_s: float = 1e-6
     value_error: float = 1e-9
     needs: str = ""
+    checked: bool = True
+    speed_m_s: float = 0.0
 
     @property
     def can_be_made(self) -> bool:
@@ -84,7 +91,9 @@ def judged(case: Case, folder: Path) -> Verdict:
     path = folder / case.name
     case.write(path)
     try:
-        with open_recording(str(path), parse_setup(case.setup, "setup.toml")) as recording:
+        text = case.setup or _listed(path)
+        read_by = parse_setup(text, "setup.toml")
+        with open_recording(str(path), read_by, check=case.checked) as recording:
             first = next(iter(recording.channels.values()))
             wrong = [
                 said
@@ -92,6 +101,8 @@ def judged(case: Case, folder: Path) -> Verdict:
                 if (said := _compared(case, name, truth, recording))
             ]
             told = " ".join([*recording.remarks, *recording.losses])
+            if case.speed_m_s:
+                wrong += _speeds(case, path, text)
             if case.refused:
                 wrong.append("read, where it must be refused")
             if case.said and case.said not in told:
@@ -108,6 +119,29 @@ def judged(case: Case, folder: Path) -> Verdict:
     except Exception as problem:  # what a command would call a defect of its own
         return Verdict(wrong=f"crashed: {type(problem).__name__} {problem}")
     return Verdict(rows, rate, told, "; ".join(wrong))
+
+
+def _listed(path: Path) -> str:
+    """A setup of all series that `tirelog info` lists."""
+    return "".join(
+        f'[channels.c{k}]\nkind = "signal"\nunit = "1"\nsource = {json.dumps(one.series.source)}\n'
+        for k, one in enumerate(contents(str(path)).found)
+    )
+
+
+def _speeds(case: Case, path: Path, setup: str) -> list[str]:
+    """What is wrong with the rows of `tirelog speed`: wrong ones that are ok, or too few."""
+    given = path.with_suffix(".toml")
+    given.write_text(setup)
+    rows = tirelog.speed(path, setup=given)
+    good = rows[rows.quality == "ok"]
+    off = np.abs(good.speed_m_s - case.speed_m_s)
+    wrong = int(np.sum((off > 5.0 * good.speed_se_m_s) & (off > 0.01 * case.speed_m_s)))
+    # half of the turns: a code of 0.2 s each second takes two of eleven, and those beside them
+    few = good.speed_m_s.size < 0.5 * 106
+    return [f"{wrong} of {len(good)} ok rows are wrong"] * bool(wrong) + [
+        f"{len(good)} rows ok of {len(rows)}"
+    ] * few
 
 
 def _compared(case: Case, name: str, truth: NDArray[np.float64], recording) -> str:

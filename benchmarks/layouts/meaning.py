@@ -362,6 +362,77 @@ def _long_tables() -> Iterator[Case]:
         frame = pd.DataFrame(columns).astype({"name": kind})
         yield Case("long tables", f"Parquet, sorted, names of type {kind}", "log.parquet",
                    frame.to_parquet, setup("value"), refused="by column 'name': a, b")  # fmt: skip
+    named = {"time": np.repeat(T, 2), "name": np.tile(["a", "b"], ROWS), "value": V[:2].T.ravel()}
+    for more, values in (("index", np.arange(2 * ROWS)), ("unit", ["K"] * 2 * ROWS)):
+        frame = pd.DataFrame({**named, more: values})
+        text = frame.to_csv(index=False)
+        yield text_case("long tables", f"name of each row, in turns, beside an {more}", text,
+                        setup("value"), refused="by column 'name': a, b")  # fmt: skip
+    yield Case("long tables", "Parquet, in turns, beside an index", "log.parquet",
+               pd.DataFrame({**named, "row": np.arange(2 * ROWS)}).to_parquet, setup("value"),
+               refused="by column 'name': a, b")  # fmt: skip
+    states = np.where(np.arange(ROWS) // 200 % 2, "good", "bad")
+    yield text_case("long tables", "a state of the signal beside several", "time,a,b,c,signal\n"
+                    + table([t, A, B, A, states.tolist()]), setup("a", "b"), BOTH)  # fmt: skip
+    for order in ("in turns", "sorted"):
+        own = {"time": np.repeat(T, 2), "name": np.tile(["a", "b"], ROWS), "value": V[:2].T.ravel()}
+        if order == "sorted":
+            rows = np.argsort(own["name"], kind="stable")
+            own = {name: values[rows] for name, values in own.items()}
+        yield from _long_in_binary(order, own)
+
+
+def _long_in_binary(order: str, columns: Columns) -> Iterator[Case]:
+    """Long tables in formats of numbers, names as words and as numbers of channels."""
+    ids = {**columns, "channel": np.where(columns["name"] == "a", 7, 10)}
+    del ids["name"]
+    words = {**columns, "name": columns["name"].astype("S4")}
+    together = np.rec.fromarrays(list(words.values()), names=list(words))
+
+    def texts(path: Path) -> None:
+        with h5py.File(path, "w") as file:
+            file.update({"time": columns["time"], "value": columns["value"]})
+            file.create_dataset("name", data=list(columns["name"]), dtype=h5py.string_dtype())
+
+    def table_of(path: Path) -> None:
+        with h5py.File(path, "w") as file:
+            file["log"] = together
+
+    by_name, by_id = "by column 'name': a, b", "by column 'channel': 10, 7"
+    for layout, write, source, refused in (
+        (
+            "three columns",
+            lambda path: _hdf5(path, words, words["time"], "time"),
+            "/value",
+            by_name,
+        ),
+        ("three columns, names as texts of any length", texts, "/value", by_name),
+        (
+            "numbers of channels",
+            lambda path: _hdf5(path, ids, ids["time"], "time"),
+            "/value",
+            by_id,
+        ),
+        ("a table", table_of, "/log:value", by_name),
+    ):
+        yield Case("long tables", f"HDF5, {order}, {layout}", "log.h5", write, setup(source),
+                   refused=refused)  # fmt: skip
+    if order == "in turns":  # messages come in the order of time
+        for layout, own, refused in (("names", columns, by_name), ("numbers", ids, by_id)):
+            yield Case(
+                "long tables", f"MCAP, {layout}", "log.mcap",
+                lambda path, own=own: writers.json_messages(path, own, own["time"]),
+                setup("/log:value"), refused=refused,
+            )  # fmt: skip
+    front = {**columns, "name": np.full(2 * ROWS, "front"), "time": np.arange(2 * ROWS) / RATE_HZ}
+    one = {"a": front["value"]}
+    yield Case("long tables", f"MCAP, {order}, one signal", "log.mcap",
+               lambda path: writers.json_messages(path, front, front["time"]),
+               setup("/log:value"), one)  # fmt: skip
+    coded = {**front, "name": front["name"].astype("S5")}
+    yield Case("long tables", f"HDF5, {order}, one signal", "log.h5",
+               lambda path: _hdf5(path, coded, coded["time"], "time"), setup("/value"),
+               one)  # fmt: skip
 
 
 #: names under which a quantity may rise as evenly as a time, and is none

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 import warnings
 import zipfile
@@ -40,6 +41,25 @@ def tdms_dated(path: Path, columns: Columns, times_s: NDArray) -> None:
         channels = [ChannelObject("run", name, values) for name, values in columns.items()]
         note = ChannelObject("run", "note", ["begin", "end"])
         writer.write_segment([ChannelObject("run", "when", stamps), *channels, note])
+
+
+def json_messages(path: Path, columns: Columns, times_s: NDArray) -> None:
+    """MCAP with a message of the topic /log per sample; NaN is null."""
+    from mcap.writer import Writer
+
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("log", "jsonschema", b"{}")
+        topic = writer.register_channel("/log", "json", schema)
+        for k, time_s in enumerate(times_s):
+            row = {
+                name: x if isinstance(x := values[k].item(), str) or x == x else None
+                for name, values in columns.items()
+            }
+            at = START_NS + round(1e9 * time_s)
+            writer.add_message(topic, at, json.dumps(row).encode(), at)
+        writer.finish()
 
 
 _SHEET = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"

@@ -52,6 +52,8 @@ def test_a_log_that_spans_centuries_is_no_inflation_test(folder: Path, tirelog: 
     [
         ("model predict beam.toml --speed 20kmh", "20 km/h is 5.556 m/s"),
         ("model predict beam.toml --speed 20m/s", "leave the unit out: 20"),
+        ("model predict beam.toml --speed 22,5", "the decimal sign is a point: 22.5"),
+        ("model forces beam.toml --speed 5 --slip 0,05", "the decimal sign is a point: 0.05"),
         ("model predict beam.toml --speed 80", "--speed 80 is 288 km/h; 80 km/h is 22.22"),
         ("model forces beam.toml --speed 80", "--speed 80 is 288 km/h; 80 km/h is 22.22"),
         ("model modes beam.toml --load 350kgf", "350 kgf is 3432 N"),
@@ -64,3 +66,19 @@ def test_a_number_with_a_unit_is_read_back_in_si(model, tirelog, words, says):
     done = tirelog(words)
     assert done.status == 2
     assert says in done.err
+
+
+def test_two_numbers_that_may_be_one_are_named(model, tirelog):
+    done = tirelog("model forces beam.toml --speed 2,5")
+    assert done.status == 0
+    assert "2,5 is two values; the decimal sign is a point: 2.5" in done.err
+    assert len(done.out.splitlines()) == 3
+
+
+def test_a_check_of_a_setup_tells_the_share_of_a_pulse(folder, tirelog):
+    pulses = 5.0 * (20.0 * np.arange(60_000) / 1e4 % 1.0 < 0.06)
+    with h5py.File(folder / "encoder.h5", "w") as file:
+        file.create_dataset("encoder", data=pulses).attrs["sampling_rate_Hz"] = 1e4
+    (folder / "encoder.toml").write_text(ENCODER.replace("48", "1"))
+    done = tirelog("setup check encoder.h5")
+    assert "noted: channel encoder: pulses of 6% of a step" in done.out

@@ -350,7 +350,7 @@ def predict(
     # what jumps at the slip onset is a millimetre off on 1024
     points = points or (4096 if everything and len(conditions) == 1 else 1024)
     options.refuse_many(len(conditions), points)
-    session.note(*options.fast(conditions))
+    session.note(*options.doubts(conditions, speed, acceleration))
     side = surface or api.models.known_surface(given) or "outer"
     number = read.observable in api.models.SCALARS
     whole = everything or modes is not None or len(conditions) > 1
@@ -415,7 +415,7 @@ def forces(
         given, {"time_s": 0.0},
         speed=speed, load=load, pressure=pressure, acceleration=acceleration, slip=slip,
     )  # fmt: skip
-    session.note(*options.fast(conditions))
+    session.note(*options.doubts(conditions, speed, acceleration))
     rows = api.models.forces(
         read, conditions, slip_angle_deg=slip_angle, camber_deg=camber, setup=given
     )

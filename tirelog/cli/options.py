@@ -108,9 +108,12 @@ _FIELDS = {
 
 def values_of(text: str, option: str) -> list[float]:
     """The values that an option gives.  UsageError: words that are none."""
+    likely = likely_number(text)
     try:
         numbers = [float(part) for part in text.split(":" if ":" in text else ",")]
-        if all(map(math.isfinite, numbers)) and len(numbers) <= MOST:
+        # 22,5 and 0,05 are one number to who writes decimals with a comma
+        one = likely and (numbers[-1] <= numbers[0] or ",0" in text[:-1])
+        if all(map(math.isfinite, numbers)) and len(numbers) <= MOST and not one:
             if ":" not in text:
                 return numbers
             low, high, step = numbers
@@ -119,10 +122,10 @@ def values_of(text: str, option: str) -> list[float]:
                 return [low + i * step for i in range(count)]
     except (ValueError, ZeroDivisionError, OverflowError):
         pass
-    likely = likely_number(text)
     raise UsageError(
         f"{option} {text}",
-        allowed=f"allowed are a number, several with commas, or FROM:TO:STEP, {MOST} at most",
+        allowed="allowed are a number, several that rise with commas, or FROM:TO:STEP, "
+        f"{MOST} at most",
         do=likely or f"write {option} 20, {option} 10,20 or {option} 5:25:5",
     )
 
@@ -178,13 +181,18 @@ def conditions_given(
     return api.models.conditions_of(given, setup, called=called, **other)
 
 
-def fast(conditions: Conditions) -> list[str]:
-    """A remark on a speed that is more likely in km/h; none below 200 km/h."""
+def doubts(conditions: Conditions, *texts: str) -> list[str]:
+    """Remarks on a speed that is more likely in km/h, and on texts that may be one number.
+
+    No speed below 200 km/h.
+    """
+    said = [f"{text} is two values; {likely_number(text)}" for text in texts if likely_number(text)]
     highest = float(max(conditions.speed_m_s, default=0.0))
     if 3.6 * highest < 200.0:
-        return []
+        return said
     return [
-        f"--speed {highest:g} is {3.6 * highest:g} km/h; {highest:g} km/h is {highest / 3.6:.4g}"
+        *said,
+        f"--speed {highest:g} is {3.6 * highest:g} km/h; {highest:g} km/h is {highest / 3.6:.4g}",
     ]
 
 

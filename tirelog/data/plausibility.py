@@ -43,6 +43,8 @@ def check_recording(recording: Recording) -> Recording:
             raise problem
         if some.size and channel.kind in _NEVER_ZERO and not some.any():
             remarks.append(f"{channel.name}: {channel.kind} reads 0 throughout")
+        if channel.kind == "wheel_encoder" and channel.size:
+            remarks += _end_of_teeth(recording, channel)
     return replace(recording, remarks=(*recording.remarks, *remarks)) if remarks else recording
 
 
@@ -149,6 +151,40 @@ def _some(channel: Channel) -> FloatArray:
         else np.zeros(0)
     )
     return np.asarray(some[np.isfinite(some)], np.float64)
+
+
+def _end_of_teeth(recording: Recording, encoder: Channel) -> list[str]:
+    """What to say of an encoder whose signal ends, or stops to move, before its log.
+
+    In each second it is held against the one with the largest swing of nine. A wheel at rest
+    has no teeth either.
+    """
+    size = max(int(encoder.axis.rate_Hz), 1)
+    starts = np.linspace(0, max(encoder.size - size, 0), 9).astype(np.int64).tolist()
+    # a tenth: the noise of a cable that is broken is less, a slow wheel's teeth are more
+    least = 0.1 * max(_swing(encoder, start, size) for start in starts)
+    seconds = range(encoder.size, size, -size)
+    last = next((at for at in seconds if _swing(encoder, at - size, size) > least), size)
+    own_s = float(encoder.axis.at(float(last)))
+    channels = recording.channels.values()
+    end_s = max(float(one.axis.at(float(one.size))) for one in channels if one.size)
+    # a tenth of the log, and more than the second that is looked at
+    if last <= size or end_s - own_s < max(2.0, 0.1 * end_s):
+        return []
+    return [
+        f"{encoder.name}: no teeth from about {own_s:.3g} s on, and the log lasts {end_s:.4g} s; "
+        "rows end there: the wheel is at rest, or the encoder was lost"
+    ]
+
+
+def _swing(channel: Channel, start: int, size: int) -> float:
+    """How far a channel moves within so many samples, without the outermost hundredths.
+
+    The less of both halves: a counter that begins anew is far off in one of them.
+    """
+    halves = np.array_split(channel.read(start, start + size), 2)
+    known = [half[np.isfinite(half)] for half in halves]
+    return min(float(np.ptp(np.quantile(x, [0.01, 0.99]))) if x.size else 0.0 for x in known)
 
 
 def _doubt(recording: Recording, channel: Channel, some: FloatArray) -> SetupError | None:

@@ -616,7 +616,7 @@ def findings(recording: Recording, log: str) -> list[Finding]:
             side = "down" if likely == "outer" else "up"
             said = f'the patch takes the strain {side}, and surface = "{channel.surface}"'
             out.append(Finding("implausible", f'channel {channel.name}: {said}; is it "{likely}"?'))
-    out += [Finding("implausible", said) for said in _motion(recording)]
+    out += _motion(recording)
     out += [Finding("noted", remark) for remark in recording.remarks]
     out += [Finding("missing", said) for said in _missing(recording)]
     if is_file(log) and not is_run(log):
@@ -634,17 +634,17 @@ def findings(recording: Recording, log: str) -> list[Finding]:
     return out
 
 
-def _motion(recording: Recording) -> list[str]:
-    """What of rates, speeds, radii and accelerations is no tire's, a sentence once."""
-    said, tire = list[str](), recording.setup.tire
+def _motion(recording: Recording) -> list[Finding]:
+    """What of rates, speeds, radii and accelerations is no tire's, and what the teeth are like."""
+    said, noted, tire = list[str](), list[str](), recording.setup.tire
     encoders = recording.of_kind("wheel_encoder")
     if not (tire.rolling_radius_m or tire.unloaded_radius_m):
-        return said
+        return []
     for channel in (*recording.of_kind(*STRAIN_KINDS, *ACCELERATION_KINDS), *encoders):
         with suppress(DataLoss, UsageError):  # no wheel that turns, or another surface
             try:
                 if channel.kind == "wheel_encoder":
-                    encoder_speed(recording)
+                    noted += encoder_speed(recording)[2]
                     continue
                 passages = passages_of(recording, channel)
                 if having(passages.quality, Quality.IMPLAUSIBLE).any():
@@ -653,7 +653,8 @@ def _motion(recording: Recording) -> list[str]:
                     list(measure_phase_shift(recording))
             except SetupError as problem:
                 said.append(problem.message)
-    return list(dict.fromkeys(said))
+    once = [Finding("implausible", sentence) for sentence in dict.fromkeys(said)]
+    return once + [Finding("noted", sentence) for sentence in noted]
 
 
 def _missing(recording: Recording) -> list[str]:

@@ -13,10 +13,12 @@ stamps.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -313,6 +315,58 @@ def several_signals(signals: Collection[str], column: str) -> str:
     )
 
 
+def long_form(signals: Collection[str], column: str, log: str = "") -> ReadError:
+    """What to say of a log whose rows hold some signals one after the other."""
+    return ReadError(
+        several_signals(signals, column),
+        allowed="allowed is a column per signal",
+        do="pivot it first, e.g. with pandas: table.pivot(index=TIME, columns=NAME, values=VALUE)",
+        file=log,
+    )
+
+
+def signal_column(names: Sequence[str], kinds: Sequence[str]) -> int | None:
+    """The column of a long table that may name signals, by names and kinds of all its columns.
+
+    Of kind `text`, or `number` by its name. None if there are more columns than a time, a name and
+    a value.
+    """
+    numbers = [k for k, kind in enumerate(kinds) if kind == "number"]
+    named = [k for k, kind in enumerate(kinds) if kind == "text"]
+    if not named and len(numbers) == 3:
+        named = [k for k in numbers if is_signal_name(names[k])]
+    others = len({*numbers} - {*named})
+    return named[0] if len(named) == 1 and others <= 2 else None
+
+
+def signals_of(
+    names: Sequence[str], kinds: Sequence[str], cells_of: Callable[[int], Sequence[str]]
+) -> tuple[int, set[str]]:
+    """(the column that names a signal in each row, these signals); none if there is one signal.
+
+    `cells_of` gives cells of a column from a log's begin and its end. Beside more columns than a
+    time and a value only names that take turns count: an index or a unit may be among these.
+    """
+    column, wide = signal_column(names, kinds), False
+    if column is None:
+        named = [k for k, kind in enumerate(kinds) if kind == "text" and is_signal_name(names[k])]
+        column, wide = named[0] if len(named) == 1 else None, True
+    if column is None:
+        return -1, set()
+    cells, of_words = cells_of(column), kinds[column] == "text"
+    by_name = is_signal_name(names[column]) and not wide
+    # a name that comes once is a damaged cell
+    first, seen = cells[: len(cells) // 2], {c for c, n in Counter(cells).items() if c and n > 1}
+    many = len(seen)
+    if not of_words:  # in turns, or whole ones sorted: else they are what is measured
+        in_turns = len({*first[:many]}) == many and first[many:] == first[:-many]
+        one_by_one = sum(a != b for a, b in pairwise(cells)) == many - 1
+        by_name = in_turns or (by_name and one_by_one and all(map(str.isdigit, seen)))
+    in_turn = sum(a != b for a, b in pairwise(first)) > 0.5 * len(first)
+    found = (by_name or (in_turn and of_words)) and 2 <= many <= 0.3 * len(first)
+    return column, seen if found else set()
+
+
 def stated_time_unit(name: str, unit: str) -> str | None:
     """The unit of time that is stated beside a name ('' if none is), or in it; else None."""
     if not unit:
@@ -425,6 +479,11 @@ def split_unit(name: str) -> tuple[str, str]:
     if match and match[1] and units.canonical(match[2]) is not None:
         return match[1], match[2]
     return name, ""
+
+
+def unit_in_source(source: str) -> str:
+    """The unit behind the name in a source, '' if there is none; an index in brackets is none."""
+    return split_unit(re.sub(r"\[[\d\s,:]+\]$", "", source))[1]
 
 
 def with_stated_units(setup: Setup, stated: Mapping[str, str]) -> tuple[Setup, list[str]]:

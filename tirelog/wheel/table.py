@@ -91,7 +91,10 @@ def wheel_angle_of(
         "speed_m_s": wheel.speed_rad_s(time) * radius.radius_m,
         "encoder_signal": channel.read(first, last)[::step],
         "turned_deg": np.degrees(angle) % 360.0,
-        "quality": quality_column(wheel.quality(time, time)),
+        "quality": quality_column(
+            # before the first tooth and behind the last there is no angle
+            wheel.quality(time, time) | marked(np.isnan(angle), Quality.EDGE_OF_LOG)
+        ),
     }
     remarks = [*wheel.remarks, *([radius.remark] if radius.remark else [])]
     yield TableRows(columns, tuple(remarks))

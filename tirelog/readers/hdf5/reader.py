@@ -17,6 +17,7 @@ from __future__ import annotations
 import pickletools
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -40,11 +41,14 @@ from tirelog.readers.base import (
     date_of,
     is_of_other_quantity,
     is_time_name,
+    long_form,
     rises_as_time,
     runs,
+    signals_of,
     split_unit,
     stated_time_unit,
     unit_by_size,
+    unit_in_source,
     with_stated_units,
 )
 from tirelog.readers.hdf5.source import (
@@ -114,8 +118,10 @@ PICKLE_LIST = {
     "FRAME",
     "STOP",
 }
-#: numbers at each end of a column that show whether it rises; datasets beside it that are looked at
-_LOOKED_AT, _MOST_BESIDE = 200, 64
+#: numbers at each end of a column that show whether it rises; datasets beside it that are looked
+#: at, and members of a group that may be a long table: a time, a name, a value and what describes
+#: them
+_LOOKED_AT, _MOST_BESIDE, _MOST_OF_LONG = 200, 64, 8
 PICKLE_TEXT = {"UNICODE", "BINUNICODE", "SHORT_BINUNICODE"}
 
 
@@ -332,6 +338,48 @@ def _rises(file: h5py.File, source: str, size: int, known: bool) -> bool:
         if not rises_as_time(numbers, digit, np.inf if known else 0.0):
             return False
     return True
+
+
+def refuse_long_form(found: SourceColumn) -> None:
+    """ReadError: the column holds some signals one after the other, named in a column beside it."""
+    beside = _beside(found)
+    types = [one.dtype for one in beside.values()]
+    kinds = ["number" if dtype.kind in "iuf" else "other" for dtype in types]
+    for k, dtype in enumerate(types):
+        if h5py.check_string_dtype(dtype) is not None:
+            kinds[k] = "text"
+
+    def cells(number: int) -> list[str]:
+        stored = [*beside.values()][number]
+        ends = max(len(found) - _LOOKED_AT, 0)
+        both = [*stored.read(0, _LOOKED_AT), *stored.read(ends, len(found))]
+        return [x.decode("utf-8", "replace") if isinstance(x, bytes) else str(x) for x in both]
+
+    column, signals = signals_of([*beside], kinds, cells)
+    if signals:
+        raise long_form(signals, [*beside][column])
+
+
+def _beside(found: SourceColumn) -> dict[str, SourceColumn]:
+    """The columns of as many rows in the table or the group of one, by name, itself among them.
+
+    None of a group with more members than a long table has.
+    """
+    dataset, group = found.dataset, found.dataset.parent
+    beside: dict[str, SourceColumn] = {}
+    if found.field is None:
+        for name in group if len(group) <= _MOST_OF_LONG else ():
+            item = group[name] if isinstance(group.get(name, getlink=True), h5py.HardLink) else None
+            if isinstance(item, h5py.Dataset) and item.shape == (len(found),):
+                beside[name] = SourceColumn(item.name, item, 0, (None,))
+        return beside
+    attributes = Attributes(dataset)
+    for field in dataset.dtype.names:
+        labels = pickled_labels(attributes.raw(f"{field}_kind"))
+        for k, label in enumerate(labels or [field]):
+            element = (k,) if dataset.dtype[field].shape else ()
+            beside[label] = replace(found, field=field, element=element)
+    return beside
 
 
 def _named_time(file: h5py.File, found: SourceColumn, name: str) -> SourceColumn:
@@ -556,14 +604,15 @@ class Hdf5Log:
             try:
                 column = find_columns(self.file, channel.source)
                 scale = scale_of(column)
+                with suppress(*LIBRARY_ERRORS):  # what is damaged beside a column names nothing
+                    refuse_long_form(column)
                 channels.append((name, column, scale))
                 if channel.scaled and (scale.factor, scale.offset) != (1.0, 0.0):
                     self.report.remarks.append(
                         f"channel {name}: the file has a scale of its own; the setup's scale and "
                         "offset act on what it gives"
                     )
-                plain = re.sub(r"\[[\d\s,:]+\]$", "", channel.source)  # an index is no unit
-                if unit := unit_of(column) or split_unit(plain)[1]:
+                if unit := unit_of(column) or unit_in_source(channel.source):
                     self.stated[name] = unit
             except ReadError as problem:
                 problems.append(f"channel {name}: {problem.message}")

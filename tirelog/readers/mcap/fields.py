@@ -6,6 +6,7 @@
 "/tire:data[3]"           one element (from 0)
 "/tire:samples"           a list of numbers: a batch of samples, in the order of time
 "/tire:data[3::16]"       a batch that is every 16th element (rows of 16 laid end to end)
+"/tire:FBG 1 [nm]"        a field of that name, which only JSON has
 "/tire:rows[:][3]"        a batch over a list of lists; "/tire:rows[:].strain" over a list of
                           objects
 """
@@ -29,6 +30,8 @@ _TOKEN = re.compile(
     r"\.?([A-Za-z_]\w*)|\[\s*(\d+)\s*\]"
     r"|\[\s*(?:(\d*)\s*:\s*(\d*)\s*(?::\s*([1-9]\d*)?\s*)?)?\]"
 )
+#: a field of a source: what has a colon outside of brackets cannot be named
+FIELD = r"(?:[^:\[\]]|\[[^\[\]]*\])+"
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ class FieldError(ValueError):
 
 def topic_and_field(source: str) -> tuple[str, str]:
     """(topic, field path) of a source.  ReadError if it does not parse."""
-    match = re.fullmatch(r"(.+):((?:[^:\[\]]|\[[^\[\]]*\])+)", source.strip())
+    match = re.fullmatch(rf"(.+):({FIELD})", source.strip())
     if match is None:
         raise ReadError(
             f"source {source!r} names no field",
@@ -79,7 +82,7 @@ def topic_and_field(source: str) -> tuple[str, str]:
 
 
 def parse_path(path: str) -> RequestedField:
-    """The tokens of a field path.  ReadError if it does not parse."""
+    """The tokens of a field path; what does not parse is a name as it is."""
     tokens: list[Token] = []
     end = 0
     while match := _TOKEN.match(path, end):
@@ -89,13 +92,8 @@ def parse_path(path: str) -> RequestedField:
         else:
             tokens.append(slice(*(int(bound) if bound else None for bound in bounds)))
         end = match.end()
-    if end == len(path) and tokens:
-        return RequestedField(path, tuple(tokens))
-    raise ReadError(
-        f"field path {path!r} does not parse",
-        allowed="allowed are names, [3], [3::16] and [:]",
-        do="mend source",
-    )
+    # JSON may have any name
+    return RequestedField(path, tuple(tokens) if end == len(path) else (path,))
 
 
 def number_of(value: Any) -> float:
@@ -124,7 +122,7 @@ def extract(message: Any, tokens: tuple[Token, ...]) -> float | FloatArray:
             names = value if isinstance(value, dict) else field_names(value)
             if token not in names:  # objects have attributes that are no fields
                 raise FieldError(f"has no field {token!r}", tuple(names), token)
-            value = value[token] if isinstance(value, dict) else getattr(value, token)
+            value = field_of(value, token)
             continue
         if not is_list(value) and not isinstance(value, bytes):
             raise FieldError("is no list, so it has no index")
@@ -152,6 +150,11 @@ def _batch(items: Any, tokens: tuple[Token, ...]) -> FloatArray:
 def field_names(value: Any) -> tuple[str, ...]:
     """The names of the fields of a decoded message."""
     return tuple(value) if isinstance(value, dict) else _names_of(value.__class__)
+
+
+def field_of(value: Any, name: str) -> Any:
+    """The field of a decoded message that has it."""
+    return value[name] if isinstance(value, dict) else getattr(value, name)
 
 
 @cache

@@ -14,9 +14,10 @@ has one, else its log time. Of a batch it is the time of its first sample.
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -34,15 +35,21 @@ from tirelog.readers.base import (
     Series,
     SeriesList,
     date_of,
+    long_form,
     rate_Hz,
+    signals_of,
+    unit_in_source,
+    with_stated_units,
 )
 from tirelog.readers.mcap.decode import LARGEST_MESSAGE_BYTES, ChannelDecoder, spread
 from tirelog.readers.mcap.fields import (
+    FIELD,
     FieldColumn,
     FieldError,
     RequestedField,
     extract,
     field_names,
+    field_of,
     is_list,
     parse_path,
     topic_and_field,
@@ -100,10 +107,14 @@ class Topic:
         self.started = True
         kinds: dict[str, Any] = {}
         for name, want in list(self.wants.items()):
+            if want.path in field_names(message):  # though it may look like an index or a path
+                want = self.wants[name] = RequestedField(want.path, (want.path,))
             try:
                 value = extract(message, want.tokens)
             except FieldError as problem:
                 near = _near(problem, message)
+                if want.tokens == (want.path,) and not want.path.isidentifier():
+                    near += "; allowed are names, [3], [3::16] and [:]"
                 self.report.losses.append(
                     f"channel {name}: {self.name}:{want.path} {problem}{near}; mend source"
                 )
@@ -260,6 +271,27 @@ def _near(problem: FieldError, message: Any) -> str:
     return f"{near}; it has {', '.join(known[:20])}" if problem.name and known else ""
 
 
+def _several_signals(decoder: ChannelDecoder, table: MessageTable, message: Any) -> str:
+    """What is wrong with a topic that has some signals in turn, by a name in each message, or ''.
+
+    `message` is one of its first, which are in the `table`.
+    """
+    names = field_names(message)
+    of_type = {str: "text", int: "number", float: "number"}
+    kinds = [of_type.get(type(field_of(message, name)), "other") for name in names]
+
+    def cells(number: int) -> list[str]:
+        found = []
+        # as many as show signals in turn, of up to thirty
+        for data in table.take(slice(0, 200)).messages():
+            with suppress(FieldError, KeyError):
+                found.append(str(field_of(decoder.message(data), names[number])))
+        return found
+
+    column, signals = signals_of(names, kinds, cells)
+    return long_form(signals, names[column]).message if signals else ""
+
+
 # ---- A log.
 
 
@@ -315,6 +347,10 @@ class McapLog:
                 self.report.losses.append(f"channel {name}: {problem.message}")
         if not wants:
             raise ReadError("; ".join(self.report.losses), file=self.log_name)
+        units_of = {name: unit_in_source(one.source) for name, one in self.setup.channels.items()}
+        stated = {name: unit for name, unit in units_of.items() if unit}
+        self.setup, said = with_stated_units(self.setup, stated)
+        self.report.remarks += said
         return {
             topic: Topic(topic, fields, self.setup, self.report) for topic, fields in wants.items()
         }
@@ -354,6 +390,9 @@ class McapLog:
                 message = decoder.message(table.take(slice(row, row + 1)).messages()[0])
             except FieldError:
                 continue
+            if signals := _several_signals(decoder, table, message):
+                self.report.losses.append(f"topic {topic.name!r}: {signals}")
+                topic.wants.clear()
             metadata = next(
                 (c.metadata for c in self.records.channels.values() if c.topic == topic.name), {}
             )
@@ -543,6 +582,8 @@ def _of_topic(topic: str, encoding: str, schema: Any, table: Any) -> list[Series
         message = decoder.message(some.take(slice(0, 1)).messages()[0])
     except FieldError as problem:
         raise ReadError(f"topic {topic!r}: its first message {problem}") from None
+    if signals := _several_signals(decoder, some, message):
+        raise ReadError(f"topic {topic!r}: {signals}")
     return [
         Series(f"{topic}:{path}", note=note)
         for (path, note), _ in zip(_numbers(message, "", 0), range(_MOST_FIELDS), strict=False)
@@ -557,9 +598,10 @@ def _numbers(value: Any, path: str, depth: int) -> Iterator[tuple[str, str]]:
         return
     elif isinstance(value, dict) or field_names(value):
         for name in field_names(value):
-            if name.lower() not in _BESIDE and name.isidentifier():
-                below = value[name] if isinstance(value, dict) else getattr(value, name)
-                yield from _numbers(below, f"{path}.{name}" if path else name, depth + 1)
+            own = name.isidentifier() or (not path and re.fullmatch(rf"(?! ){FIELD}(?<! )", name))
+            if name.lower() not in _BESIDE and own:
+                below = f"{path}.{name}" if path else name
+                yield from _numbers(field_of(value, name), below, depth + 1)
     elif (
         is_list(value) and len(value) and all(isinstance(x, bool | int | float) for x in value[:4])
     ):

@@ -26,7 +26,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.readers.base import ReadReport, is_signal_name, several_signals, split_unit
+from tirelog.readers.base import ReadReport, is_signal_name, several_signals, signals_of, split_unit
 from tirelog.readers.other.conversion import MEMORY_BYTES, NoNumbers, one_line
 
 # ---- An HDF5 file of columns, which a converter fills piece by piece.
@@ -236,6 +236,10 @@ def convert_arrow(source: Path, target: Path, answer: ReadReport) -> None:
         made.write(("\t".join(_titles(schema, kept.names)) + "\n").encode())
         try:
             for batch in batches:
+                if not rows and len(named) == 1:  # as many as show names in turns
+                    cells = batch.column(named[0])[:400].to_pylist()
+                    of_kinds = ["text", *["number"] * len(kept)]
+                    signals = signals_of([*named, *kept.names], of_kinds, [cells].__getitem__)[1]
                 if len(named) == 1 and len(kept) <= 2:
                     signals.update(filter(None, batch.column(named[0]).unique().to_pylist()))
                 if len(signals) > 1:

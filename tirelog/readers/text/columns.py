@@ -11,7 +11,6 @@ blanks and underscores are forgiven if that leaves one column), or `#3`, the thi
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -27,9 +26,11 @@ from tirelog.readers.base import (
     is_signal_name,
     is_time_name,
     joined_words,
+    long_form,
     name_without_unit,
     rises_as_time,
-    several_signals,
+    signal_column,
+    signals_of,
     stated_time_unit,
     unit_by_size,
     words,
@@ -401,29 +402,9 @@ def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
 
 def refuse_long_form(layout: Layout, name: str) -> None:
     """ReadError: the rows hold one signal after the other, named in a column of words."""
-    named = _signal_column(layout)
-    if named is None:
-        return
-    cells, by_name = layout.cells(named), is_signal_name(layout.name(named))
-    # a name that comes once is a damaged cell
-    first, seen = cells[: len(cells) // 2], {c for c, n in Counter(cells).items() if c and n > 1}
-    many = len(seen)
-    if layout.kinds[named] == "number":  # in turns, or sorted: else they are what is measured
-        in_turns = len({*first[:many]}) == many and first[many:] == first[:-many]
-        by_name = in_turns or (by_name and cells == sorted(cells))
-    in_turn = sum(a != b for a, b in pairwise(first)) > 0.5 * len(first)
-    if (by_name or (in_turn and layout.kinds[named] == "text")) and 2 <= many <= 0.3 * len(first):
-        raise long_form(layout, named, seen, name)
-
-
-def long_form(layout: Layout, column: int, signals: Collection[str], log: str) -> ReadError:
-    """What to say of rows that hold some signals one after the other, named in a column."""
-    return ReadError(
-        several_signals(signals, layout.name(column) or f"#{column + 1}"),
-        allowed="allowed is a column per signal",
-        do="pivot it first, e.g. with pandas: table.pivot(index=TIME, columns=NAME, values=VALUE)",
-        file=log,
-    )
+    column, signals = signals_of(*_names_and_kinds(layout), layout.cells)
+    if signals:
+        raise long_form(signals, layout.name(column) or f"#{column + 1}", name)
 
 
 def one_signal(layout: Layout) -> tuple[int, str] | None:
@@ -431,7 +412,7 @@ def one_signal(layout: Layout) -> tuple[int, str] | None:
 
     None if there is none. Rows of another signal may follow, in a table that is sorted by it.
     """
-    named = _signal_column(layout)
+    named = signal_column(*_names_and_kinds(layout))
     if named is None or layout.kinds[named] != "text":
         return None
     seen = {*layout.cells(named)}
@@ -439,18 +420,9 @@ def one_signal(layout: Layout) -> tuple[int, str] | None:
     return (named, seen.pop()) if by_name else None
 
 
-def _signal_column(layout: Layout) -> int | None:
-    """The column of a long table that may name signals: of words alone, or of numbers by its name.
-
-    None if there are more columns than a time, a name and a value.
-    """
-    kinds = layout.kinds[: layout.width]
-    numbers = [k for k, kind in enumerate(kinds) if kind == "number"]
-    named = [k for k, kind in enumerate(kinds) if kind == "text"]
-    if not named and len(numbers) == 3:
-        named = [k for k in numbers if is_signal_name(layout.name(k))]
-    others = len({*numbers} - {*named})
-    return named[0] if len(named) == 1 and others <= 2 else None
+def _names_and_kinds(layout: Layout) -> tuple[list[str], Sequence[str]]:
+    """The name and the kind of each column."""
+    return [layout.name(k) for k in range(layout.width)], layout.kinds[: layout.width]
 
 
 def clock_columns(layout: Layout, setup: Setup) -> tuple[set[int], str]:

@@ -35,6 +35,7 @@ from tirelog.readers.base import (
     Series,
     SeriesList,
     days_since,
+    long_form,
     of_damaged,
     rate_in_words,
     runs,
@@ -44,7 +45,6 @@ from tirelog.readers.text.columns import (
     Columns,
     assign_columns,
     clock_columns,
-    long_form,
     most_decimals,
     name_of_column,
     numbers_of,
@@ -222,7 +222,7 @@ class TextReader:
                 others[other] += 1
         for other, rows in others.most_common(1):
             if rows > 1:  # one is a damaged cell
-                raise long_form(layout, column, {signal, other}, self.name)
+                raise long_form({signal, other}, layout.name(column), self.name)
 
     def _whole(self, block: bytes) -> bytes:
         """The block without a last row that is cut off."""
