@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
-from tirelog.dsp.filters import Cutoff, unlike_neighbours
+from tirelog.dsp.filters import Cutoff, least_error_cutoff, unlike_neighbours
 from tirelog.errors import UsageError
 from tirelog.runs.in_memory import released, without_spikes
 from tirelog.strain.footprint.kernels import FITTED
@@ -493,6 +493,7 @@ def footprint_of_channel(
     `settled`: the form of its passages, None if there is none; `friction_ratio`: instead of the
     setup's.
     """
+    cutoff, said = at_rest(channel, passages, cutoff)
     refuse_cutoff(recording, channel, cutoff)
     if friction_ratio is None:
         friction_ratio = recording.setup.tire.friction_ratio
@@ -518,9 +519,50 @@ def footprint_of_channel(
     remarks = (
         (passages.doubt,)
         if passages.doubt
-        else _remarks(recording, channel, passages, found, cutoff)
+        else (*_remarks(recording, channel, passages, found, cutoff), *said)
     )
     return FootprintOfChannel(columns, remarks, channel, passages, found)
+
+
+#: windows of passages and of rest that the cut-off `rest` is found with, at most: a quarter of them
+#: moves it by a tenth
+SPECTRA = 256
+#: windows at rest below which a log has none: fewer leave the noise unknown by a third
+LEAST_AT_REST = 8
+
+
+def at_rest(channel: Channel, passages: Passages, cutoff: Cutoff) -> tuple[Cutoff, tuple[str, ...]]:
+    """The cut-off in hertz where `rest` asks for it, with a remark on what it was found from (P2).
+
+    The wheel rests in the longest time without a passage, less two turns beside one: so long takes
+    a start from rest. In a log that has none the far side of the tire serves, where only the road
+    shakes the grating.
+    """
+    if cutoff.unit != "rest" or not len(passages):
+        return cutoff, ()
+    turn = 2.0 * np.pi / passages.omega_rad_s * channel.axis.rate_Hz  # samples
+    beside = np.nan_to_num(2.0 * turn)
+    start = np.append(0.0, passages.index + beside)
+    stop = np.append(passages.index - beside, channel.size)
+    longest = int(np.nanargmax(stop - start))
+    half = int(np.nanmedian(turn) / 8.0)
+    quiet = np.arange(start[longest] + half, stop[longest] - half, half)
+    seconds = (stop[longest] - start[longest]) / channel.axis.rate_Hz
+    source = f"{seconds:.1f} s at rest"
+    if quiet.size < LEAST_AT_REST:
+        quiet = (passages.index + 0.5 * turn)[passages.turn_after]
+        source = "the far side of the tire, as the log has no rest"
+    windows = []
+    for places in (passages.index[passages.measured], quiet):
+        whole = places[(places > half) & (places < channel.size - half)]
+        some = whole[:: max(whole.size // SPECTRA, 1)].astype(np.int64)
+        cut = [channel.read(place - half, place + half) for place in some.tolist()]
+        windows.append(np.array([one for one in cut if np.isfinite(one).mean() > 0.9]))
+    if not (len(windows[0]) and len(windows[1])):
+        return Cutoff(), (f"{channel.name}: no rest, so the low-pass is that of auto",)
+    found = least_error_cutoff(windows[0], windows[1], channel.axis.rate_Hz)
+    limited = Cutoff("Hz", round(min(found, 0.9 * 0.5 * channel.axis.rate_Hz), 1))
+    return limited, (f"{channel.name}: low-pass {limited} by the spectrum of {source}",)
 
 
 def refuse_cutoff(recording: Recording, channel: Channel, cutoff: Cutoff) -> None:
