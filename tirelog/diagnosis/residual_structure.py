@@ -32,6 +32,7 @@ from tirelog.diagnosis.candidates.assessment import (
     even_share,
     flip_test,
     gain_and_error,
+    gain_sigmas,
     hats,
     hats_on,
     mean_drop,
@@ -640,6 +641,56 @@ def extra_errors(base: Base) -> tuple[Mapping[str, Any], ...]:
             size = _least_root(partial(_moved, total, length, along), base.fit.freedom)
             found.append({"of": "parameter", "name": name, "size": size, "unit": "1"})
     return tuple({**row, "observable": cells.observable} for row in found)
+
+
+#: nodes of what is learnt over the angle, in half lengths of the patch: half as many lose a kink
+#: at an edge, twice as many take twice the memory
+_LEARNT_NODES = np.linspace(-3.0, 3.0, 31)
+
+
+def learnt_residual(base: Base) -> tuple[Mapping[str, Any], ...]:
+    """What any black box could gain on manoeuvres held out: a residual that is learnt (P3 outlook).
+
+    A Gaussian process over the angle, then over angle and speed, then over all conditions that
+    vary. Its weights are learnt with the model's parameters on the other manoeuvres, in the same
+    metric as the model's own held-out losses. Before any manoeuvre they are about zero, as large as
+    the excess. Rows: `learns` (of what), the `weights`, `rmse_heldout`, `excess_removed` (a share;
+    below zero if it harms), `sigmas` of the gain, `observable`. It never enters a name.
+    """
+    if isinstance(base, JointBase):
+        each = [(part, row) for part in bases_by_observable(base) for row in learnt_residual(part)]
+        return tuple({**row, "learns": f"{row['learns']} of {p.cells.label}"} for p, row in each)
+    if base.cells.manoeuvres < 2 or base.excess <= 0.0:
+        return ()
+    phi, factors = base.cells.phi, factors_of(base)
+    shapes = np.ones((*phi.shape, 1))
+    if phi.shape[1] > 1:
+        shapes = hats_on(np.nan_to_num(phi, nan=np.pi), half_angle(base) * _LEARNT_NODES)
+    by_speed = [name for name in factors if name.startswith(SPEED)]
+    others = [name for name in factors if not name.startswith((SPEED, "log "))]
+    learns = {"angle": by_speed[:1], f"angle, {SPEED}": by_speed}
+    if others:
+        learns[", ".join(("angle", SPEED, *others))] = [*by_speed, *others]
+    columns = {name: shapes * factors[name][:, None, None] for name in (*by_speed, *others)}
+    losses = held_out_losses_with(
+        base.cells,
+        base.white,
+        base.plain,
+        base.fit,
+        [[columns[name] for name in names] for names in learns.values()],
+        precision=1.0 / base.excess,
+    )
+    return tuple(
+        {
+            "learns": learnt,
+            "weights": shapes.shape[-1] * len(names),
+            "rmse_heldout": float(np.sqrt(max(base.square_held - mean_drop(base, plain), 0.0))),
+            "excess_removed": mean_drop(base, plain) / base.excess,
+            "sigmas": gain_sigmas(base.held_plain, plain),
+            "observable": base.cells.observable,
+        }
+        for (learnt, names), (_, plain) in zip(learns.items(), losses, strict=True)
+    )
 
 
 def _widened(square: FloatArray, precision: FloatArray, variance: float) -> float:

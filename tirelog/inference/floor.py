@@ -514,16 +514,19 @@ def held_out_losses_with(
     additions: Sequence[Sequence[FloatArray]],
     *,
     of: NDArray[np.bool_] | None = None,
+    precision: float = 0.0,
 ) -> list[tuple[FloatArray, FloatArray]]:
     """`held_out_losses` with each of several additions to the model, alone.
 
-    The model's own columns, which are most, are brought into the metrics once for all.
+    The model's own columns, which are most, are brought into the metrics once for all. `precision`
+    [1/unit^2] is that of the additions' strengths before any manoeuvre, about zero.
     """
     first = fit.jacobian.shape[-1] + fit.amplitudes.size
     metrics = (white, plain) if of is None else (white, white.only(of), plain.only(of))
     losses = []
     for normals in zip(
-        *(_left_out_of(cells, metric, fit, additions) for metric in metrics), strict=True
+        *(_left_out_of(cells, metric, fit, additions, precision) for metric in metrics),
+        strict=True,
     ):
         theta = normals[0].left_out() - normals[0].step_of_all(first)
         losses.append((normals[-2].loss(theta), normals[-1].loss(theta)))
@@ -572,11 +575,16 @@ def _further_as_columns(own: LeaveOneOut) -> LeaveOneOut:
 
 
 def _left_out_of(
-    cells: Cells, metric: Whitener, fit: Fit, additions: Sequence[Sequence[FloatArray]]
+    cells: Cells,
+    metric: Whitener,
+    fit: Fit,
+    additions: Sequence[Sequence[FloatArray]],
+    precision: float = 0.0,
 ) -> list[LeaveOneOut]:
     """The normal equations of every manoeuvre, with each of the additions (C, m, k) to the model.
 
-    No metric couples two manoeuvres, so some are worked on at a time.
+    No metric couples two manoeuvres, so some are worked on at a time. `precision` as
+    `held_out_losses_with`.
     """
     columns, prediction = [fit.moving], fit.prediction
     mean, known = priors(fit.model, fit.names)
@@ -610,7 +618,10 @@ def _left_out_of(
     drive[cells.manoeuvre] = np.unique(cells.drive, return_inverse=True)[1]
     normals = [Normal(*map(np.concatenate, zip(*parts, strict=True))) for parts in made]
     left = [normal.right.shape[1] - levels.shape[-1] - known.size for normal in normals]
+    before = [
+        (np.pad(known, (0, k), constant_values=precision), np.pad(pull, (0, k))) for k in left
+    ]
     return [
-        LeaveOneOut(normal, drive, (np.pad(known, (0, k)), np.pad(pull, (0, k))), levels.shape[-1])
-        for normal, k in zip(normals, left, strict=True)
+        LeaveOneOut(normal, drive, prior, levels.shape[-1])
+        for normal, prior in zip(normals, before, strict=True)
     ]
