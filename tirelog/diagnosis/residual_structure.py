@@ -643,11 +643,6 @@ def extra_errors(base: Base) -> tuple[Mapping[str, Any], ...]:
     return tuple({**row, "observable": cells.observable} for row in found)
 
 
-#: nodes of what is learnt over the angle, in half lengths of the patch: half as many lose a kink
-#: at an edge, twice as many take twice the memory
-_LEARNT_NODES = np.linspace(-3.0, 3.0, 31)
-
-
 def learnt_residual(base: Base) -> tuple[Mapping[str, Any], ...]:
     """What any black box could gain on manoeuvres held out: a residual that is learnt (P3 outlook).
 
@@ -665,7 +660,10 @@ def learnt_residual(base: Base) -> tuple[Mapping[str, Any], ...]:
     phi, factors = base.cells.phi, factors_of(base)
     shapes = np.ones((*phi.shape, 1))
     if phi.shape[1] > 1:
-        shapes = hats_on(np.nan_to_num(phi, nan=np.pi), half_angle(base) * _LEARNT_NODES)
+        # in half lengths of the patch: half as many nodes lose a kink at an edge, twice as many
+        # take twice the memory
+        nodes = half_angle(base) * np.linspace(-3.0, 3.0, 31)
+        shapes = hats_on(np.nan_to_num(phi, nan=np.pi), nodes)
     by_speed = [name for name in factors if name.startswith(SPEED)]
     others = [name for name in factors if not name.startswith((SPEED, "log "))]
     learns = {"angle": by_speed[:1], f"angle, {SPEED}": by_speed}

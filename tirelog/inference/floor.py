@@ -158,9 +158,9 @@ def _scaled(sd: float, deviations: FloatArray) -> FloatArray:
 def trend_columns(cells: Cells) -> FloatArray:
     """What physics may follow, one row per manoeuvre (M, k).
 
-    Each log's level, acceleration, time, and v, v^2 log by log. What follows speed may follow a
-    log's load, pressure, water or age besides. The last columns come only if enough manoeuvres are
-    left to show scatter.
+    Each log's level, acceleration, that of curves, time, and v, v^2 log by log. What follows speed
+    may follow a log's load, pressure, water or age besides. The last columns come only if enough
+    manoeuvres are left to show scatter.
     """
     M = cells.manoeuvres
     number = np.bincount(cells.manoeuvre, cells.revolutions, M)
@@ -175,10 +175,12 @@ def trend_columns(cells: Cells) -> FloatArray:
 
     c = cells.conditions
     v, a, t = mean(c.speed_m_s), mean(c.acceleration_m_s2), mean(c.time_s)
+    across = mean(np.nan_to_num(c.lateral_acceleration_m_s2))
     columns = [per_log]
     for more in (
         v[:, None],
         a[:, None],
+        across[:, None][:, : int(np.any(across))],
         np.stack([v**2, t], axis=1),
         per_log * v[:, None],
         per_log * (v**2)[:, None],

@@ -524,13 +524,6 @@ def footprint_of_channel(
     return FootprintOfChannel(columns, remarks, channel, passages, found)
 
 
-#: windows of passages and of rest that the cut-off `rest` is found with, at most: a quarter of them
-#: moves it by a tenth
-SPECTRA = 256
-#: windows at rest below which a log has none: fewer leave the noise unknown by a third
-LEAST_AT_REST = 8
-
-
 def at_rest(channel: Channel, passages: Passages, cutoff: Cutoff) -> tuple[Cutoff, tuple[str, ...]]:
     """The cut-off in hertz where `rest` asks for it, with a remark on what it was found from (P2).
 
@@ -540,29 +533,35 @@ def at_rest(channel: Channel, passages: Passages, cutoff: Cutoff) -> tuple[Cutof
     """
     if cutoff.unit != "rest" or not len(passages):
         return cutoff, ()
-    turn = 2.0 * np.pi / passages.omega_rad_s * channel.axis.rate_Hz  # samples
+    rate_Hz = channel.axis.rate_Hz
+    turn = 2.0 * np.pi / passages.omega_rad_s * rate_Hz  # samples
     beside = np.nan_to_num(2.0 * turn)
     start = np.append(0.0, passages.index + beside)
     stop = np.append(passages.index - beside, channel.size)
     longest = int(np.nanargmax(stop - start))
-    half = int(np.nanmedian(turn) / 8.0)
+    half = int(np.nan_to_num(np.nanmedian(turn)) / 8.0) + 1
     quiet = np.arange(start[longest] + half, stop[longest] - half, half)
-    seconds = (stop[longest] - start[longest]) / channel.axis.rate_Hz
-    source = f"{seconds:.1f} s at rest"
-    if quiet.size < LEAST_AT_REST:
+    source = f"{(stop[longest] - start[longest]) / rate_Hz:.1f} s at rest"
+    if quiet.size < 8:  # fewer windows leave the noise unknown by a third
         quiet = (passages.index + 0.5 * turn)[passages.turn_after]
         source = "the far side of the tire, as the log has no rest"
-    windows = []
-    for places in (passages.index[passages.measured], quiet):
-        whole = places[(places > half) & (places < channel.size - half)]
-        some = whole[:: max(whole.size // SPECTRA, 1)].astype(np.int64)
-        cut = [channel.read(place - half, place + half) for place in some.tolist()]
-        windows.append(np.array([one for one in cut if np.isfinite(one).mean() > 0.9]))
-    if not (len(windows[0]) and len(windows[1])):
+    passing, resting = (
+        _windows_at(channel, places, half) for places in (passages.index[passages.measured], quiet)
+    )
+    if not (len(passing) and len(resting)):
         return Cutoff(), (f"{channel.name}: no rest, so the low-pass is that of auto",)
-    found = least_error_cutoff(windows[0], windows[1], channel.axis.rate_Hz)
-    limited = Cutoff("Hz", round(min(found, 0.9 * 0.5 * channel.axis.rate_Hz), 1))
-    return limited, (f"{channel.name}: low-pass {limited} by the spectrum of {source}",)
+    found = min(least_error_cutoff(passing, resting, rate_Hz), 0.45 * rate_Hz)
+    asked = Cutoff("Hz", round(found, 1))
+    return asked, (f"{channel.name}: low-pass {asked} by the spectrum of {source}",)
+
+
+def _windows_at(channel: Channel, places: FloatArray, half: int) -> FloatArray:
+    """Windows (k, 2 half) about samples `places`, some evenly, without those that lost much."""
+    whole = places[(places > half) & (places < channel.size - half)]
+    # a quarter as many windows move the cut-off by a tenth
+    some = whole[:: max(whole.size // 256, 1)].astype(np.int64)
+    cut = [channel.read(place - half, place + half) for place in some.tolist()]
+    return np.array([one for one in cut if np.isfinite(one).mean() > 0.9])
 
 
 def refuse_cutoff(recording: Recording, channel: Channel, cutoff: Cutoff) -> None:
