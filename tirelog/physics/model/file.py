@@ -383,11 +383,6 @@ def shape_entry(
     return ModelEffect(effect, effect.parameters, {}, dict(zip(SHAPE_KEYS, given, strict=True)))
 
 
-#: half lengths of the patch at which a measured pressure is kept: a thirtieth of it loses nothing
-#: that a carcass passes on
-_NODES = np.linspace(-1.0, 1.0, 61)
-
-
 def with_footprint(model: Model, pressure: FloatArray, pitch_m: float, load_N: float) -> Model:
     """The model with the pressure of a footprint that was measured under a load, not the parabola.
 
@@ -411,10 +406,11 @@ def with_footprint(model: Model, pressure: FloatArray, pitch_m: float, load_N: f
         )
     inside = along[held[0] : held[-1] + 1]
     place = (np.arange(inside.size) + 0.5) / inside.size * 2.0 - 1.0
-    shape = np.interp(_NODES, place, inside / inside.mean()) - 1.5 * (1.0 - _NODES**2)
+    # in half lengths: a thirtieth of it loses nothing that a carcass passes on
+    nodes = np.linspace(-1.0, 1.0, 61)
+    shape = nodes, np.interp(nodes, place, inside / inside.mean()) - 1.5 * (1.0 - nodes**2)
     half = {"patch_half_length_m": 0.5 * pitch_m * inside.size, "reference_load_N": load_N}
-    own = (_NODES, shape)
-    entry = shape_entry("footprint", "contact_pressure", "patch", "1", own, AMPLITUDE.fixed())
+    entry = shape_entry("footprint", "contact_pressure", "patch", "1", shape, AMPLITUDE.fixed())
     return model.with_values(half).with_effect(entry)
 
 
