@@ -408,8 +408,8 @@ Manoeuvre = _record(
     """,
     duration_s=(number(0.05, 1e5), 5.0),
     speed_m_s=(number(0.0, 120.0), 10.0),
-    lateral_m_s2=(number(-15.0, 15.0), 0.0),
     regime=(words(*REGIMES), None),
+    lateral_m_s2=(number(-15.0, 15.0), 0.0),
 )
 
 
@@ -436,7 +436,6 @@ Sensor = _record(
     source=(TEXT, ""),
     sampling_rate_Hz=(number(1.0, 1e6), 2500.0),
     angle_deg=(number(-360.0, 360.0), 0.0),
-    lateral_m=(number(-0.5, 0.5), 0.0),
     surface=(words("outer", "inner"), "outer"),
     noise=(number(0.0, 1e6), 0.0),
     noise_correlation=(number(0.0, 0.999), 0.0),
@@ -470,6 +469,7 @@ Sensor = _record(
     pitch_seed=(number(0, 2**31, whole=True), 0),
     missing_teeth=(numbers(0, whole=True), ()),
     extra_teeth=(numbers(0, whole=True), ()),
+    lateral_m=(number(-0.5, 0.5), 0.0),
 )
 
 
