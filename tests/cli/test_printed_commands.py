@@ -70,6 +70,7 @@ def samples(tmp_path_factory):
     (folder / "log.csv").write_bytes(gzip.decompress((SAMPLES / "drive.csv.gz").read_bytes()))
     (folder / "scenarios" / "drive.toml").write_text(SCENARIO)
     (folder / "campaign.toml").write_text(CAMPAIGN)
+    (folder / "mat.csv").write_text("1,2\n2,4\n3,5\n3,5\n2,4\n1,2\n")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         for line in MADE:

@@ -176,7 +176,7 @@ def test_values_further_apart_than_a_block_have_no_rate_of_their_own():
 
 @pytest.mark.parametrize("levels", ["sine", "square"])
 def test_an_encoder_s_held_values_are_taken_once_and_two_levels_are_none(tmp_path, levels) -> None:
-    """A square wave of ten samples at a constant speed changes as evenly as a value that is held."""
+    """A square wave at a constant speed changes as evenly as a value that is held."""
     teeth = np.sin(2.0 * np.pi * (np.arange(3000) + 0.5) / (37.3 if levels == "sine" else 20.0))
     values = np.repeat(np.round(teeth, 4), 4) if levels == "sine" else np.sign(teeth)
     log = tmp_path / "log.csv"
@@ -185,7 +185,8 @@ def test_an_encoder_s_held_values_are_taken_once_and_two_levels_are_none(tmp_pat
     )
     setup = parse_setup(
         "[tire]\nrolling_radius_m = 0.3\n"
-        '[channels.encoder]\nkind = "wheel_encoder"\nsource = "encoder"\nunit = "V"\nsteps = 48\n[log]\ntime = "time_s"\n'
+        '[channels.encoder]\nkind = "wheel_encoder"\nsource = "encoder"\nunit = "V"\n'
+        'steps = 48\n[log]\ntime = "time_s"\n'
     )
     with open_recording(str(log), setup) as recording:
         rate = recording.channels["encoder"].axis.rate_Hz

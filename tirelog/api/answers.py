@@ -190,7 +190,11 @@ def fit(measured: MeasuredLogs | Sequence[MeasuredLogs], model: ModelLike) -> Fi
 
 
 def compare(
-    measured: MeasuredLogs, model: ModelLike, others: Sequence[ModelLike] = ()
+    measured: MeasuredLogs,
+    model: ModelLike,
+    others: Sequence[ModelLike] = (),
+    *,
+    learn: bool = False,
 ) -> Comparison:
     """A model fitted on part of the manoeuvres, and its error on the rest beside the noise floor.
 
@@ -202,6 +206,8 @@ def compare(
         Fitted from its values, within its bounds; fixed parameters keep their values.
     others : model or sequence of models, optional
         Fitted to the same logs; ``ranking`` then has all of them, the best first.
+    learn : bool
+        Also what a residual that is learnt on the other manoeuvres would gain, in ``learnt``.
 
     Returns
     -------
@@ -226,7 +232,7 @@ def compare(
     found = _known(measured)
     several = [others] if isinstance(others, str | os.PathLike | Mapping | Model) else others
     result = comparing.compare(
-        found.revolutions, as_model(model), [as_model(other) for other in several]
+        found.revolutions, as_model(model), [as_model(other) for other in several], learn=learn
     )
     if not found.obstacles:
         return result

@@ -16,7 +16,7 @@ from tirelog.data.setup import RoadSetup, Setup
 from tirelog.errors import ModelError, UsageError, refuse_unknown
 from tirelog.physics.effects import Effect, serves
 from tirelog.physics.model import file
-from tirelog.physics.model.file import refuse_another
+from tirelog.physics.model.file import refuse_another, with_footprint
 from tirelog.physics.model.forces import StripSection, carcass_facts, force_columns, worn_model
 from tirelog.physics.model.from_setup import (
     PRESETS,
@@ -29,6 +29,7 @@ from tirelog.physics.model.from_setup import (
 from tirelog.physics.model.from_setup import new_model as made_model
 from tirelog.physics.model.model import Model, difference_rows, parameter_rows
 from tirelog.physics.model.user_effects import catalogue_with, effect_called
+from tirelog.storage.whole import taken_as_input
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.columns import TABLES
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
@@ -57,8 +58,26 @@ __all__ = [
     "difference_rows", "draw_effects", "draw_modes", "forces", "given_conditions",
     "known_surface", "load_model", "modes", "new_model", "numbers",
     "parameter_rows", "passage", "predict", "refuse_another", "revolutions", "save_model",
-    "serves", "table_columns", "worn_model",
+    "serves", "table_columns", "with_picture", "worn_model",
 ]  # fmt: skip
+
+
+def with_picture(model: Model, picture: Path, pitch_m: float, load_N: float) -> Model:
+    """`with_footprint` of a text file of numbers, commas between them, a line for each row.
+
+    UsageError: the file is something else.
+    """
+    taken_as_input(picture)
+    try:
+        pressure = np.loadtxt(picture, delimiter=",", ndmin=2)
+    except (OSError, ValueError) as problem:
+        raise UsageError(
+            f"no picture of a footprint: {problem}",
+            allowed="lines of as many numbers each, commas between them, are allowed",
+            do="give another",
+            file=picture,
+        ) from None
+    return with_footprint(model, pressure, pitch_m, load_N)
 
 
 def load_model(path: Path, *, effects: Path | None = None) -> Model:

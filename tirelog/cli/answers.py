@@ -123,6 +123,12 @@ def compare(
         list[Path] | None,
         typer.Option("--against", help="Another model file to rank on the same logs; repeatable."),
     ] = None,
+    learn: Annotated[
+        bool,
+        typer.Option(
+            "--learn", help="Also what a residual learnt on the other manoeuvres would gain."
+        ),
+    ] = False,
 ) -> None:
     """Validation error of a model beside the noise floor (repeatability of the revolutions).
 
@@ -137,7 +143,7 @@ def compare(
                 do="leave one out",
             )
     others = [api.models.load_model(path, effects=asked.effects) for path in against or ()]
-    ask = partial(api.answers.compare, others=others)
+    ask = partial(api.answers.compare, others=others, learn=learn)
     with asked.answered("fitting the model", ask) as result:
         parts = None if by is None else result.by(by)
         asked.show(result, result.notes)

@@ -38,6 +38,7 @@ COMMANDS: Mapping[str, str | LogTable] = {
     "model remove": "model:remove",
     "model set": "model:change",
     "model worn": "model:worn",
+    "model pressure": "model:pressure",
     "model fit": "model:fit",
     "model predict": "model:predict",
     "model forces": "model:forces",
@@ -247,6 +248,12 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
             "5 mm of tread less",
         ),
     ),
+    "model pressure": (
+        (
+            "tirelog model pressure model.toml mat.csv --pitch 0.005 --load 3434 -o measured.toml",
+            "of a mat with a cell each 5 mm",
+        ),
+    ),
     "model fit": (
         ("tirelog model fit drive.csv.gz --model model.toml -o fitted.toml", "with its errors"),
     ),
@@ -375,6 +382,7 @@ METAVARS: Mapping[str, str] = {
     "sensor": "DEGREES",
     "to_frequency": "HZ",
     "modes": "NUMBER",
+    "pitch": "M",
     "new_depth": "M",
     "depth": "M",
     "neutral_axis": "SHARE",

@@ -201,6 +201,27 @@ def worn(
     )
 
 
+def pressure(
+    model: options.Model,
+    picture: Annotated[Path, typer.Argument(metavar="PICTURE")],
+    output: options.NewModel,
+    pitch: Annotated[float, typer.Option(help="Way between two lines of the picture [m].")],
+    load: Annotated[float, typer.Option(help="Load on the tire under which it was taken [N].")],
+    effects: options.EffectsFile = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """The model with a footprint's measured pressure in place of the parabola.
+
+    PICTURE is text: a line for each place along the tread, entry first, its numbers across the
+    tread with commas between them, in any unit of pressure.
+    """
+    read = api.models.load_model(model, effects=effects)
+    made = api.models.with_picture(read, picture, pitch, load)
+    api.models.save_model(made, output)
+    half = made.values["patch_half_length_m"]
+    Session(quiet=quiet).note(f"patch_half_length_m = {half:g} at {load:g} N")
+
+
 def fit(
     logs: options.Logs,
     model: options.ModelFile,

@@ -130,6 +130,7 @@ PLAUSIBLE: Mapping[str, Bounds] = {
     "radial_acceleration_m_s2": Bounds(-5e4, 5e4, "m/s^2", "acceleration"),
     # median of the vehicle: racing cars brake with 50 at most, for seconds
     "longitudinal_acceleration_m_s2": Bounds(-30.0, 30.0, "m/s^2", "acceleration"),
+    "lateral_acceleration_m_s2": Bounds(-60.0, 60.0, "m/s^2", "acceleration"),
     "longitudinal_force_N": Bounds(-6e4, 6e4, "N", "force"),
     # of a turning wheel: drums creep at 0.3, aircraft take off at 100.  s for ms of slow wheels
     "speed_m_s": Bounds(0.2, 120.0, "m/s"),
@@ -158,6 +159,7 @@ OF_KIND: Mapping[str, str] = {
     "vehicle_speed": "vehicle_speed_m_s",
     "radial_acceleration": "radial_acceleration_m_s2",
     "longitudinal_acceleration": "longitudinal_acceleration_m_s2",
+    "lateral_acceleration": "lateral_acceleration_m_s2",
     "longitudinal_force": "longitudinal_force_N",
 }
 

@@ -25,7 +25,13 @@ from tirelog.diagnosis.candidates.nuisances import (
     with_best_nuisances,
     with_form_errors,
 )
-from tirelog.diagnosis.residual_structure import extra_errors, half_angle, posterior_checks, zones
+from tirelog.diagnosis.residual_structure import (
+    extra_errors,
+    half_angle,
+    learnt_residual,
+    posterior_checks,
+    zones,
+)
 from tirelog.diagnosis.results import (
     ERRORS,
     Comparison,
@@ -127,11 +133,14 @@ def other_observable(pieces: Sequence[Pieces], model: Model) -> UsageError:
     )
 
 
-def compare(measured: Measured, model: Model, others: Sequence[Model] = ()) -> Comparison:
+def compare(
+    measured: Measured, model: Model, others: Sequence[Model] = (), *, learn: bool = False
+) -> Comparison:
     """The model's free parameters fitted to all logs, and the error on manoeuvres left out.
 
     Beside it the errors with the nuisances that earn a place, which `diagnose` lets in; and the
-    rank of the model among the `others`, which are fitted to the same logs.
+    rank of the model among the `others`, which are fitted to the same logs. `learn`: also what a
+    residual that is learnt would gain.
     """
     pieces = measured_pieces(measured)
     base = start_from(pieces, model)
@@ -148,6 +157,7 @@ def compare(measured: Measured, model: Model, others: Sequence[Model] = ()) -> C
         extra_errors=extra_errors(base),
         checks=posterior_checks(base),
         ranking=_ranking([base, *(start_from(pieces, other) for other in others)]),
+        learnt=learnt_residual(base) if learn else (),
     )
 
 

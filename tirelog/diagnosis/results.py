@@ -160,8 +160,8 @@ class Comparison(AnswerRecord):
     those of the first.
 
     `extra_errors`: how much error beside the noise makes model and data agree; `checks`: how far
-    the residuals are from noise; `ranking`: the model among others on the same logs. All three are
-    empty in what `comparison_of` makes.
+    the residuals are from noise; `ranking`: the model among others on the same logs; `learnt`: what
+    a residual that is learnt would gain, if asked. All are empty in what `comparison_of` makes.
 
     `obstacles`: errors hit by hit, None without a [road] or with a model that does not move;
     `aside`: remarks on what was not compared.
@@ -208,6 +208,7 @@ class Comparison(AnswerRecord):
     extra_errors: tuple[Mapping[str, Any], ...] = ()
     checks: tuple[Check, ...] = ()
     ranking: tuple[Mapping[str, Any], ...] = ()
+    learnt: tuple[Mapping[str, Any], ...] = ()
 
     @property
     def label(self) -> str:
@@ -250,11 +251,21 @@ class Comparison(AnswerRecord):
         ]
         extra = [_extra_row(own) for own in self._worst_errors() if own["size"] != 0.0]
         residuals = [[c.name, c.measured, c.noise_gives] for c in self.checks]
+        learnt = [
+            [r["learns"], in_unit(r["rmse_heldout"], shown(r["observable"], "")[0])]
+            + [r["excess_removed"], r["sigmas"], r["weights"]]
+            for r in self.learnt
+        ]
         names = ["model", "held out", _ABOVE, "sigma worse", "chi-square", "free parameters"]
         tables = (
             AnswerTable(f"Models on the same logs, best first [{unit}]", names, ranks),
             AnswerTable(_EXTRA, ["", "at least", "unit"], extra),
             AnswerTable(_CHECKS, ["residuals", "measured", "noise gives"], residuals),
+            AnswerTable(
+                f"What a black box would gain [{unit}]; none names an effect",
+                ["learns over", "held out", "excess removed", "sigma better", "weights"],
+                learnt,
+            ),
         )
         return [table for table in tables if table.rows]
 

@@ -158,9 +158,9 @@ def _scaled(sd: float, deviations: FloatArray) -> FloatArray:
 def trend_columns(cells: Cells) -> FloatArray:
     """What physics may follow, one row per manoeuvre (M, k).
 
-    Each log's level, acceleration, time, and v, v^2 log by log. What follows speed may follow a
-    log's load, pressure, water or age besides. The last columns come only if enough manoeuvres are
-    left to show scatter.
+    Each log's level, acceleration, that of curves, time, and v, v^2 log by log. What follows speed
+    may follow a log's load, pressure, water or age besides. The last columns come only if enough
+    manoeuvres are left to show scatter.
     """
     M = cells.manoeuvres
     number = np.bincount(cells.manoeuvre, cells.revolutions, M)
@@ -175,10 +175,12 @@ def trend_columns(cells: Cells) -> FloatArray:
 
     c = cells.conditions
     v, a, t = mean(c.speed_m_s), mean(c.acceleration_m_s2), mean(c.time_s)
+    across = mean(np.nan_to_num(c.lateral_acceleration_m_s2))
     columns = [per_log]
     for more in (
         v[:, None],
         a[:, None],
+        across[:, None][:, : int(np.any(across))],
         np.stack([v**2, t], axis=1),
         per_log * v[:, None],
         per_log * (v**2)[:, None],
@@ -514,16 +516,19 @@ def held_out_losses_with(
     additions: Sequence[Sequence[FloatArray]],
     *,
     of: NDArray[np.bool_] | None = None,
+    precision: float = 0.0,
 ) -> list[tuple[FloatArray, FloatArray]]:
     """`held_out_losses` with each of several additions to the model, alone.
 
-    The model's own columns, which are most, are brought into the metrics once for all.
+    The model's own columns, which are most, are brought into the metrics once for all. `precision`
+    [1/unit^2] is that of the additions' strengths before any manoeuvre, about zero.
     """
     first = fit.jacobian.shape[-1] + fit.amplitudes.size
     metrics = (white, plain) if of is None else (white, white.only(of), plain.only(of))
     losses = []
     for normals in zip(
-        *(_left_out_of(cells, metric, fit, additions) for metric in metrics), strict=True
+        *(_left_out_of(cells, metric, fit, additions, precision) for metric in metrics),
+        strict=True,
     ):
         theta = normals[0].left_out() - normals[0].step_of_all(first)
         losses.append((normals[-2].loss(theta), normals[-1].loss(theta)))
@@ -572,11 +577,16 @@ def _further_as_columns(own: LeaveOneOut) -> LeaveOneOut:
 
 
 def _left_out_of(
-    cells: Cells, metric: Whitener, fit: Fit, additions: Sequence[Sequence[FloatArray]]
+    cells: Cells,
+    metric: Whitener,
+    fit: Fit,
+    additions: Sequence[Sequence[FloatArray]],
+    precision: float = 0.0,
 ) -> list[LeaveOneOut]:
     """The normal equations of every manoeuvre, with each of the additions (C, m, k) to the model.
 
-    No metric couples two manoeuvres, so some are worked on at a time.
+    No metric couples two manoeuvres, so some are worked on at a time. `precision` as
+    `held_out_losses_with`.
     """
     columns, prediction = [fit.moving], fit.prediction
     mean, known = priors(fit.model, fit.names)
@@ -610,7 +620,10 @@ def _left_out_of(
     drive[cells.manoeuvre] = np.unique(cells.drive, return_inverse=True)[1]
     normals = [Normal(*map(np.concatenate, zip(*parts, strict=True))) for parts in made]
     left = [normal.right.shape[1] - levels.shape[-1] - known.size for normal in normals]
+    before = [
+        (np.pad(known, (0, k), constant_values=precision), np.pad(pull, (0, k))) for k in left
+    ]
     return [
-        LeaveOneOut(normal, drive, (np.pad(known, (0, k)), np.pad(pull, (0, k))), levels.shape[-1])
-        for normal, k in zip(normals, left, strict=True)
+        LeaveOneOut(normal, drive, prior, levels.shape[-1])
+        for normal, prior in zip(normals, before, strict=True)
     ]

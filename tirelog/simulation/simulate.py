@@ -187,6 +187,7 @@ def setup_text(scenario: Scenario, sources: dict[str, str], time: str | None = N
         lines += [f'source = "{sources[name]}"', f'unit = "{SOURCE_UNITS[sensor.kind]}"']
         known = {key: getattr(sensor, key) for key in _CHANNEL_KEYS.get(sensor.kind, ())}
         known |= {"gauge_length_m": sensor.gauge_length_m or None}
+        known |= {"lateral_m": sensor.lateral_m or None}
         lines += [f"{key} = {_toml(value)}" for key, value in known.items() if value is not None]
         if several and sensor.kind in STRAIN_KINDS:  # of one nobody asks where it is
             lines.append(f"angle_deg = {sensor.angle_deg!r}")

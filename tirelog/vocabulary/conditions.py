@@ -152,6 +152,17 @@ class ConditionValues:
             example=1000.0,
         )
     )
+    lateral_acceleration_m_s2: FloatArray = field(
+        metadata=_entry(
+            "lateral_acceleration",
+            "m/s^2",
+            "acceleration of the vehicle to the left, in a curve",
+            word="lateral acceleration",
+            kinds=("lateral_acceleration",),
+            signed=True,
+            example=3.0,
+        )
+    )
     slip: FloatArray = field(
         metadata=_entry(
             "slip", "1", "longitudinal slip, positive in braking", signed=True, in_expressions=False

@@ -86,6 +86,14 @@ _ALL = (
         "vehicle acceleration",
         "the vehicle's acceleration, forwards",
     ),
+    Kind(
+        "lateral_acceleration",
+        ("acceleration",),
+        "m/s^2",
+        "m/s^2",
+        "vehicle acceleration",
+        "the vehicle's acceleration, to the left",
+    ),
     Kind("temperature", ("temperature",), "K", "K", "temperature", "temperature of the tire"),
     Kind(
         "inflation_pressure",

@@ -32,12 +32,12 @@ from tirelog.inference.cells.joint import predicted
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric import Whitener, side_by_side, stacked
 from tirelog.physics.effects import Effect
+from tirelog.physics.model.file import shape_entry
 from tirelog.physics.model.model import ModelEffect
 from tirelog.physics.model.user_effects import (
     CONDITIONS,
     FRAMES,
     PLACES,
-    effect_by_shape,
     parse_expression,
 )
 from tirelog.vocabulary.arrays import FloatArray
@@ -261,17 +261,8 @@ class MeasuredShape:
 
     def entry(self, name: str) -> ModelEffect:
         """The shape as an effect of a model, which a model file can hold."""
-        nodes, values = ([float(f"{x:.6g}") for x in given] for given in (self.nodes, self.values))
-        effect = effect_by_shape(name, self.acts_on, self.frame, self.law, nodes, values)
-        source = {
-            "shape": "empirical",
-            "acts_on": self.acts_on,
-            "frame": self.frame,
-            "law": self.law,
-            "nodes": nodes,
-            "values": values,
-        }
-        return ModelEffect(effect, effect.parameters, {}, source)
+        own = (self.nodes, self.values)
+        return shape_entry(name, self.acts_on, self.frame, self.law, own)
 
 
 def measured_shapes(ground: Ground, full: Ground) -> list[MeasuredShape]:

@@ -44,6 +44,7 @@ from tirelog.inference.stacks.align import (
 from tirelog.inference.stacks.hum import Line, lines_said, without_hum
 from tirelog.inference.stacks.manoeuvres import (
     accelerations,
+    bends,
     conditions_of,
     regimes,
     scalar_stack,
@@ -404,8 +405,10 @@ def _course(
         [accelerations(time, speed * radius) for time, speed in zip(times, speeds, strict=True)]
     )
     breaks = np.concatenate([np.arange(time.size) == 0 for time in times])
-    manoeuvre, regime = segment(regimes(acceleration), breaks)
     centre, speed = np.concatenate(times), np.concatenate(speeds)
+    conditions = conditions_of(recording, centre, speed * radius, acceleration)
+    breaks |= bends(conditions.lateral_acceleration_m_s2)
+    manoeuvre, regime = segment(regimes(acceleration), breaks)
     n = centre.size
     none = np.empty((n, 0))
     step, step_from = step_of(channel)
@@ -422,7 +425,7 @@ def _course(
         phi_variance=none,
         count=np.empty((n, 0), np.int64),
         noise=np.full(n, noise),
-        conditions=conditions_of(recording, centre, speed * radius, acceleration),
+        conditions=conditions,
         log=np.zeros(n, np.int64),
         manoeuvre=manoeuvre,
         revolution=np.concatenate([ordinal[1:-1] for ordinal, _ in runs]),

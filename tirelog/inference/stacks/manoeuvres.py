@@ -148,6 +148,17 @@ def regimes(acceleration_m_s2: FloatArray) -> NDArray[np.str_]:
     ).astype(np.str_)
 
 
+def bends(lateral_m_s2: FloatArray) -> NDArray[np.bool_]:
+    """Whether the vehicle bends off or straightens up before each revolution, (n,).
+
+    Never if the lateral acceleration [m/s^2] is not known.
+    """
+    # a lateral acceleration below 0.5 m/s^2 counts as straight on: twice as much would average
+    # a gentle bend with it
+    side = np.sign(np.trunc(np.nan_to_num(lateral_m_s2) / 0.5))
+    return np.asarray(np.diff(side, prepend=side[:1]) != 0.0)
+
+
 def segment(
     regime: NDArray[np.str_], breaks: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64], NDArray[np.str_]]:
@@ -207,9 +218,10 @@ def scalar_stack(recording: Recording, channel: Channel, observable: str) -> tup
     period = np.diff(time_s, prepend=time_s[0])
     # a passage this much later than its neighbours' periods starts a new manoeuvre; twice as much
     # joins what a pause of up to six periods parts
-    manoeuvre, regime = segment(
-        regimes(acceleration), np.r_[True, (period > 3.0 * np.median(period))[1:]]
-    )
+    conditions = conditions_of(recording, time_s, speed, acceleration)
+    breaks = np.r_[True, (period > 3.0 * np.median(period))[1:]]
+    breaks |= bends(conditions.lateral_acceleration_m_s2)
+    manoeuvre, regime = segment(regimes(acceleration), breaks)
     zero = np.zeros((n, 1))
     doubted = int(unclear[ordinal].sum())
     said = (
@@ -229,7 +241,7 @@ def scalar_stack(recording: Recording, channel: Channel, observable: str) -> tup
         phi_variance=zero,
         count=np.ones((n, 1), np.int64),
         noise=np.full(n, float(np.median(np.abs(np.diff(value))) / (0.6745 * np.sqrt(2.0)))),
-        conditions=conditions_of(recording, time_s, speed, acceleration),
+        conditions=conditions,
         log=np.zeros(n, np.int64),
         manoeuvre=manoeuvre,
         revolution=ordinal,

@@ -414,6 +414,28 @@ def load_transfer(drive: Drive, *, coefficient: float) -> FloatArray:
 
 @effect(
     "load",
+    follows=(("lateral_acceleration_m_s2", 1),),
+    needs=("lateral_acceleration_m_s2",),
+    observables=tuple(OBSERVABLES),
+    coefficient=number(0.0, -2.0, 2.0, "1", "a in F (1 + a lateral acceleration/9.81)", probe=0.25),
+)
+def cornering(drive: Drive, *, coefficient: float) -> FloatArray:
+    """In a curve the load moves to one wheel, and to one side of the tread.
+
+    Signature: even; the waveform grows and widens with the lateral acceleration, on the two sides
+        of the tread in opposite senses
+    Valid: the strip of tread under the sensor stays on the road
+    Source: P4 VI (curves are left to later work); a tilted belt, Pacejka, Tire and Vehicle Dynamics
+
+    The coefficient is the sensor's own: t y / d of a belt that tilts by t per g. Its place across
+    the tread is y; the depth of the contact, d, is about L^2 / (2 R). Load from the other wheel
+    adds the same at every y.
+    """
+    return coefficient * drive.lateral_acceleration_m_s2 / CATALOGUE_G_M_S2
+
+
+@effect(
+    "load",
     follows=(("speed_m_s", 2),),
     observables=tuple(OBSERVABLES),
     coefficient=number(0.0, -0.9, 2.0, "1", "a in F (1 + a (v/30)^2)", probe=0.05),

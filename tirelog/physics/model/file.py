@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
+import numpy as np
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
@@ -59,6 +60,7 @@ from tirelog.storage.schema import (
     words,
 )
 from tirelog.storage.whole import LARGEST_BYTES, toml_tables, toml_text, whole_file
+from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES
 
 #: key of [model]: the Python file with the user's own effects
@@ -364,6 +366,52 @@ def _own_effect(table: Mapping[str, Any], place: FilePlace) -> ModelEffect:
     return ModelEffect(
         effect, effect.parameters, source={key: given[key] for key in keys if key in given}
     )
+
+
+def shape_entry(
+    name: str,
+    acts_on: str,
+    frame: str,
+    law: str,
+    shape: tuple[FloatArray, FloatArray],
+    amplitude: Parameter = AMPLITUDE,
+) -> ModelEffect:
+    """A measured shape (nodes, values) as an effect of a model, which a model file can hold."""
+    nodes, values = ([float(f"{x:.6g}") for x in given] for given in shape)
+    effect = effect_by_shape(name, acts_on, frame, law, nodes, values, amplitude)
+    given = ("empirical", acts_on, frame, law, nodes, values)
+    return ModelEffect(effect, effect.parameters, {}, dict(zip(SHAPE_KEYS, given, strict=True)))
+
+
+def with_footprint(model: Model, pressure: FloatArray, pitch_m: float, load_N: float) -> Model:
+    """The model with the pressure of a footprint that was measured under a load, not the parabola.
+
+    `pressure` (n, m) in any unit: rows from the entry edge to the exit edge, `pitch_m` apart, and
+    places across the tread in columns. The patch is where a row carries a twentieth of what the
+    largest does. ModelError: no footprint, or a patch that follows from the contact with the road.
+    """
+    along = pressure.sum(axis=1) if pressure.ndim == 2 else np.zeros(0)
+    held = np.flatnonzero(along > 0.05 * along.max(initial=0.0))
+    if held.size < 5 or not np.isfinite(along).all() or pressure.min() < 0.0:
+        raise ModelError(
+            f"a footprint of {held.size} rows under load",
+            allowed="five at least are allowed, of pressures from zero on",
+            do="give a finer picture, rows along the tread",
+        )
+    if "patch_half_length_m" not in model.values:
+        raise ModelError(
+            "the patch of this model follows from its contact with the road",
+            allowed='a model with a patch_half_length_m is allowed, as contact = "parabola"',
+            do="take another",
+        )
+    inside = along[held[0] : held[-1] + 1]
+    place = (np.arange(inside.size) + 0.5) / inside.size * 2.0 - 1.0
+    # in half lengths: a thirtieth of it loses nothing that a carcass passes on
+    nodes = np.linspace(-1.0, 1.0, 61)
+    shape = nodes, np.interp(nodes, place, inside / inside.mean()) - 1.5 * (1.0 - nodes**2)
+    half = {"patch_half_length_m": 0.5 * pitch_m * inside.size, "reference_load_N": load_N}
+    entry = shape_entry("footprint", "contact_pressure", "patch", "1", shape, AMPLITUDE.fixed())
+    return model.with_values(half).with_effect(entry)
 
 
 # ---- The model file, written: Model to TOML, whole or not at all.

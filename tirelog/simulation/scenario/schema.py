@@ -179,6 +179,7 @@ SOURCE_UNITS = {
     "wheel_encoder": "V",
     "vehicle_speed": "m/s",
     "longitudinal_acceleration": "m/s^2",
+    "lateral_acceleration": "m/s^2",
     "temperature": "degC",
     "inflation_pressure": "Pa",
     "vertical_load": "N",
@@ -259,13 +260,15 @@ Vehicle = _record(
 
     Longitudinal force of the wheel: half the demand in drive if driven, `brake_share` of it in
     braking, none in coasting. `suspension_damping_N_s_m` holds the coupled ring's hub against a
-    body at rest.
+    body at rest. In a curve the belt leans on the road by `roll_deg_per_g`, towards positive
+    `lateral_m` where the lateral acceleration is positive.
     """,
     mass_kg=(number(1.0, 1e5), 1500.0),
     brake_share=(number(0.0, 1.0), 0.25),
     rolling_drag=(number(0.0, 1.0), 0.012),
     air_drag_kg_m=(number(0.0, 100.0), 0.4),
     suspension_damping_N_s_m=(number(0.0, 1e6), 0.0),
+    roll_deg_per_g=(number(-10.0, 10.0), 0.0),
 )
 
 
@@ -401,11 +404,12 @@ Manoeuvre = _record(
 
     `duration_s` seconds to `speed_m_s` at constant acceleration, corners rounded over
     `Scenario.rounding_s`. Without `regime` the acceleration decides: |a| < 0.15 m/s^2 cruise, > 0
-    drive, > -1.5 coast, else brake.
+    drive, > -1.5 coast, else brake. In a curve the vehicle has `lateral_m_s2` to the left.
     """,
     duration_s=(number(0.05, 1e5), 5.0),
     speed_m_s=(number(0.0, 120.0), 10.0),
     regime=(words(*REGIMES), None),
+    lateral_m_s2=(number(-15.0, 15.0), 0.0),
 )
 
 
@@ -418,11 +422,12 @@ Sensor = _record(
     `noise_correlation` (first order, the same size); `hum` is the amplitude of a sine at `hum_Hz`,
     with half of it at the double; `flicker` the standard deviation over the log of 1/f noise;
     `road_noise` that of white noise at 20 m/s, which the road makes and grows with speed squared.
-    `angle_deg` is the place on the wheel. `lost_fraction` of the samples is blank, in runs of
-    `lost_run` on average; a grating also loses the share `lost_at_flanks` of the samples at which
-    strain changes along the tread by more than half of the most. `jitter_s` moves the moment of
-    sampling about its stamp; `delay_s` is the telemetry's; `range` and `bits` clip and digitise.
-    `coupling_Hz` is the high-pass of an AC-coupled instrument (first order; 0: none).
+    `angle_deg` is the place on the wheel, `lateral_m` that across the tread. `lost_fraction` of the
+    samples is blank, in runs of `lost_run` on average; a grating also loses the share
+    `lost_at_flanks` of the samples at which strain changes along the tread by more than half of the
+    most. `jitter_s` moves the moment of sampling about its stamp; `delay_s` is the telemetry's;
+    `range` and `bits` clip and digitise. `coupling_Hz` is the high-pass of an AC-coupled instrument
+    (first order; 0: none).
     Encoder:
     `steps`, `signal`, `amplitude`, `offset`, `pitch_error_deg` (drawn by `pitch_seed`),
     `missing_teeth`, `extra_teeth`.
@@ -464,6 +469,7 @@ Sensor = _record(
     pitch_seed=(number(0, 2**31, whole=True), 0),
     missing_teeth=(numbers(0, whole=True), ()),
     extra_teeth=(numbers(0, whole=True), ()),
+    lateral_m=(number(-0.5, 0.5), 0.0),
 )
 
 
@@ -767,6 +773,13 @@ def _check_coupled(scenario: Scenario, place: FilePlace) -> None:
             f"slip_stiffness_N {with_truth}, which slips on its bristles",
             'allowed is truth = "ring" or "beam"',
             "remove it, or give bristle_stiffness_N_m2",
+        ),
+        (
+            scenario.vehicle.roll_deg_per_g,
+            "vehicle",
+            f"roll_deg_per_g {with_truth}, whose belt has no width",
+            'allowed is truth = "ring" or "beam"',
+            "remove it",
         ),
         (
             scenario.grid_points % 8,

@@ -215,8 +215,16 @@ def riding_values(world: World, moments: Times) -> dict[str, FloatArray]:
     """
     channels = world.scenario.channels
     riding = {name: time for name, time in moments.items() if channels[name].kind in RIDING}
-    if not riding:
-        return {}
+    values: dict[str, FloatArray] = {}
+    for place in dict.fromkeys(channels[name].lateral_m for name in riding):
+        alike = {name: t for name, t in riding.items() if channels[name].lateral_m == place}
+        values |= _values_at(world, alike, place)
+    return values
+
+
+def _values_at(world: World, riding: Times, lateral_m: float) -> dict[str, FloatArray]:
+    """The same of the channels `riding` at one place across the tread."""
+    channels = world.scenario.channels
     values = {name: np.zeros(time.size) for name, time in riding.items()}
     turns = {
         name: tread_angle(world, channels[name], time) / (2 * np.pi)
@@ -224,7 +232,7 @@ def riding_values(world: World, moments: Times) -> dict[str, FloatArray]:
     }
     first = min(float(time.min()) for time in riding.values())
     last = max(float(time.max()) for time in riding.values())
-    for (begin, end, steps), solutions in chunks(world, first, last):
+    for (begin, end, steps), solutions in chunks(world, first, last, lateral_m):
         tables: dict[object, list[FloatArray]] = {}
         for name, time in riding.items():
             here = np.flatnonzero((time >= begin) & (time < end))
@@ -278,6 +286,8 @@ def vehicle_values(
         return world.drive.speed_at(time) / (1.0 - world.slip(time))
     if kind == "longitudinal_acceleration":
         return world.drive.acceleration_at(time)
+    if kind == "lateral_acceleration":
+        return np.interp(time, world.drive.time_s, world.drive.lateral_m_s2)
     if kind == "vertical_load":
         return world.load(time) * (1.0 + world.fluctuation(time))
     if kind == "longitudinal_force":
@@ -498,7 +508,8 @@ def _steady_passages(world: World, name: str, late_s: float) -> dict[str, FloatA
 
 def _passages(world: World, sensor: Record, time: FloatArray) -> dict[str, FloatArray]:
     """True values at the passages `time` (n,), each (n,)."""
-    at = world.instants(time, 1.0 + world.fluctuation(time))
+    across = world.across(time, sensor.lateral_m)
+    at = world.instants(time, (1.0 + world.fluctuation(time)) * across)
     solution = world.solve(at)
     slope = world.ring.inverse(world.ring.derivatives[1] * world.strain(solution, sensor))
     radius = world.drive.radius_at(at.speed)

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
+from tirelog.errors import UsageError
 from tirelog.simulation.scenario.schema import BENDING_N_M2, Planted, Scenario
 from tirelog.simulation.steady.carcass import (
     FlatRoadContact,
@@ -122,7 +123,7 @@ class TrueDrive:
     """Everything that moves, on the grid `time_s` (n,).
 
     Speed [m/s], acceleration, relative load, regimes as stretches; `radius_m` the rolling radius
-    at rest, `grows` how it grows with speed.
+    at rest, `grows` how it grows with speed; `lateral_m_s2` (n,) in curves.
     """
 
     time_s: FloatArray
@@ -133,6 +134,7 @@ class TrueDrive:
     parts: tuple[Stretch, ...]
     radius_m: float
     grows: Record
+    lateral_m_s2: FloatArray
 
     def radius_at(self, speed_m_s: FloatArray) -> FloatArray:
         """The rolling radius [m] at a speed: way per angle of the wheel."""
@@ -159,8 +161,12 @@ class TrueDrive:
     @cached_property
     def pitch_acceleration(self) -> FloatArray:
         """The acceleration behind the body's pitch: a first-order lag [m/s^2], on the grid."""
-        share = STEP_S / (PITCH_S + STEP_S)
-        return np.asarray(lfilter([share], [1.0, share - 1.0], self.acceleration_at(self.time_s)))
+        return _of_the_body(self.acceleration_at(self.time_s))
+
+    @cached_property
+    def roll_acceleration(self) -> FloatArray:
+        """The lateral acceleration behind the body's roll, likewise."""
+        return _of_the_body(self.lateral_m_s2)
 
     def distance_at(self, time_s: FloatArray) -> FloatArray:
         """Way of the tread through the patch since the log's start [m]."""
@@ -189,6 +195,12 @@ class TrueDrive:
         return time
 
 
+def _of_the_body(acceleration: FloatArray) -> FloatArray:
+    """An acceleration on the drive's grid as a body on its springs follows it."""
+    share = STEP_S / (PITCH_S + STEP_S)
+    return np.asarray(lfilter([share], [1.0, share - 1.0], acceleration))
+
+
 def drive_of(scenario: Scenario, random: np.random.Generator) -> TrueDrive:
     """The scenario's manoeuvres as a Drive."""
     parts = drive_stretches(scenario, random)
@@ -207,7 +219,9 @@ def drive_of(scenario: Scenario, random: np.random.Generator) -> TrueDrive:
     spinning = CubicSpline(time, speed / stretch_of(grows, speed)) if grows.growth else spline
     angle = spinning.antiderivative()
     angle.c /= radius
-    return TrueDrive(time, spline, angle, factor, coasting, tuple(parts), radius, grows)
+    across = np.array([m.lateral_m_s2 for m in scenario.manoeuvres])[which]
+    lateral = _rounded(across, scenario.rounding_s)
+    return TrueDrive(time, spline, angle, factor, coasting, tuple(parts), radius, grows, lateral)
 
 
 def stretch_of(grows: Record, speed_m_s: FloatArray) -> FloatArray:
@@ -479,6 +493,28 @@ class World:
             )
         return length
 
+    def across(self, time_s: FloatArray, lateral_m: float) -> FloatArray:
+        """Load of the tread at a place across it, over that of the middle (b,).
+
+        A belt that leans is deeper in the road there, and meets it on a longer chord of its circle;
+        a strip of it carries load as the square of its chord.
+        """
+        roll, radius = self.scenario.vehicle.roll_deg_per_g, self.drive.radius_m
+        if not roll or not lateral_m:
+            return np.ones_like(time_s)
+        in_g = np.interp(time_s, self.drive.time_s, self.drive.roll_acceleration)
+        leans = np.radians(roll) * in_g / STANDARD_GRAVITY_M_S2
+        half = self.half_length(self.load(time_s), time_s)
+        deep = radius - np.sqrt(radius**2 - half**2)
+        deeper = deep + lateral_m * np.sin(leans)
+        if np.any(deeper < 0.1 * deep):
+            raise UsageError(
+                f"the belt leans so far that the tread at {lateral_m:g} m leaves the road",
+                allowed="allowed is a lean that leaves it a tenth of its depth",
+                do="lower roll_deg_per_g or lateral_m_s2",
+            )
+        return np.asarray((2.0 * radius * deeper - deeper**2) / half**2)
+
     def instants(self, time_s: FloatArray, load_factor: Any = 1.0) -> Instants:
         """Conditions at `time_s` (b,), the load times `load_factor`."""
         load = self.load(time_s) * load_factor
@@ -740,8 +776,10 @@ def plan_knots(
     return spans
 
 
-def chunks(world: World, start_s: float, end_s: float) -> Iterator[tuple[Span, list[Solution]]]:
-    """Every span of the plan with its solutions at knots.
+def chunks(
+    world: World, start_s: float, end_s: float, lateral_m: float = 0.0
+) -> Iterator[tuple[Span, list[Solution]]]:
+    """Every span of the plan with its solutions at knots, of the tread at `lateral_m` across it.
 
     The span's samples lie between these knots: the first is one step before the span, the last two
     steps behind. Solutions at the loads 1, 1 + LOAD_STEP, 1 - LOAD_STEP; the first alone on a
@@ -756,6 +794,7 @@ def chunks(world: World, start_s: float, end_s: float) -> Iterator[tuple[Span, l
     for span in plan_knots(world.drive, scenario.knot_s, quick, start_s, end_s):
         begin, end, steps = span
         times = np.asarray(begin + np.arange(-1, steps + 2) * ((end - begin) / steps), float)
-        middle = world.solve(world.instants(times))
-        rest = [world.solve(world.instants(times, f), middle.w * f) for f in factors[1:]]
+        across = world.across(times, lateral_m)
+        middle = world.solve(world.instants(times, across))
+        rest = [world.solve(world.instants(times, f * across), middle.w * f) for f in factors[1:]]
         yield span, [middle, *rest]
