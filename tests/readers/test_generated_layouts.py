@@ -24,5 +24,5 @@ def test_a_layout_is_read_as_it_was_written(case, tmp_path):
 
 
 @pytest.mark.parametrize("case", SOME)
-def test_one_of_a_whole_kind_is_read_as_it_was_written(case: Case, tmp_path: Path) -> None:
+def test_one_of_a_whole_kind_is_read_as_it_was_written(case, tmp_path):
     test_a_layout_is_read_as_it_was_written(case, tmp_path)
