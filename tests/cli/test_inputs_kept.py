@@ -31,6 +31,7 @@ OVERWRITES = {
     "the model by a diagnosis": "diagnose log.csv --model m.toml -o m.toml --format json",
     "the setup by a model": "model new --setup log.toml -o log.toml",
     "the setup by a page": "report log.csv -o log.toml",
+    "the picture by a model": "model pressure m.toml more.csv --pitch 1 --load 1 -o more.csv",
 }
 
 
@@ -38,6 +39,7 @@ OVERWRITES = {
 ASKED = {
     "model": "--model m.toml", "against": "--against u.csv", "speed": "--speed 12",
     "new_depth": "--new-depth 0.008", "depth": "--depth 0.003",
+    "picture": "more.csv", "pitch": "--pitch 0.005", "load": "--load 3000",
 }  # fmt: skip
 INPUTS = {
     "logs": "log.csv",

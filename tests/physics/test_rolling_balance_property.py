@@ -16,6 +16,7 @@ from tirelog.physics.model.from_setup import preset_model
 
 DRIVEN = {
     "speed_m_s": 20.0, "load_N": 3000.0, "acceleration_m_s2": 2.0, "water_depth_mm": 1.0,
+    "lateral_acceleration_m_s2": 2.0,
     "distance_km": 2e4, "temperature_K": 10.0, "time_s": 10.0, "inflation_pressure_Pa": 1.3e5,
 }  # fmt: skip
 RING, BEAM = preset_model("P3"), preset_model("P2")

@@ -19,7 +19,7 @@ from tirelog.physics.spectral import Angles
 HERE = {
     "speed_m_s": 15.0, "acceleration_m_s2": 1.0, "time_s": 20.0, "load_N": 3300.0,
     "inflation_pressure_Pa": 2.2e5, "temperature_K": 8.0, "distance_km": 9000.0,
-    "water_depth_mm": 0.6, "slip": 0.02,
+    "water_depth_mm": 0.6, "slip": 0.02, "lateral_acceleration_m_s2": 2.0,
 }  # fmt: skip
 PHI = np.linspace(-np.pi, np.pi, 181)
 #: what is looked for at one row's losses alone, and found for others by derivatives

@@ -30,6 +30,7 @@ from tirelog.physics.model.from_setup import (
 from tirelog.physics.model.from_setup import new_model as made_model
 from tirelog.physics.model.model import Model, difference_rows, parameter_rows
 from tirelog.physics.model.user_effects import catalogue_with, effect_called
+from tirelog.storage.whole import taken_as_input
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.columns import TABLES
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
@@ -67,6 +68,7 @@ def with_picture(model: Model, picture: Path, pitch_m: float, load_N: float) -> 
 
     UsageError: the file is something else.
     """
+    taken_as_input(File(picture))
     try:
         pressure = np.loadtxt(picture, delimiter=",", ndmin=2)
     except (OSError, ValueError) as problem:
