@@ -67,7 +67,7 @@ def with_picture(model: Model, picture: Path, pitch_m: float, load_N: float) -> 
 
     UsageError: the file is something else.
     """
-    taken_as_input(picture)
+    taken_as_input(File(picture))
     try:
         pressure = np.loadtxt(picture, delimiter=",", ndmin=2)
     except (OSError, ValueError) as problem:
