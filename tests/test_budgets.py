@@ -17,29 +17,29 @@ SAMPLES = ROOT / "sample_data"
 #: most files and statements of a folder
 FOLDERS = {
     "(top)": (7, 480),
-    "api": (7, 740),
-    "campaign": (5, 770),
+    "api": (8, 870),
+    "campaign": (5, 730),
     "cli": (8, 1240),
-    "data": (4, 450),
-    "diagnosis": (24, 4830),
+    "data": (5, 550),
+    "diagnosis": (24, 4790),
     "drafts": (2, 400),
-    "dsp": (4, 930),
-    "inference": (18, 3150),
+    "dsp": (4, 950),
+    "inference": (18, 3160),
     "kernels": (3, 240),
-    "physics": (25, 3440),
-    "plots": (5, 970),
-    "readers": (24, 4570),
+    "physics": (25, 3380),
+    "plots": (5, 1030),
+    "readers": (24, 4650),
     "report": (6, 1050),
     "runs": (7, 1620),
-    "simulation": (14, 2310),
+    "simulation": (14, 2220),
     "storage": (4, 630),
-    "strain": (19, 3270),
+    "strain": (19, 3280),
     "tables": (4, 320),
     "vocabulary": (9, 370),
-    "wheel": (8, 1590),
+    "wheel": (8, 1600),
 }
 #: numbers with a name at the top of a module, and classes, in the whole package
-CONSTANTS, CLASSES = 649, 307
+CONSTANTS, CLASSES = 644, 303
 #: files that have a function which runs, by command
 WALKS = {"speed drive.csv.gz": 60, "diagnose hidden_1.csv.gz --model MODEL": 124}
 #: lines and parameters that a function may have
