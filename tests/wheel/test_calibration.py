@@ -73,10 +73,11 @@ def test_a_delay_is_found_and_taken_off_and_its_rows_say_so(delay_s):
     assert np.nanmax(np.abs(clean_passages(found, learnt)["shift_deg"][steady])) < 0.12
     other = passages(Drive(*DYNAMIC), Tread(delay_s=delay_s, seed=22_200, **drag))
     columns = table(other, learnt)
-    assert set(columns["quality"]) == {"delay_removed" if delay_s else "ok"}
+    inner = slice(1, -1)  # without those that the log's ends may cut
+    assert set(columns["quality"][inner]) == {"delay_removed" if delay_s else "ok"}
     assert np.nanstd(columns["phase_shift_detrended_deg"]) < 0.05
     assert np.nanstd(columns["phase_shift_deg"]) > 0.05
-    assert set(table(other, None)["quality"]) == {"ok"}
+    assert set(table(other, None)["quality"][inner]) == {"ok"}
 
 
 def test_speeds_beyond_the_maps_have_no_zero_of_theirs_and_are_extrapolated(ramp):
@@ -86,9 +87,10 @@ def test_speeds_beyond_the_maps_have_no_zero_of_theirs_and_are_extrapolated(ramp
     assert having(given.quality, Quality.NO_ZERO).all()
     assert "within the calibration's range of speed" in given.said[-1]
     fast = passages(Drive((0, 8, 13, 20), (10, 10, 32, 32)), tread(23_000))
-    quality = np.array(table(fast, learnt)["quality"])
-    assert (quality[fast.speed_m_s > 26] == "extrapolated").all()
-    assert (quality[fast.speed_m_s < 24] == "ok").all()
+    inner = slice(1, -1)
+    quality, speed = np.array(table(fast, learnt)["quality"])[inner], fast.speed_m_s[inner]
+    assert (quality[speed > 26] == "extrapolated").all()
+    assert (quality[speed < 24] == "ok").all()
 
 
 def test_what_the_logs_do_not_show_is_empty_or_refused(ramp):

