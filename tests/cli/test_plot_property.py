@@ -1,4 +1,4 @@
-"""Property: `tirelog plot` draws what a file holds, whatever its name, and says what it cannot."""
+"""Property: `tirelog plot` draws what a file holds, and says what it cannot."""
 
 import json
 import sys
@@ -93,6 +93,13 @@ def test_a_log_of_columns_with_names_of_tables_is_a_log(folder: Path) -> None:
         '[tire]\nrolling_radius_m = 0.3\n[channels.s]\nkind = "strain"\nsource = "strain"\n'
     )
     assert [label for _, label in labels(package.plot("l.csv"))] == ["s\n[microstrain]"]
+
+
+def test_a_log_whose_preamble_has_a_model_is_a_log(folder: Path) -> None:
+    log = (folder / "log.csv").read_text()
+    (folder / "other.csv").write_text(f"[model]\nname = X-1\n{log}")
+    figure = package.plot("other.csv", setup="log.toml", channel=["strain_1"])
+    assert figure.axes[0].get_ylabel() == "strain_1\n[microstrain]"
 
 
 def test_a_model_is_its_waveform_its_pressure_and_its_effects(model: Path) -> None:

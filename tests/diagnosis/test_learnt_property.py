@@ -46,7 +46,7 @@ def test_it_is_there_only_if_asked_and_changes_no_name():
     logs = MeasuredLogs([stack(partial(bump, power=1.0), manoeuvres=5, revolutions=4, m=64)])
     plain, learnt = (tirelog.compare(logs, MODEL, learn=asked) for asked in (False, True))
     assert plain.learnt == ()
-    assert "black box" in learnt.wrongness()[-1].caption
+    assert "learnt residual" in learnt.wrongness()[-1].caption
     assert [row["weights"] for row in learnt.to_json()["learnt"]][:2] == [31, 93]
     assert plain.model.values == learnt.model.values
     assert plain.rmse_heldout == learnt.rmse_heldout

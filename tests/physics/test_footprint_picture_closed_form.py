@@ -59,6 +59,13 @@ def test_what_is_no_footprint_is_refused(beam, content, capsys):
     assert "allowed" in capsys.readouterr().err
 
 
+def test_a_picture_that_unpacks_to_much_is_refused(beam, capsys):
+    with open("mat.csv", "w") as file:
+        file.write("1,2,3\n" * 3_000_000)
+    assert made() == 2
+    assert "larger than 16 MB" in capsys.readouterr().err
+
+
 def test_a_patch_that_follows_from_the_road_takes_none(beam, capsys):
     np.savetxt("mat.csv", picture(6.0, 0.0), delimiter=",")
     assert run(["model", "new", "--preset", "P3", "-o", "beam.toml"]) == 0

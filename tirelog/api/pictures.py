@@ -26,7 +26,7 @@ from tirelog.diagnosis.history import read_ladder
 from tirelog.errors import TirelogError, UsageError, refuse_unknown
 from tirelog.runs.ingest import is_file
 from tirelog.storage.remote import open_input
-from tirelog.storage.whole import LARGEST_BYTES, json_value
+from tirelog.storage.whole import LARGEST_BYTES, json_value, toml_role
 from tirelog.vocabulary.columns import COLUMNS
 from tirelog.vocabulary.tables import LOG_PICTURES, LOG_TABLES, STRETCH, LogTable
 
@@ -115,8 +115,8 @@ def plot_table(
 # ---- What is there: logs, tables, a model, an answer.
 
 
-#: how a model file goes on, and how rows in JSON begin
-_MODEL, _ROWS = re.compile(rb"^\s*\[model\]", re.MULTILINE), re.compile(rb"\[\s*\{")
+#: how rows in JSON begin
+_ROWS = re.compile(rb"\[\s*\{")
 
 
 def role_of(what: Sequence[Path | Recording]) -> str:
@@ -140,8 +140,8 @@ def _role(one: Path | Recording) -> str:
         return "log"
     with open_input(os.fspath(one)) as stream:
         head = stream.read(LARGEST_BYTES).removeprefix(codecs.BOM_UTF8).lstrip()
-    if _MODEL.search(head):
-        return "model"
+    if str(one).endswith(".toml"):
+        return "model" if toml_role(head.decode("utf-8", "replace"))[0] == "a model" else "log"
     if _ROWS.match(head):
         return "table"
     first, names = head.split(b"\n", 1)[0], list[str]()

@@ -124,8 +124,8 @@ def values_of(text: str, option: str) -> list[float]:
         pass
     raise UsageError(
         f"{option} {text}",
-        allowed="allowed are a number, several that rise with commas, or FROM:TO:STEP, "
-        f"{MOST} at most",
+        allowed=f"allowed are a number, several with commas, or FROM:TO:STEP, {MOST} at most; two "
+        "whole numbers have to rise",
         do=likely or f"write {option} 20, {option} 10,20 or {option} 5:25:5",
     )
 
@@ -186,7 +186,8 @@ def doubts(conditions: Conditions, *texts: str) -> list[str]:
 
     No speed below 200 km/h.
     """
-    said = [f"{text} is two values; {likely_number(text)}" for text in texts if likely_number(text)]
+    likely = [(text, likely_number(text)) for text in texts]
+    said = [f"{text} is two values; {meant}" for text, meant in likely if meant]
     highest = float(max(conditions.speed_m_s, default=0.0))
     if 3.6 * highest < 200.0:
         return said

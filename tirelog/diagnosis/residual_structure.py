@@ -644,7 +644,7 @@ def extra_errors(base: Base) -> tuple[Mapping[str, Any], ...]:
 
 
 def learnt_residual(base: Base) -> tuple[Mapping[str, Any], ...]:
-    """What any black box could gain on manoeuvres held out: a residual that is learnt (P3 outlook).
+    """What a residual that is learnt gains on manoeuvres held out (P3 outlook).
 
     A Gaussian process over the angle, then over angle and speed, then over all conditions that
     vary. Its weights are learnt with the model's parameters on the other manoeuvres, in the same

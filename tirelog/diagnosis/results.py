@@ -25,6 +25,7 @@ from tirelog.diagnosis.answer import (
     AnswerRecord,
     AnswerTable,
     in_unit,
+    percent,
     plain_fields,
     record_fields,
     strengths,
@@ -253,7 +254,7 @@ class Comparison(AnswerRecord):
         residuals = [[c.name, c.measured, c.noise_gives] for c in self.checks]
         learnt = [
             [r["learns"], in_unit(r["rmse_heldout"], shown(r["observable"], "")[0])]
-            + [r["excess_removed"], r["sigmas"], r["weights"]]
+            + [percent(r["excess_removed"]), r["sigmas"], r["weights"]]
             for r in self.learnt
         ]
         names = ["model", "held out", _ABOVE, "sigma worse", "chi-square", "free parameters"]
@@ -262,7 +263,7 @@ class Comparison(AnswerRecord):
             AnswerTable(_EXTRA, ["", "at least", "unit"], extra),
             AnswerTable(_CHECKS, ["residuals", "measured", "noise gives"], residuals),
             AnswerTable(
-                f"What a black box would gain [{unit}]; none names an effect",
+                f"What a learnt residual gains [{unit}]; it names no effect",
                 ["learns over", "held out", "excess removed", "sigma better", "weights"],
                 learnt,
             ),

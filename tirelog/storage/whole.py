@@ -441,15 +441,18 @@ _ROLES = {
 }
 
 
+def toml_role(text: str) -> tuple[str, str]:
+    """What kind of file ("a setup") the TOML `text` is, and where it goes; '' of another."""
+    heads = set(re.findall(r"^\s*\[\[?\s*(\w+)", text, re.MULTILINE))
+    return next((role for name, role in _ROLES.items() if name in heads), ("", ""))
+
+
 def refuse_other_role(text: str, what: str, error: type[TirelogError], file: object) -> None:
     """The `error` if the TOML `text` is that of another kind of file than `what` ("a setup")."""
-    heads = set(re.findall(r"^\s*\[\[?\s*(\w+)", text, re.MULTILINE))
-    for name, (role, use) in _ROLES.items():
-        if name in heads:
-            if role != what:
-                do = use.format(file=shlex.quote(str(file)))
-                raise error(f"is {role}", allowed=f"{what} is needed here", do=do, file=file)
-            return
+    role, use = toml_role(text)
+    if role not in ("", what):
+        do = use.format(file=shlex.quote(str(file)))
+        raise error(f"is {role}", allowed=f"{what} is needed here", do=do, file=file)
 
 
 def toml_text(path: Path | str, error: type[TirelogError], *, what: str, advice: str) -> str:
