@@ -10,6 +10,8 @@ BIN := .venv/bin
 
 # installing compiles the loops over samples (tirelog/kernels), anew if one of them was edited
 KERNELS := hatch_build.py tirelog/kernels/calls.json $(shell grep -rl '^@compiled' tirelog --include='*.py')
+# and what the last build was made of, which has files that loops import
+KERNELS += $(wildcard $(shell sed -n 's|^ *"\(.*\.py\)": .*|tirelog/\1|p' tirelog/kernels/_built.json 2> /dev/null))
 
 .venv/.demo: pyproject.toml $(KERNELS) | .venv/bin/python
 	$(BIN)/python -m pip install --quiet --editable ".[plot,report]"

@@ -30,8 +30,7 @@ from tirelog.physics.model.from_setup import (
 from tirelog.physics.model.from_setup import new_model as made_model
 from tirelog.physics.model.model import Model, difference_rows, parameter_rows
 from tirelog.physics.model.user_effects import catalogue_with, effect_called
-from tirelog.storage.remote import open_input
-from tirelog.storage.whole import LARGEST_BYTES, taken_as_input
+from tirelog.storage.whole import LARGEST_BYTES, bounded_input
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.columns import TABLES
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
@@ -69,13 +68,9 @@ def with_picture(model: Model, picture: Path, pitch_m: float, load_N: float) -> 
 
     UsageError: the file is something else, or has more than 16 MB.
     """
-    taken_as_input(File(picture))
     try:
-        with open_input(File(picture)) as stream:
-            text = stream.read(16 * LARGEST_BYTES + 1)
-        if len(text) > 16 * LARGEST_BYTES:
-            raise ValueError("it is larger than 16 MB")
-        pressure = np.loadtxt(StringIO(text.decode("utf-8-sig")), delimiter=",", ndmin=2)
+        text = bounded_input(File(picture), 16 * LARGEST_BYTES).decode("utf-8-sig")
+        pressure = np.loadtxt(StringIO(text), delimiter=",", ndmin=2)
     except (OSError, ValueError) as problem:
         raise UsageError(
             f"no picture of a footprint: {problem}",

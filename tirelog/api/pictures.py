@@ -26,7 +26,7 @@ from tirelog.diagnosis.history import read_ladder
 from tirelog.errors import TirelogError, UsageError, refuse_unknown
 from tirelog.runs.ingest import is_file
 from tirelog.storage.remote import open_input
-from tirelog.storage.whole import LARGEST_BYTES, json_value, toml_role
+from tirelog.storage.whole import LARGEST_BYTES, bounded_input, json_value, toml_role
 from tirelog.vocabulary.columns import COLUMNS
 from tirelog.vocabulary.tables import LOG_PICTURES, LOG_TABLES, STRETCH, LogTable
 
@@ -259,8 +259,7 @@ def _parts_of_table(path: str) -> list[dict[str, Any]]:
 def _of_answer(path: File) -> Figure:
     """The picture of an answer's JSON.  UsageError: it is none that has a picture."""
     try:
-        with open_input(path) as stream:
-            fields = json_value(stream.read(16 * LARGEST_BYTES))
+        fields = json_value(bounded_input(path, 16 * LARGEST_BYTES))
         if "ladders" in fields or "steps" in fields:
             fields = read_ladder(path)
         figure: Figure = resolve_name("tirelog.plots.answers:answer_picture")(fields)

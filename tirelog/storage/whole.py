@@ -455,6 +455,19 @@ def refuse_other_role(text: str, what: str, error: type[TirelogError], file: obj
         raise error(f"is {role}", allowed=f"{what} is needed here", do=do, file=file)
 
 
+def bounded_input(path: Path | str, most: int = LARGEST_BYTES) -> bytes:
+    """The content of a file, which is an input from then on.
+
+    OSError: it cannot be read. ValueError: it has more than `most` bytes, or a NUL in its name.
+    """
+    taken_as_input(path)
+    with open_input(path) as stream:
+        content = stream.read(most + 1)
+    if len(content) > most:
+        raise ValueError(f"it is larger than {most >> 20} MB")
+    return content
+
+
 def toml_text(path: Path | str, error: type[TirelogError], *, what: str, advice: str) -> str:
     """The text of the TOML file at `path`, without a byte-order mark.
 
@@ -463,20 +476,13 @@ def toml_text(path: Path | str, error: type[TirelogError], *, what: str, advice:
     `what` names the kind of file ("a setup") and `advice` says what to do ("give another with
     --setup").
     """
-    taken_as_input(path)
     try:
-        with open_input(path) as stream:
-            raw = stream.read(LARGEST_BYTES + 1)
-    except (OSError, ValueError) as problem:  # ValueError: a NUL in the name
+        raw = bounded_input(path)
+    except (OSError, ValueError) as problem:
         reason = getattr(problem, "strerror", None) or problem
         raise error(
             f"cannot be read ({reason}); {what} is a TOML file; {advice}", file=path
         ) from None
-    if len(raw) > LARGEST_BYTES:
-        raise error(
-            f"is larger than {LARGEST_BYTES >> 20} MB; {what} is a page of TOML; {advice}",
-            file=path,
-        )
     try:
         text = raw.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError:
