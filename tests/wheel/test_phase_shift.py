@@ -14,7 +14,7 @@ from tests.wheel.phase_truth import (
     recording,
 )
 from tirelog.errors import DataLoss, SetupError
-from tirelog.vocabulary.quality import Quality, having
+from tirelog.vocabulary.quality import Quality, good, having
 from tirelog.wheel.phase_shift import measure_phase_shift
 
 
@@ -95,6 +95,19 @@ def test_all_passages_are_found_with_errors_that_hold(noise_g, shift_deg, width_
     assert np.abs(passages.time_s[:, None] - times).min(axis=1).max() < 0.01
     found = passages.time_s[passages.good]
     assert np.mean(np.abs(times[:, None] - found).min(axis=1) < 0.01) > 0.97
+
+
+@pytest.mark.parametrize(("hertz", "seconds"), [(397.0, 5.0), (397.0, 25.0), (53.0, 25.0)])
+def test_errors_hold_under_a_hum_that_each_passage_sees_otherwise(hertz, seconds):
+    """Also of some 25 passages, and of a third of the log: it hardly moves those at 22 m/s."""
+    drive, tread = Drive((0, seconds, seconds + 1, 3 * seconds), (10, 10, 22, 22)), Tread()
+    signal = tread.signal(drive) + 30.0 * np.sin(2.0 * np.pi * hertz * drive.time)
+    passages = run(drive, tread, acceleration=signal)
+    shift, _, _ = front_errors(passages, drive, tread)
+    rows = np.isfinite(passages.width_deg)
+    clean = good(passages.quality[rows])
+    assert clean.sum() > 20
+    assert (np.abs(shift) < 5.0 * passages.shift_se_deg[rows])[clean].all()
 
 
 @pytest.mark.parametrize(("sharp_deg", "spike"), [(0.4, 0.8), (1.6, 0.0), (1.6, 0.8)])

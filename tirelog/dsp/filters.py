@@ -494,8 +494,9 @@ def medians_beside(x: FloatArray) -> tuple[FloatArray, FloatArray]:
     return medians[: x.size], medians[BESIDE + 1 : BESIDE + 1 + x.size]
 
 
-#: values whose scatter about their neighbours' mean tells whether their errors hold
-SCATTER_OF = 41
+#: values whose scatter about their neighbours' mean tells whether their errors hold, if there are
+#: as many, and the least that do: half as many of these tell it to a factor of two
+SCATTER_OF, FEWEST_SCATTERED = 41, 8
 
 
 def widened(x: FloatArray, error: FloatArray, quality: QualityFlags) -> FloatArray:
@@ -504,17 +505,19 @@ def widened(x: FloatArray, error: FloatArray, quality: QualityFlags) -> FloatArr
     White noise has its error in each row; a hum does not.
     """
     rows, out = np.flatnonzero(good(quality) & np.isfinite(x + error)), error.copy()
-    if rows.size < SCATTER_OF:
+    if rows.size < FEWEST_SCATTERED:
         return out
     value, own = x[rows], error[rows]
     off = value[1:-1] - 0.5 * (value[2:] + value[:-2])
     expected = np.sqrt(own[1:-1] ** 2 + 0.25 * (own[2:] ** 2 + own[:-2] ** 2))
     share = np.pad(np.abs(off) / np.maximum(expected, 1e-300), 1, mode="edge")
-    factor = sliding_median(share, SCATTER_OF) / NORMAL_MEDIAN
+    factor = sliding_median(share, min(SCATTER_OF, rows.size)) / NORMAL_MEDIAN
     # a hum of the log hides where it goes with the wheel
-    factor = np.maximum(factor, np.median(factor))
-    # of errors that hold, one window in a hundred is beyond this factor
-    out[rows] = own * np.where(factor > 1.5, factor, 1.0)
+    usual = float(np.median(factor))
+    # of errors that hold, one window in a hundred is beyond 1.5; forces that change from turn to
+    # turn, which are no error, reach 1.8 in a part of a log
+    factor[factor < 2.5] = 1.0
+    out[rows] = own * np.maximum(factor, usual if usual > 1.5 else 1.0)
     return out
 
 

@@ -41,13 +41,12 @@ PIECE = 1 << 15
 
 #: a passage, NaN where it was not found. What it is looked for by: wheel angle of its middle and
 #: half width, rate of the wheel, the vehicle's acceleration, noise of the angle. Then what is
-#: filled: level outside, its slope by the angle and standard error for a noise of one, rms beside
-#: the patch about them in sigmas of a sample, level inside, gravity in the signal; the fronts'
-#: angles, standard errors and slopes [steps/rad]; flags
+#: filled: level outside, its slope by the angle and standard error for a noise of one, level
+#: inside, gravity in the signal; the fronts' angles, standard errors and slopes [steps/rad]; flags
 PASSAGE = np.dtype(
     [("middle_rad", "f8"), ("half_rad", "f8"), ("rate_rad_s", "f8"), ("ahead_m_s2", "f8"),
      ("angle_noise_rad", "f8"), ("level_m_s2", "f8"), ("tilt_m_s2", "f8"), ("level_share", "f8"),
-     ("restless", "f8"), ("inside_m_s2", "f8"), ("gravity_m_s2", "f8"), ("entry_rad", "f8"),
+     ("inside_m_s2", "f8"), ("gravity_m_s2", "f8"), ("entry_rad", "f8"),
      ("exit_rad", "f8"), ("middle_se_rad", "f8"), ("width_se_rad", "f8"), ("entry_slope", "f8"),
      ("exit_slope", "f8"), ("quality", "u4")]
 )  # fmt: skip
@@ -146,10 +145,6 @@ def fill_levels(channel: Channel, angle: AngleFunction, rows: Records, sign: flo
     lines[~known] = np.nan
     rows["level_m_s2"], rows["tilt_m_s2"], rows["gravity_m_s2"] = *lines.T, gravity
     rows["level_share"] = np.sqrt(np.linalg.inv(normal)[:, 0, 0])
-    crossed = sums[:, :2, 3] - gravity * sums[:, :2, 2]
-    squares = sums[:, 3, 3] - 2.0 * gravity * sums[:, 2, 3] + gravity**2 * sums[:, 2, 2]
-    left = np.maximum(squares - (lines * crossed).sum(axis=1), 0.0)
-    rows["restless"] = np.sqrt(left / np.maximum(sums[:, 0, 0], 1.0))
     step = inside - gravity - lines[:, 0]
     # a sensor whose level inside is further off zero than that outside does not tell levels (a
     # piezo element): there it is measured. Else it is nothing, which knows it without an error
@@ -407,7 +402,6 @@ def fill_fronts(
         place = rows["middle_rad"] + found["shift"] + front - more / steep + grown
         rows[f"{name}_rad"] = place * nan
         rows[f"{name}_slope"] = steep + found["steeper"][:, side] * abs(steep)
-    rows["restless"] /= max(noise, 1e-300)
     # of coarse steps the noise may be none: then errors are by what the form leaves alone
     of_noise = np.maximum(noise / np.abs(rows["level_m_s2"] - rows["inside_m_s2"]), 1e-9)
     misfit = np.where(good, found["misfit"] / of_noise, 1.0)

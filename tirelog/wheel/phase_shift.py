@@ -353,13 +353,9 @@ def _passages(
     shared = np.sqrt(0.5) * wheel.angle.shared_noise_at(time)
     middle_se = np.degrees(np.hypot(fronts["middle_se_rad"], shared))
     width_se = np.degrees(fronts["width_se_rad"])
-    # a road makes the patch wider and narrower from turn to turn: no error, and hardly
-    # moves it; a hum does both
-    # usual rms beside the patch, in sigmas of a sample, of an accelerometer that hums; on a road it
-    # is 1.2 to 4
-    if found.any() and np.median(fronts["restless"][found]) > 5.0:
-        wider = widened(turn, middle_se, quality)
-        middle_se, width_se = wider, width_se * wider / middle_se
+    # a road hardly moves the patch from turn to turn; a hum moves it, and its width as much
+    wider = widened(turn, middle_se, quality)
+    middle_se, width_se = wider, width_se * wider / middle_se
     means = {}
     for force in recording.of_kind("vertical_load", "longitudinal_force") if forces else ():
         # the mean of a turn in which the wheel stood is no passage's
