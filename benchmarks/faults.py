@@ -512,7 +512,8 @@ TABLES: dict[str, dict[str, Meaning]] = {
 @dataclass
 class Count:
     """Rows of one table under one fault, of so many passages of the truth; `worst`: the largest
-    error that counts, in units of the least; `refused`: logs that gave no table.
+    error that counts, in units of the least; `refused`: logs that gave no table; `covered`: rows
+    `ok` within one and two of their errors.
     """
 
     passages: int = 0
@@ -521,6 +522,7 @@ class Count:
     marked: int = 0
     refused: int = 0
     worst: float = 0.0
+    covered: tuple[int, int] = (0, 0)
 
     def add(self, other: Count) -> None:
         self.passages += other.passages
@@ -529,6 +531,8 @@ class Count:
         self.marked += other.marked
         self.refused += other.refused
         self.worst = max(self.worst, other.worst)
+        one, two = np.add(self.covered, other.covered)
+        self.covered = (int(one), int(two))
 
 
 def judged(log: Log, rows: pd.DataFrame, truth: dict[str, FloatArray], table: Meaning) -> Count:
@@ -557,6 +561,7 @@ def judged(log: Log, rows: pd.DataFrame, truth: dict[str, FloatArray], table: Me
     if not table.anywhere:  # a row half a turn from any passage is no passage
         wrong |= np.abs(time - truth["time_s"][at]) > 0.3 * np.median(np.diff(truth["time_s"]))
     count.wrong = int(wrong.sum())
+    count.covered = (int(np.sum(off < se)), int(np.sum(off < 1.96 * se)))
     count.worst = float((off / unit)[wrong].max(initial=0.0))
     return count
 
@@ -618,10 +623,11 @@ def table_of(kinds: dict[str, list[str]], suite: str, logs: int, seed: int) -> p
     for kind, names in kinds.items():
         for (name, table), count in counted(kind, suite, logs, names, seed).items():
             rows.append({"kind": kind, "fault": name, "table": table, **vars(count)})
+            one, two = (part / max(count.ok, 1) for part in rows[-1].pop("covered"))
             print(
                 f"{kind:6s} {name:45s} {table:12s} ok {count.ok:5d} of {count.passages:5d}"
                 f"  wrong {count.wrong:5d}  worst {count.worst:9.3g}  marked {count.marked:5d}"
-                f"  refused {count.refused}",
+                f"  refused {count.refused}  within 1 and 1.96 errors {one:.2f} {two:.2f}",
                 flush=True,
             )
     return pd.DataFrame(rows).set_index(["kind", "fault", "table"])
