@@ -434,7 +434,7 @@ def _strain_world(number: int, reporting: bool) -> Scenario:
     )
 
 
-def _wheel_world(number: int, reporting: bool) -> Scenario:
+def wheel_world(number: int, reporting: bool) -> Scenario:
     """A wheel with encoder and accelerometer, both and the vehicle's speed at 10 kHz."""
     seed = (95_000 if reporting else 15_000) + number
     made = wheel_scenario("ramp" if reporting else "dynamic", seed=seed)
@@ -456,7 +456,7 @@ def log_of(simulated: Simulated) -> Log:
     return Log(np.asarray(stamp), np.asarray(stamp), dict(simulated.channels), setup)
 
 
-def _written(log: Log, folder: Path) -> Path:
+def written(log: Log, folder: Path) -> Path:
     path = folder / "log.csv"
     stamps = {"time_s": log.time_s} if log.stamped else {}
     pd.DataFrame({**stamps, **log.columns}).to_csv(path, index=False, float_format="%.7f")
@@ -568,7 +568,7 @@ def judged(log: Log, rows: pd.DataFrame, truth: dict[str, FloatArray], table: Me
 
 def _run(kind: str, number: int, reporting: bool, names: list[str], seed: int) -> list[Any]:
     """[(fault, table, Count)] of one world."""
-    world = (_strain_world if kind == "strain" else _wheel_world)(number, reporting)
+    world = (_strain_world if kind == "strain" else wheel_world)(number, reporting)
     simulated = simulate(world)
     passages = simulated.truth["channels"][STRAIN if kind == "strain" else ACCELERATION]["passages"]
     truth = {key: np.array(value, float) for key, value in passages.items()}
@@ -579,7 +579,7 @@ def _run(kind: str, number: int, reporting: bool, names: list[str], seed: int) -
         for part in name.split(" + "):
             faulty = FAULTS[kind][part](faulty, random)
         with tempfile.TemporaryDirectory(prefix="faults-") as folder:
-            path = _written(faulty, Path(folder))
+            path = written(faulty, Path(folder))
             for table, meaning in TABLES[kind].items():
                 try:
                     made = getattr(tirelog, table)(path)

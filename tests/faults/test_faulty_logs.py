@@ -2,9 +2,21 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from benchmarks.faults import HELD, counted, held
+import tirelog
+from benchmarks.faults import (
+    ACCELERATION,
+    HELD,
+    counted,
+    held,
+    log_of,
+    walk,
+    wheel_world,
+    written,
+)
+from tirelog.simulation.simulate import simulate
 
 TABLE = held(Path(__file__).with_name("faulty_logs.csv"))
 #: rows that are `ok` now and may be marked on another processor, and rows that may be wrong there
@@ -30,3 +42,12 @@ def test_the_table_holds_no_wrong_number_of_a_clean_log():
     assert not clean["wrong"].any()
     assert (clean["ok"] >= 0.98 * clean["passages"]).all()
     assert TABLE["wrong"].sum() <= 1e-3 * TABLE["ok"].sum()
+
+
+def test_a_crossing_within_the_patch_is_no_front(tmp_path):
+    """A level that wanders gave widths of -0.8 to 2.4 degrees, and they were `ok`."""
+    log = log_of(simulate(wheel_world(0, reporting=False)))
+    random = np.random.default_rng([771, 0, 5])
+    path = written(walk(log, random, column=ACCELERATION, share=0.5), tmp_path)
+    rows = tirelog.phase_shift(path)
+    assert (rows["quality"] != "ok").all()

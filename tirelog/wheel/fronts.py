@@ -277,7 +277,7 @@ def _fit(
 
 
 def _learned(channel: Channel, angle: AngleFunction, rows: Records) -> Form | None:
-    """The form of the `rows` (n,) of PASSAGE; None if it has no two fronts.
+    """The form of the `rows` (n,) of PASSAGE; None if it has no two fronts of a patch.
 
     Each round lays the passages over as the form of the round before fits them.
     """
@@ -303,6 +303,9 @@ def _learned(channel: Channel, angle: AngleFunction, rows: Records) -> Form | No
         # knots lie so far apart, in level over the flank's slope; twice as far apart, the form
         # rounds off what is as steep as the flank
         intervals = int(np.clip(2.0 * form.reach_rad * steepest / 0.35, 16.0, 400.0))
+    # where the level wanders, a crossing within the patch may pass for a front
+    if half < 0.5 * np.median(some["half_rad"]):
+        return None
     growth = found["growth"] - np.mean(found["growth"][like])
     spread = float(np.std(growth[like]))
     own = found["misfit"] * np.sqrt(np.linalg.inv(found["normal"][:, :2, :2])[:, 1, 1])
