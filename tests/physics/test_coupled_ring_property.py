@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from tests.physics.coupled_tire import TIRE, course, obstacle
+from tests.physics.coupled_tire import TIRE, course, energy_J, obstacle
 from tirelog.data.road import RoadProfile
 from tirelog.physics import Model
 from tirelog.physics.moving.ring import CoupledRing, first_order, natural_modes, of_model
@@ -27,11 +27,14 @@ def test_what_spin_and_belt_exchange_is_accounted_for():
     start.hub, start.centre = start.hub + 0.0005j, start.centre + 0.001 + 0.0005j
     start.omega, start.psi_hub = start.omega + 0.3, 0.002
     stepper = Stepper(tire, start, course(LOAD), step_s=2.5e-5)
-    begun = stepper.energy() + LOAD * start.hub.imag
-    motion = stepped_motion(stepper, 0.15, every=5)
-    total = motion.energy_J + LOAD * motion.hub_z_m
-    assert np.ptp(motion.hub_z_m) * LOAD > 0.9
-    assert np.abs(total - begun).max() < 1e-3
+    total, heights = [], []
+    for _ in range(1200):
+        total.append(energy_J(stepper) + LOAD * start.hub.imag)
+        heights.append(start.hub.imag)
+        for _ in range(5):
+            stepper.step()
+    assert np.ptp(heights) * LOAD > 0.9
+    assert np.ptp(total) < 1e-3
 
 
 def passage(road: RoadProfile, seconds: float, tire: CoupledRing = TIRE):
