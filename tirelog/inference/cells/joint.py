@@ -33,6 +33,7 @@ from tirelog.data.recording import Conditions
 from tirelog.inference.cells.cells import Cells, SharedEffects
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.physics.effects import Effect
+from tirelog.physics.model.laws import LEVER_RATIO
 from tirelog.physics.model.model import Model
 from tirelog.physics.spectral import Parameter
 from tirelog.vocabulary.arrays import FloatArray, IntArray
@@ -85,24 +86,15 @@ def without_ratios(model: Model) -> Model:
     return replace(model, base=tuple(p for p in model.base if not p.name.startswith(_OWN)))
 
 
-def ratio_of(model: Model, member: str, values: Mapping[str, float] | None = None) -> float:
-    """A grating's lever arm over the model's; 1 for the first, and for what is none."""
-    name = ratio_name(member)
-    if not member or name not in model.parameters:
-        return 1.0
-    return float((values or {}).get(name, model.parameters[name].value))
-
-
 def at_lever(model: Model, member: str) -> Model:
     """The model with a grating's own lever arm; its ratio is one then, so that twice is once."""
-    ratio = ratio_of(model, member)
-    if ratio == 1.0:
+    ratio = model.parameters.get(ratio_name(member))
+    if ratio is None:
         return model
     lever = model.parameters[LEVER]
-    value = lever.value * ratio
+    value = lever.value * ratio.value
     own = replace(lever, value=value, min=min(lever.min, value), max=max(lever.max, value))
-    one = replace(model.parameters[ratio_name(member)], value=1.0, se=None)
-    return model.with_parameters({LEVER: own, one.name: one})
+    return model.with_parameters({LEVER: own, ratio.name: replace(ratio, value=1.0, se=None)})
 
 
 def one_drive(parts: Sequence[Pieces]) -> list[Pieces]:
@@ -250,9 +242,10 @@ def predicted(
 ) -> FloatArray:
     """What a model predicts of one observable's cells, (C, m), under their conditions or others."""
     one = _seen_by(model, cells)
+    own = {_called(name, cells): value for name, value in (values or {}).items()}
     return one.predict(
         cells.conditions if conditions is None else conditions,
-        values=_own(model, one, cells.member, values or {}),
+        values=_known(one, own),
         surface=cells.surface,
         observable=cells.observable,
         **cells.angles,
@@ -269,19 +262,19 @@ def linearised(
 ) -> tuple[FloatArray, FloatArray]:
     """Prediction (C, m) and Jacobian (C, m, p), `rough` as of `Model.linearised`."""
     one = _seen_by(model, cells)
-    asked = _slopes_asked(model, one, cells.member, names, values)
+    own = {_called(name, cells): value for name, value in values.items()}
+    asked = _known(one, {_called(name, cells): k for k, name in enumerate(names)})
     prediction, slopes = one.linearised(
         cells.conditions,
-        names=[name for _, name, _ in asked],
-        values=_own(model, one, cells.member, values),
+        names=list(asked),
+        values=_known(one, own),
         rough=rough,
         surface=cells.surface,
         observable=cells.observable,
         **cells.angles,
     )
     jacobian = np.zeros((*cells.phi.shape, len(names)))
-    for (k, _, factor), slope in zip(asked, slopes, strict=True):
-        jacobian[..., k] = slope * factor
+    jacobian[..., list(asked.values())] = np.moveaxis(slopes, 0, -1)
     return prediction, jacobian
 
 
@@ -291,32 +284,14 @@ def _seen_by(model: Model, cells: Cells) -> Model:
     return model_of(model, cells.observable, cells.member) if several else model
 
 
-def _own(model: Model, one: Model, member: str, values: Mapping[str, float]) -> dict[str, float]:
-    """Values by name for the model of one member, of those for the model that all share."""
-    own = {
-        name: value
-        for name, value in values.items()
-        if name in one.parameters and not name.startswith(_OWN)
-    }
-    if LEVER in one.parameters and (LEVER in own or ratio_name(member) in values):
-        lever = own.get(LEVER, model.parameters[LEVER].value)
-        own[LEVER] = lever * ratio_of(model, member, values)
-    return own
+def _called(name: str, cells: Cells) -> str:
+    """A parameter of the model that all members share, as it is called in that of one of them."""
+    return LEVER_RATIO if name == ratio_name(cells.member) else name
 
 
-def _slopes_asked(
-    model: Model, one: Model, member: str, names: Sequence[str], values: Mapping[str, float]
-) -> list[tuple[int, str, float]]:
-    """What moves one member: the number of the name, its own parameter, and by what factor."""
-    ratio, lever = ratio_of(model, member, values), values.get(LEVER, model.values.get(LEVER, 0.0))
-    asked = []
-    for k, name in enumerate(names):
-        if member and name.startswith(_OWN):
-            if name == ratio_name(member):
-                asked.append((k, LEVER, lever))
-        elif name in one.parameters:
-            asked.append((k, name, ratio if name == LEVER else 1.0))
-    return asked
+def _known(one: Model, numbers: dict[str, Any]) -> dict[str, Any]:
+    """What is given by name, of the parameters that the model of one member has."""
+    return {name: number for name, number in numbers.items() if name in one.parameters}
 
 
 def lacking(effect: Effect, model: Model, cells: Cells) -> list[str]:
@@ -332,4 +307,6 @@ def model_of(model: Model, observable: str, member: str = "") -> Model:
     gratings `member` is the one whose lever arm it has.
     """
     kept = tuple(e for e in model.effects if model.acts_on(e.effect, observable))
-    return at_lever(replace(model, observable=observable, beside=(), effects=kept), member)
+    own = (replace(p, name=LEVER_RATIO) for p in model.base if p.name == ratio_name(member))
+    base = (*without_ratios(model).base, *own)
+    return replace(model, observable=observable, beside=(), effects=kept, base=base)
