@@ -447,7 +447,7 @@ def propose(
 
 def _candidates(model: Model, given: Iterable[Effect]) -> list[Effect]:
     """Effects to try beside the catalogue: those given, installed ones, the model's own file's."""
-    chosen = {effect.id: effect for effect in own_effects(model.effects_file, asked=False)}
+    chosen = {effect.id: effect for effect in own_effects(model.effects_file)}
     return list((chosen | {effect.id: effect for effect in given}).values())
 
 

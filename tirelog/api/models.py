@@ -270,7 +270,7 @@ def added(
         No such effect or parameter, or a value out of its bounds.
     """
     file = model.effects_file if effects is None else File(effects)
-    found = effect_called(effect, file, asked=effects is not None)
+    found = effect_called(effect, file)
     changed = model.with_effect(found).with_values(dict(values or {}))
     return with_gauge_length(changed, setup) if effect == "gauge_length" else changed
 

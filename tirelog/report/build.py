@@ -209,7 +209,7 @@ def _models(
         absent = "the model against the measurement, the diagnosis (then --model M)"
         report.missing.append((absent, asked.make_model()))
         return [models.without_a_model(seen, asked, models.NO_MODEL), *ladder]
-    catalogue = catalogue_with(model.effects_file, asked=False)
+    catalogue = catalogue_with(model.effects_file)
     try:
         if not recordings:
             raise UsageError("no log was given")
@@ -265,7 +265,7 @@ def model_story(
     TirelogError if model and logs do not fit together.
     """
     logs = measured_for(recordings, model.observables, asked.channel, level=not model.ac_coupled)
-    own = own_effects(model.effects_file, asked=False)
+    own = own_effects(model.effects_file)
     colours = log_colours(r.log for r in recordings) if colours is None else colours
     compared = compare(logs.revolutions, model)
     asked_of = or_refusal(diagnose)(logs.revolutions, model, effects=own, progress=progress)

@@ -8,11 +8,10 @@ fit (and `fixed = true` if it is held although it has bounds).
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path, PureWindowsPath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,7 +40,6 @@ from tirelog.physics.model.user_effects import (
     catalogue_with,
     effect_by_expression,
     effect_by_shape,
-    installed_effects,
 )
 from tirelog.physics.spectral import Parameter
 from tirelog.storage.schema import (
@@ -63,8 +61,6 @@ from tirelog.storage.whole import LARGEST_BYTES, toml_tables, toml_text, whole_f
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES
 
-#: key of [model]: the Python file with the user's own effects
-EFFECTS_FILE = "effects_file"
 #: free in a new model of acceleration; a file without it holds it at its start value
 _MAY_LACK = ("width_m",)
 
@@ -152,22 +148,12 @@ def _observables(value: Any, place: FilePlace) -> tuple[str, ...]:
         raise place.moved(problem) from None
 
 
-def _is_relative(name: Any) -> bool:
-    """Whether a path starts from a folder, and not from a root or a drive."""
-    return (
-        isinstance(name, str)
-        and bool(name)
-        and not (PureWindowsPath(name).anchor or name[0] == "/")
-    )
-
-
 _OBSERVABLE = words(*OBSERVABLES)
 _HEAD = Table(
     {
         "observable": _Kind(_OBSERVABLE.allowed, _observables),
         "carcass": words(*CARCASSES),
         "contact": ANYTHING,
-        EFFECTS_FILE: ValueKind("a path that starts from the model file's folder", _is_relative),
     },
     needed=("observable", "carcass"),
 )
@@ -210,7 +196,7 @@ def load_model(path: str | Path, *, effects: Path | None = None) -> Model:
     """The model in the file (contract, "Model file").
 
     Its effects are ours, installed ones, and the user's own of the Python file `effects`, which is
-    run; without one of that which the model names, if the user has let it run before.
+    run.
 
     ModelError names file, line and what is allowed.
     """
@@ -230,13 +216,9 @@ def parse_model(text: str, path: Path | None = None, *, own: Path | None = None)
         raise place.error(f"is not TOML ({problem})", "see `tirelog model new`", "correct it").at(
             document.file, line
         ) from None
-    head, model = _carcass(data, place)
-    asked, folder = own is not None, path.parent if path is not None else Path()
-    own = own or (folder / head[EFFECTS_FILE] if EFFECTS_FILE in head else None)
-    catalogue = _catalogue(own, place / "model" / EFFECTS_FILE, asked=asked)
-    file = own if own is not None and own.is_file() else None
+    catalogue, model = catalogue_with(own), _carcass(data, place)
     nuisances = _nuisances(data, place)
-    model = replace(model, nuisances=nuisances, document=text, effects_file=file)
+    model = replace(model, nuisances=nuisances, document=text, effects_file=own)
     own_numbers = {p.name for p in BY_ID[FORM].parameters}
     form = {name: x for name, x in data.get(FORM, {}).items() if name in own_numbers}
     tables = [(table, place / "effects" / i) for i, table in enumerate(data.get("effects", ()))]
@@ -250,24 +232,12 @@ def parse_model(text: str, path: Path | None = None, *, own: Path | None = None)
     return model
 
 
-def _carcass(data: Mapping[str, Any], place: FilePlace) -> tuple[Mapping[str, Any], Model]:
-    """([model], the model of it with its own parameters and no effects)."""
+def _carcass(data: Mapping[str, Any], place: FilePlace) -> Model:
+    """The model of [model] with its own parameters and no effects."""
     head = _HEAD.read(data.get("model", {}), place / "model")
     numbers = data.get("parameters", {})
     model = _bare(head, numbers, place)
-    return head, replace(model, base=_base(numbers, model.base, place / "parameters"))
-
-
-def _catalogue(own: Path | None, place: FilePlace, *, asked: bool) -> Mapping[str, Effect]:
-    """All effects, with those of the user's own file."""
-    try:
-        return catalogue_with(own, asked=asked)
-    except ModelError as problem:
-        if asked or problem.line is not None:
-            raise
-        raise place.error(
-            f"{EFFECTS_FILE}: {own} {problem.what}", problem.allowed, problem.do
-        ) from None
+    return replace(model, base=_base(numbers, model.base, place / "parameters"))
 
 
 def _nuisances(data: Mapping[str, Any], place: FilePlace) -> tuple[Nuisance, ...]:
@@ -426,7 +396,7 @@ def save_model(model: Model, path: str | Path) -> None:
     """
     path = Path(path)
     refuse_another(path)
-    text = as_toml(model, path.parent)
+    text = as_toml(model)
     with whole_file(path) as part:
         part.write_text(text, encoding="utf-8")
 
@@ -447,22 +417,17 @@ def refuse_another(path: Path) -> None:
     )
 
 
-def as_toml(model: Model, folder: Path | None = None) -> str:
-    """The model as TOML, in the document it was read from, if there is one.
-
-    A Python file with the user's own effects is named from `folder`, by default that of the model.
-    """
+def as_toml(model: Model) -> str:
+    """The model as TOML, in the document it was read from, if there is one."""
     document = tomlkit.parse(model.document) if model.document else tomlkit.document()
     head = document.setdefault("model", tomlkit.table())
     _set(head, "observable", list(model.observables) if model.beside else model.observable)
     _set(head, "carcass", model.carcass)
-    if model.effects_file is not None:
-        _put_effects_file(head, model, folder or (model.path or Path("model")).parent)
     numbers = document.setdefault("parameters", tomlkit.table())
     read: dict[str, Parameter] = {}
     if model.document:
         old = Document(model.document, ModelError, "a model", model.path or "model")
-        read = {p.name: p for p in _carcass(old.read(_FILE), FilePlace(old))[1].base}
+        read = {p.name: p for p in _carcass(old.read(_FILE), FilePlace(old)).base}
     if model.contact != "prescribed" and "contact" not in numbers and "contact" not in head:
         numbers["contact"] = model.contact
     for parameter in model.base:
@@ -484,16 +449,6 @@ def _set(table: Any, key: str, value: Any, remark: str = "") -> None:
     if remark and old is None:
         item.comment(remark)
     table[key] = item
-
-
-def _put_effects_file(head: Any, model: Model, folder: Path) -> None:
-    """Names the Python file with the user's own effects, if the model has one of them."""
-    known = {**BY_ID, **installed_effects()}
-    own = any(not e.source and e.id not in known for e in model.effects)
-    if model.effects_file is not None and (own or EFFECTS_FILE in head):
-        with suppress(ValueError):  # on another drive
-            name = os.path.relpath(model.effects_file.resolve(), folder.resolve())
-            _set(head, EFFECTS_FILE, Path(name).as_posix())
 
 
 def _put_effects(document: Any, model: Model) -> None:

@@ -17,13 +17,9 @@ What an expression means depends on `acts_on`:
 from __future__ import annotations
 
 import ast
-import hashlib
-import os
 import traceback
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, fields, replace
-from errno import ENOENT
 from functools import partial, reduce
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -31,68 +27,13 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.errors import (
-    ModelError,
-    OutputError,
-    TirelogError,
-    nearest,
-    or_refusal,
-    refuse_unknown,
-)
+from tirelog.errors import ModelError, TirelogError, nearest, or_refusal, refuse_unknown
 from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure, Values
 from tirelog.physics.spectral import GRID, Parameter, grid_angles, to_modes
-from tirelog.storage.remote import open_input
-from tirelog.storage.whole import LARGEST_BYTES, taken_as_input, whole_file
+from tirelog.storage.whole import bounded_input
 from tirelog.vocabulary import conditions
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES
-
-# ---- Python files that the user has let run, known by the sha256 of their bytes.
-#
-# A model file may name a Python file with effects. One that a stranger sent must not run because a
-# model is opened: it runs if the user has named the same bytes at a command before, on this
-# machine.
-# They are remembered in $XDG_STATE_HOME/tirelog/let_run (else ~/.local/state), a line per file, the
-# newest last.
-
-
-#: of this process, if no list can be kept
-_now: set[str] = set()
-
-
-def let_run(content: bytes, name: str) -> None:
-    """Remember that the user has named a file of this content; `name` is for the reader."""
-    digest, known = hashlib.sha256(content).hexdigest(), may_run(content)
-    _now.add(digest)
-    if known:
-        return
-    # a list that cannot be kept: for this process only
-    with suppress(OSError, RuntimeError, OutputError):
-        place = _list()
-        place.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        place.touch(0o600)
-        lines = [*place.read_bytes().splitlines(), f"{digest}  {ascii(name)[1:-1]}".encode()]
-        with whole_file(place) as part:
-            part.write_bytes(b"\n".join([*lines, b""]))
-
-
-def may_run(content: bytes) -> bool:
-    """True if the user has named a file of just this content before."""
-    digest = hashlib.sha256(content).hexdigest()
-    if digest in _now:
-        return True
-    with suppress(OSError, RuntimeError):
-        lines = _list().read_bytes().splitlines()
-        return any(line.split(b" ")[0] == digest.encode() for line in lines)
-    return False
-
-
-def _list() -> Path:
-    """Where the list is kept.  RuntimeError: the user has no home."""
-    given = Path(os.environ.get("XDG_STATE_HOME", ""))
-    folder = given if given.is_absolute() else Path.home() / ".local" / "state"
-    return folder / "tirelog" / "let_run"
-
 
 # ---- A user's formula in a model file.
 #
@@ -384,53 +325,27 @@ def _strength(formula: Expression | Shape, parameters: tuple[Parameter, ...]) ->
     return names
 
 
-def effects_of_file(path: Path, *, asked: bool = True) -> dict[str, Effect]:
+def effects_of_file(path: Path) -> dict[str, Effect]:
     """The effects that a Python file defines: every module-level `Effect`.
 
-    The file is the user's own and is executed. If only a model file names it, the user must have
-    run the same bytes before.
+    The file is the user's own and is executed: no file that somebody else may have written names
+    it.
     """
-    code = _code(path, asked)
+    try:
+        code = bounded_input(path)
+    except (OSError, ValueError) as problem:
+        raise ModelError(
+            f"cannot be read ({getattr(problem, 'strerror', None) or problem})",
+            allowed="a Python file with effects is allowed",
+            do="give its path",
+            file=path,
+        ) from None
     namespace: dict[str, Any] = {"__name__": f"tirelog_effects_{path.stem}", "__file__": str(path)}
     try:
         exec(compile(code, str(path), "exec"), namespace)
     except (Exception, SystemExit) as problem:
         raise _failed(problem, path) from problem
     return _collected([value for value in namespace.values() if isinstance(value, Effect)], path)
-
-
-def _code(path: Path, asked: bool) -> bytes:
-    """The file's content, which may run.  ModelError: it cannot be read, or may not."""
-    try:
-        if not asked and not path.is_file():  # a model file names no device and no pipe
-            raise FileNotFoundError(ENOENT, "no such file")
-        with open_input(path) as stream:
-            code = stream.read(LARGEST_BYTES + 1)
-    except (OSError, ValueError) as problem:  # ValueError: a NUL in the name
-        raise ModelError(
-            f"cannot be read ({getattr(problem, 'strerror', None) or problem})",
-            allowed="a Python file with effects is allowed",
-            do="give its path" if asked else "bring it there, or give its path with --effects",
-            file=path,
-        ) from None
-    if len(code) > LARGEST_BYTES:
-        raise ModelError(
-            f"is larger than {LARGEST_BYTES >> 20} MB",
-            allowed="a Python file with effects is allowed",
-            do="leave its data in a file beside it",
-            file=path,
-        )
-    if asked:
-        let_run(code, str(path))
-    elif not may_run(code):
-        raise ModelError(
-            "is Python that you have not let run on this machine, or that has changed since",
-            allowed="a model file may name it, but only you can let it run",
-            do=f"read it, then give --effects {path} once",
-            file=path,
-        )
-    taken_as_input(path)
-    return code
 
 
 def _failed(problem: BaseException, path: object, what: str = "") -> ModelError:
@@ -487,29 +402,26 @@ def installed_effects() -> dict[str, Effect]:
     return found
 
 
-def catalogue_with(path: Path | None = None, *, asked: bool = True) -> Mapping[str, Effect]:
+def catalogue_with(path: Path | None = None) -> Mapping[str, Effect]:
     """The whole catalogue of effects by id.
 
-    Our own, installed packages', and those of the Python file at `path`, `asked` as for
-    `effects_of_file`.
+    Our own, installed packages', and those of the Python file at `path`.
     """
-    own = effects_of_file(path, asked=asked) if path else {}
-    return {**BY_ID, **installed_effects(), **own}
+    return {**BY_ID, **installed_effects(), **(effects_of_file(path) if path else {})}
 
 
-def effect_called(name: str, path: Path | None = None, *, asked: bool = True) -> Effect:
+def effect_called(name: str, path: Path | None = None) -> Effect:
     """The effect of this name in the whole catalogue.  ModelError: there is none."""
-    catalogue = catalogue_with(path, asked=asked)
+    catalogue = catalogue_with(path)
     refuse_unknown(
         name, catalogue, f"unknown effect {name!r}", do="list: `tirelog effects`", error=ModelError
     )
     return catalogue[name]
 
 
-def own_effects(path: Path | None = None, *, asked: bool = True) -> list[Effect]:
+def own_effects(path: Path | None = None) -> list[Effect]:
     """Effects that are candidates beside our own: installed packages' and those of a file."""
-    catalogue = catalogue_with(path, asked=asked)
-    return [effect for name, effect in catalogue.items() if name not in BY_ID]
+    return [effect for name, effect in catalogue_with(path).items() if name not in BY_ID]
 
 
 def _collected(effects: list[Any], origin: object) -> dict[str, Effect]:
