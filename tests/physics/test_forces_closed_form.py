@@ -11,7 +11,7 @@ from tirelog.data.recording import Conditions
 from tirelog.data.setup import parse_setup
 from tirelog.errors import ModelError
 from tirelog.physics import BY_ID, Model, ModelEffect
-from tirelog.physics.model.from_setup import preset_model
+from tirelog.physics.model.file import preset_model
 
 DAMPED = preset_model("P2").with_effect("viscous_damping", damping_rate_1_s=150.0)
 STRIP = """
