@@ -186,9 +186,8 @@ def in_bins(x: FloatArray, width: int, empty: float) -> FloatArray:
     """x (C, m) or (C, m, k) with so many angles, those that it lacks empty."""
     if x.shape[1] == width:
         return x
-    result = np.full((x.shape[0], width, *x.shape[2:]), empty)
-    result[:, : x.shape[1]] = x
-    return result
+    more = [(0, 0), (0, width - x.shape[1]), (0, 0)][: x.ndim]
+    return np.pad(x, more, constant_values=empty)
 
 
 def embedded(cells: Cells, part: int, x: FloatArray) -> FloatArray:

@@ -56,10 +56,7 @@ def refuse_supercritical(
     `hoop_N` is T - mu c^2, shape (n, 1).
     """
     if np.any(-hoop_N >= 2.0 * np.sqrt(EJ * k)):
-        tension = np.broadcast_to(
-            hoop_N + mu * speed_m_s**2, np.broadcast_shapes(hoop_N.shape, speed_m_s.shape)
-        )
-        limit = np.sqrt((2.0 * np.sqrt(EJ * k) + tension) / mu).min()
+        limit = np.sqrt((2.0 * np.sqrt(EJ * k) + hoop_N + mu * speed_m_s**2) / mu).min()
         raise ModelError(
             f"speed {float(speed_m_s.max()):.4g} m/s reaches the beam's critical speed "
             f"{float(limit):.4g} m/s",

@@ -38,6 +38,8 @@ from tirelog.physics.model.user_effects import (
     AMPLITUDE,
     EXPRESSION_ACTS_ON,
     FRAMES,
+    LARGEST,
+    MOST_NODES,
     SHAPE_ACTS_ON,
     SHAPE_KEYS,
     catalogue_with,
@@ -58,6 +60,7 @@ from tirelog.storage.schema import (
     Table,
     ValueKind,
     is_number,
+    numbers,
     words,
 )
 from tirelog.storage.whole import LARGEST_BYTES, toml_tables, toml_text, whole_file
@@ -186,11 +189,11 @@ _BY_SHAPE = Table(
         "acts_on": words(*SHAPE_ACTS_ON),
         "frame": words(*FRAMES),
         "law": TEXT,
-        "nodes": ANYTHING,
-        "values": ANYTHING,
+        "nodes": numbers(-LARGEST, LARGEST, MOST_NODES),
+        "values": numbers(-LARGEST, LARGEST, MOST_NODES),
         "parameters": Table({AMPLITUDE.name: _number(AMPLITUDE, _OWN_NUMBER)}),
     },
-    needed=("frame",),
+    needed=("frame", "nodes", "values"),
 )
 
 
@@ -332,7 +335,7 @@ def _own_effect(table: Mapping[str, Any], place: FilePlace) -> ModelEffect:
             formula, numbers = given["expression"], tuple(parameters.values())
             effect = effect_by_expression(name, acts_on, formula, numbers)
         else:
-            law = (given["frame"], given["law"], given.get("nodes"), given.get("values"))
+            law = (given["frame"], given["law"], given["nodes"], given["values"])
             amplitude = parameters.get(AMPLITUDE.name, AMPLITUDE)
             effect = effect_by_shape(name, acts_on, *law, amplitude)
     except ModelError as problem:
@@ -526,14 +529,13 @@ def _put(
         "unit": None if remark else parameter.unit or None,
     }
     wanted = {key: value for key, value in wanted.items() if value is not None}
-    if not isinstance(old, dict):
-        _set(table, name, wanted, words)
-        return
-    for key in old.keys() - wanted.keys():
-        del old[key]
-    for key, value in wanted.items():
-        if key in old or key not in ("min", "max") or value != getattr(usual, key, value):
-            _set(old, key, value)
+    if isinstance(old, dict):  # bounds as they usually are need not be told
+        wanted = {
+            key: value
+            for key, value in wanted.items()
+            if key in old or key not in ("min", "max") or value != getattr(usual, key, value)
+        }
+    _set(table, name, wanted, words)
 
 
 # ---- Models from what a setup knows of the tire and the drive, and from the papers' tables.

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import ast
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial, reduce
 from importlib.metadata import entry_points
@@ -557,8 +557,8 @@ def effect_by_shape(
     acts_on: str,
     frame: str,
     law: str,
-    nodes: Any,
-    values: Any,
+    nodes: Sequence[float],
+    values: Sequence[float],
     amplitude: Parameter = AMPLITUDE,
 ) -> Effect:
     """The effect of a measured shape: `values` at ascending `nodes`, two lists of numbers.
@@ -574,7 +574,7 @@ def effect_by_shape(
             allowed=[f"{n} ({' '.join(f.acts_on)})" for n, f in (allowed or FRAMES).items()],
             do="choose one",
         )
-    at, heights = _numbers(name, "nodes", nodes), _numbers(name, "values", values)
+    at, heights = (np.asarray(given, dtype=np.float64) for given in (nodes, values))
     if at.size != heights.size or not 2 <= at.size <= MOST_NODES or np.any(np.diff(at) <= 0.0):
         raise ModelError(
             f"effect {name!r}: {at.size} nodes and {heights.size} values do not make a shape",
@@ -593,18 +593,3 @@ def effect_by_shape(
         acts_on == "contact_pressure",
     )
     return effect_by_formula(name, acts_on, formula, (amplitude,))
-
-
-def _numbers(name: str, key: str, given: Any) -> FloatArray:
-    """A list of finite numbers as an array.  ModelError: it is something else."""
-    good = isinstance(given, list | tuple | np.ndarray) and len(given) <= MOST_NODES
-    good = good and all(
-        isinstance(x, int | float) and not isinstance(x, bool) and abs(x) <= LARGEST for x in given
-    )
-    if not good:
-        raise ModelError(
-            f"effect {name!r}: {key} are not a list of numbers",
-            allowed=f"up to {MOST_NODES} finite numbers are allowed",
-            do="correct them",
-        )
-    return np.asarray(given, dtype=np.float64)
