@@ -25,7 +25,7 @@ from tirelog.diagnosis.gratings import (
 )
 from tirelog.errors import UsageError
 from tirelog.inference.base import JointBase
-from tirelog.inference.cells.joint import ratio_name, without_ratios
+from tirelog.inference.cells.cells import ratio_name, without_ratios
 from tirelog.inference.measured import measured_gratings, several_channels
 from tirelog.inference.stacks.cut import Stacks, places_of
 from tirelog.physics import Model

@@ -37,7 +37,7 @@ from tirelog.diagnosis.propose import propose as proposing
 from tirelog.diagnosis.propose.propose import Proposal
 from tirelog.diagnosis.results import Comparison, Ladder
 from tirelog.errors import ModelError, UsageError, or_refusal
-from tirelog.inference.cells.joint import without_ratios
+from tirelog.inference.cells.cells import without_ratios
 from tirelog.inference.measured import MeasuredLogs, measured_for, motion_names
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model

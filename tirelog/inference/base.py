@@ -8,7 +8,7 @@ all have the parameters.
 
 Several observables in one question (`prepare_together`) are one `JointBase`: a list of blocks, each
 in its own unit with its own metric and floor, in one fit; and their cells under each other in
-floors (`cells.joint`), so that whatever works on a Base works on it: candidates, nuisances,
+floors (`cells.cells`), so that whatever works on a Base works on it: candidates, nuisances,
 held-out losses. `bases_by_observable` gives the base of each observable at the parameters of the
 fit to all. The errors of one observable, and what is left of it, are those of its base.
 """
@@ -24,9 +24,10 @@ import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.cells.cells import Cells, SharedEffects
-from tirelog.inference.cells.joint import (
+from tirelog.inference.cells.cells import (
     LEVER,
+    Cells,
+    SharedEffects,
     at_lever,
     in_bins,
     joined_cells,

@@ -28,8 +28,14 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.cells.cells import Cells, SharedEffects
-from tirelog.inference.cells.joint import linearised, model_of, named, predicted
+from tirelog.inference.cells.cells import (
+    Cells,
+    SharedEffects,
+    linearised,
+    model_of,
+    named,
+    predicted,
+)
 from tirelog.inference.fit.cells import LEAST_CHANGE, Fit, free_names
 from tirelog.inference.floor import load_derivative
 from tirelog.physics.effects import BY_ID
