@@ -529,7 +529,7 @@ def _put(
         "unit": None if remark else parameter.unit or None,
     }
     wanted = {key: value for key, value in wanted.items() if value is not None}
-    if isinstance(old, dict):  # bounds as they usually are need not be told
+    if isinstance(old, dict):  # usual bounds are not written
         wanted = {
             key: value
             for key, value in wanted.items()
