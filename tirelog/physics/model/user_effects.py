@@ -37,7 +37,8 @@ from tirelog.vocabulary.observables import OBSERVABLES
 
 # ---- A user's formula in a model file.
 #
-# It is parsed into a tree of allowed nodes and computed by walking it, never executed as Python.
+# It is parsed into a tree and computed by walking it, never executed as Python: at first with ones,
+# so that a node that is not allowed is refused when the formula is read.
 #
 # Allowed: numbers, names, + - * / ** %, comparisons, `and`/`or`/`not` (also & | ~), `a if c else
 # b`, and numpy's elementary functions by their plain names. Everything is computed in floating
@@ -87,7 +88,8 @@ class Expression:
         ModelError if it is not finite.
         """
         with np.errstate(all="ignore"):
-            result = np.asarray(_compute(self.tree, values), dtype=np.float64)
+            value = _value(self.tree, self.text, {**CONSTANTS, **values}, 0)
+            result = np.asarray(value, dtype=np.float64)
         if not np.isfinite(result).all():
             raise ModelError(
                 f"expression {self.text!r} is not finite everywhere",
@@ -116,15 +118,15 @@ def parse_expression(text: str, allowed: frozenset[str] | set[str]) -> Expressio
             allowed="numbers, names, operators and calls are allowed",
             do="correct it",
         ) from None
-    names: set[str] = set()
-    _check(tree, text, allowed, names, 0)
-    return Expression(text, frozenset(names), tree)
+    names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} & allowed
+    formula = Expression(text, frozenset(names), tree)
+    with np.errstate(all="ignore"):
+        _value(tree, text, dict.fromkeys(allowed, 1.0) | CONSTANTS, 0)
+    return formula
 
 
-def _check(
-    node: ast.AST, text: str, allowed: frozenset[str] | set[str], names: set[str], depth: int
-) -> None:
-    """Refuses every node that is not on the list; collects names."""
+def _value(node: ast.AST, text: str, values: Mapping[str, Any], depth: int) -> Any:
+    """The value of a part of a formula; ModelError for what may not be in one."""
     if depth > DEEPEST:
         raise ModelError(
             f"expression {text!r} is nested deeper than {DEEPEST}",
@@ -132,72 +134,49 @@ def _check(
             do="split it",
         )
     if isinstance(node, ast.Name):
-        if node.id not in allowed and node.id not in CONSTANTS:
+        if node.id not in values:
             raise ModelError(
-                f"expression {text!r} uses the name {node.id!r}{nearest(node.id, allowed)}",
-                allowed=f"allowed here are {', '.join(sorted(allowed))}, pi, e and the functions "
+                f"expression {text!r} uses the name {node.id!r}{nearest(node.id, values)}",
+                allowed=f"allowed here are {', '.join(sorted(values))} and the functions "
                 f"{', '.join(FUNCTIONS)}",
                 do="use one of them",
             )
-        names.add(node.id)
-        return
-    _refuse_other_node(node, text)
-    for part in _operands(node):
-        _check(part, text, allowed, names, depth + 1)
-
-
-def _operands(node: ast.AST) -> list[ast.expr]:
-    """The operands of a node, in their order."""
-    parts = node.args if isinstance(node, ast.Call) else ast.iter_child_nodes(node)
-    return [part for part in parts if isinstance(part, ast.expr)]
-
-
-def _refuse_other_node(node: ast.AST, text: str) -> None:
-    """ModelError for any other node than numbers, operators, comparisons, choices, calls."""
-    called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
+        return values[node.id]
     number = node.value if isinstance(node, ast.Constant) else None
+    if isinstance(number, int | float) and type(number) is not bool and abs(number) < 1e300:
+        return number
+    call = node if isinstance(node, ast.Call) and not node.keywords else None
+    called = call.func.id if call is not None and isinstance(call.func, ast.Name) else ""
     operators = node.ops if isinstance(node, ast.Compare) else [getattr(node, "op", None)]
-    good = (
-        isinstance(node, ast.IfExp)
-        or (isinstance(number, int | float) and type(number) is not bool and abs(number) < 1e300)
-        or (isinstance(node, ast.Call) and called in FUNCTIONS and not node.keywords)
-        or all(type(operator) in _OPERATORS for operator in operators)
-    )
-    if not good:
-        what = called or type(node).__name__
+    known = called in FUNCTIONS or all(type(operator) in _OPERATORS for operator in operators)
+    if not known and not isinstance(node, ast.IfExp):
         raise ModelError(
-            f"expression {text!r} uses {what}, which is not allowed",
+            f"expression {text!r} uses {called or type(node).__name__}, which is not allowed",
             allowed="allowed are finite numbers, names, + - * / ** %, comparisons, and/or/not, a "
             f"if c else b, and the functions {', '.join(FUNCTIONS)}",
             do="write it with these",
         )
     # a starred argument is refused as a node of its own
-    if isinstance(node, ast.Call) and len(node.args) not in ARGUMENTS[called]:
+    parts = ast.iter_child_nodes(node) if call is None else call.args
+    if call is not None and len(call.args) not in ARGUMENTS[called]:
         many = " or ".join(map(str, ARGUMENTS[called]))
         raise ModelError(
-            f"expression {text!r} gives {called}() {len(node.args)} arguments",
+            f"expression {text!r} gives {called}() {len(call.args)} arguments",
             allowed=f"allowed are {many}",
             do="correct it",
         )
-
-
-def _compute(node: Any, values: Mapping[str, Any]) -> Any:
-    """The value of a part that `_check` let through."""
-    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
-        return node.value
-    if isinstance(node, ast.Name):
-        return values[node.id] if node.id in values else CONSTANTS[node.id]
-    terms = [np.asarray(_compute(part, values), dtype=np.float64) for part in _operands(node)]
+    operands = [
+        _value(part, text, values, depth + 1) for part in parts if isinstance(part, ast.expr)
+    ]
+    terms = [np.asarray(operand, dtype=np.float64) for operand in operands]
     if isinstance(node, ast.Compare):
         pairs = zip(node.ops, terms, terms[1:])
         return reduce(np.logical_and, (_OPERATORS[type(op)](a, b) for op, a, b in pairs))
     if isinstance(node, ast.BoolOp):
         return reduce(_OPERATORS[type(node.op)], terms)
-    if isinstance(node, ast.Call):
-        return FUNCTIONS[getattr(node.func, "id", "")](*terms)
     if isinstance(node, ast.BinOp | ast.UnaryOp):
         return _OPERATORS[type(node.op)](*terms)
-    return np.where(*terms)
+    return FUNCTIONS[called](*terms) if called else np.where(*terms)
 
 
 # ---- An effect by a formula.
