@@ -659,16 +659,12 @@ def _undetermined(names: Sequence[str], known: Errors, held: Sequence[str]) -> l
 
 
 def _correlated(names: Sequence[str], known: Errors) -> tuple[tuple[str, str, float], ...]:
-    pairs = []
     se = np.where(np.isfinite(known.se) & (known.se > 0), known.se, np.inf)
-    for i in range(len(names)):
-        for j in range(i):
-            r = float(known.covariance[i, j] / (se[i] * se[j]))
-            # correlations beyond this are named: a combination of the two is known far better than
-            # each; 3.2 times better at 0.9, and 4.5 times at 0.95
-            if abs(r) > 0.9:
-                pairs.append((names[j], names[i], r))
-    return tuple(pairs)
+    r = np.tril(known.covariance / np.outer(se, se), -1)
+    # correlations beyond this are named: a combination of the two is known far better than each;
+    # 3.2 times better at 0.9, and 4.5 times at 0.95
+    pairs = np.argwhere(np.abs(r) > 0.9)
+    return tuple((names[j], names[i], float(r[i, j])) for i, j in pairs)
 
 
 def _shared_scale(model: Model, names: Sequence[str]) -> list[str]:

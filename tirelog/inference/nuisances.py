@@ -417,19 +417,15 @@ def condition_slopes(cells: Cells, fit: Fit) -> dict[str, FloatArray]:
     """
     if cells.phi.shape[1] == 1:
         return {}
-    slopes = {"load": load_derivative(cells, fit)}
-    stiffness = [
-        name
-        for name in ("foundation_stiffness_N_m2", "radial_stiffness_N_m2")
-        if name in fit.model.parameters
-    ]
-    pressure = or_refusal(_relative_slopes)(cells, fit.model, stiffness)
-    if not isinstance(pressure, ModelError):
-        slopes["inflation pressure"] = pressure.sum(axis=-1)
-    radius = or_refusal(_moved_slope)(cells, fit.model, _RADIUS)
-    if radius is None or isinstance(radius, ModelError):
-        return slopes
-    return slopes | {"rolling radius": radius}
+    beam = "foundation_stiffness_N_m2" in fit.model.parameters
+    stiffness = "foundation_stiffness_N_m2" if beam else "radial_stiffness_N_m2"
+    pressure = or_refusal(_relative_slopes)(cells, fit.model, [stiffness])
+    found = {
+        "load": load_derivative(cells, fit),
+        "inflation pressure": None if isinstance(pressure, ModelError) else pressure[..., 0],
+        "rolling radius": or_refusal(_moved_slope)(cells, fit.model, _RADIUS),
+    }
+    return {name: x for name, x in found.items() if isinstance(x, np.ndarray)}
 
 
 def _rms(fit: Fit) -> float:

@@ -719,17 +719,11 @@ def check_conditions(conditions: Conditions, called: Mapping[str, str] | None = 
 
     What is not known (NaN) passes, but for the speed. `called`: how the user gave a condition.
     """
-    backwards = ~(np.asarray(conditions.speed_m_s) >= 0.0)
-    if backwards.any():
-        raise UsageError(
-            f"{(called or {}).get('speed_m_s', 'speed_m_s')} "
-            f"{float(conditions.speed_m_s[backwards][0]):g}",
-            allowed="allowed is a speed of 0 m/s or more, forwards",
-            do="give that",
-        )
     for name, (low, high, unit) in _DRIVEN.items():
         values = np.asarray(getattr(conditions, name))
         outside = (values < low) | (values > high)
+        if name == "speed_m_s":
+            outside |= np.isnan(values)
         if outside.any():
             name = (called or {}).get(name, name)
             raise UsageError(

@@ -509,7 +509,6 @@ class Stepper:
         self.tread = Tread(tire, course.road, nodes)
         self.time_s = 0.0
         speed = abs(state.omega) * tire.R
-        tire.check_speed(speed)
         self.tread.road.check_climbable(tire.R)
         if not 0.0 < step_s <= tire.largest_step_s(speed):
             raise ModelError(
