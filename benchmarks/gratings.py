@@ -32,7 +32,7 @@ from benchmarks.hidden import wilson
 from benchmarks.nuisance_worlds import CaseOf, planted_tables
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.inference.measured import measured_gratings
-from tirelog.physics.model.from_setup import new_model
+from tirelog.physics.model.file import new_model
 from tirelog.simulation import scenario_of, simulate, to_recording
 
 KINDS = ("null", "wheel", "road", "both", "bad", "bad_wheel")

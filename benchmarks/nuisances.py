@@ -36,7 +36,7 @@ from benchmarks.cases import IN_CATALOGUE
 from benchmarks.hidden import wilson
 from benchmarks.nuisance_worlds import AT_ONCE, WORLDS, CaseOf, parts_of, planted_tables, several
 from tirelog.errors import TirelogError
-from tirelog.physics.model.from_setup import new_model
+from tirelog.physics.model.file import new_model
 from tirelog.simulation import simulate, write_log
 
 #: squared floors that a planted effect leaves beside the refitted model, by the name of its size

@@ -30,7 +30,7 @@ from benchmarks.nuisance_worlds import FIRST_REPORTING, CaseOf
 from tirelog.diagnosis.propose.grammar import EXPONENTS, FRAMES
 from tirelog.diagnosis.propose.propose import FoundFormula, Term
 from tirelog.errors import TirelogError
-from tirelog.physics.model.from_setup import new_model
+from tirelog.physics.model.file import new_model
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import PLANTABLE, Plantable, Planted, Scenario
 from tirelog.simulation.steady import loads

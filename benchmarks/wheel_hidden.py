@@ -32,7 +32,7 @@ from tirelog.diagnosis.compare import measured_pieces, start_from
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.diagnosis.results import Candidate
 from tirelog.inference.measured import measured_together
-from tirelog.physics.model.from_setup import new_model
+from tirelog.physics.model.file import new_model
 from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import (

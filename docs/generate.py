@@ -21,8 +21,8 @@ from tirelog.diagnosis.certainty import CLASSES, calibration, least_share
 from tirelog.diagnosis.propose.grammar import FRAMES, LAWS, PROFILES, STAGES
 from tirelog.diagnosis.rules import RULES, THRESHOLDS
 from tirelog.physics.effects import CATALOGUE, Effect, readers, serves
-from tirelog.physics.model import from_setup
-from tirelog.physics.model.from_setup import PRESETS
+from tirelog.physics.model import file as model_file
+from tirelog.physics.model.file import PRESETS
 from tirelog.physics.model.model import NUISANCES, Model, Nuisance
 from tirelog.physics.model.user_effects import FRAMES as SHAPE_FRAMES
 from tirelog.report.page import GLOSSARY
@@ -492,7 +492,7 @@ def parameters_section() -> str:
 
 def presets_section() -> str:
     """The presets with all that their files say."""
-    folder = Path(from_setup.__file__).parent / "presets"
+    folder = Path(model_file.__file__).parent / "presets"
     return "\n\n".join(
         f"`--preset {name}`\n\n```toml\n{(folder / f'{name}.toml').read_text().rstrip()}\n```"
         for name in PRESETS

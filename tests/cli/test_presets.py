@@ -1,7 +1,6 @@
 """Property: `model new --preset` starts from a paper's table; a setup and --set go before it."""
 
-from tirelog.physics.model.file import load_model
-from tirelog.physics.model.from_setup import preset_model
+from tirelog.physics.model.file import load_model, preset_model
 
 
 def test_a_preset_is_written_as_it_is_with_its_sources(folder, tirelog):

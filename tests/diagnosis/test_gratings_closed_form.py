@@ -25,7 +25,7 @@ from tirelog.diagnosis.gratings import (
 )
 from tirelog.errors import UsageError
 from tirelog.inference.base import JointBase
-from tirelog.inference.cells.joint import ratio_name, ratio_of, without_ratios
+from tirelog.inference.cells.cells import ratio_name, without_ratios
 from tirelog.inference.measured import measured_gratings, several_channels
 from tirelog.inference.stacks.cut import Stacks, places_of
 from tirelog.physics import Model
@@ -122,7 +122,6 @@ def test_each_grating_has_its_own_lever_arm():
     assert set(shown.model.parameters) == set(MODEL.parameters)  # a file knows of no ratio
     assert "grating" in shown.agreement
     assert list(shown.to_json()["gratings"]) == ["g1", "g2", "g3"]
-    assert ratio_of(MODEL, "") == 1.0  # of what is no grating
     assert "." not in ratio_name("belt.1")
     # and so does `model fit`
     found, _ = fit_channels_measured([stacks], MODEL)

@@ -76,7 +76,7 @@ def test_a_comparison_does_not_know_of_stretches_between_manoeuvres(recordings, 
     stacks = stacks_from_logs(recordings)
     manoeuvres = Stacks(in_memory=0)
     for number, log in enumerate(stacks.logs):
-        one = joined(stacks.of_log(number))
+        one = joined(stack for stack in stacks if stack.log[0] == number)
         first = int(one.manoeuvre.min())
         parts = (one.take(one.manoeuvre == m) for m in np.unique(one.manoeuvre))
         manoeuvres.add(log, (replace(part, manoeuvre=part.manoeuvre - first) for part in parts))

@@ -16,7 +16,7 @@ from tirelog.diagnosis.results import agreement_sentence, contributions
 from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import ModelError, UsageError
 from tirelog.inference.base import bases_by_observable, refit
-from tirelog.inference.cells.joint import one_drive
+from tirelog.inference.cells.cells import one_drive
 from tirelog.inference.cells.pieces import pieces_of
 from tirelog.inference.measured import measured_together
 from tirelog.physics import Model

@@ -26,7 +26,7 @@ from tirelog.diagnosis.compare import remarks_of, start
 from tirelog.diagnosis.diagnose import conclude
 from tirelog.inference.fit.cells import Problem, finish
 from tirelog.inference.floor import held_out_losses
-from tirelog.physics.model.from_setup import preset_model
+from tirelog.physics.model.file import preset_model
 from tirelog.physics.model.model import Model
 from tirelog.simulation.scenario.schema import Road, TrueConditions
 

@@ -13,8 +13,8 @@ from tirelog.api.models import forces, revolutions
 from tirelog.cli import run
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
+from tirelog.physics.model.file import preset_model
 from tirelog.physics.model.forces import worn_model
-from tirelog.physics.model.from_setup import preset_model
 from tirelog.simulation import load_scenario, simulate, write_log
 from tirelog.simulation.scenario.schema import Manoeuvre
 

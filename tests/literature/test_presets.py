@@ -5,7 +5,7 @@ import pytest
 
 from tirelog.data.recording import Conditions
 from tirelog.physics.carcass.structures import critical_speed
-from tirelog.physics.model.from_setup import PRESETS, preset_model
+from tirelog.physics.model.file import PRESETS, preset_model
 from tirelog.physics.pressure import slip_stiffness, transition
 
 TURN = np.linspace(-np.pi, np.pi, 4097)[:-1]

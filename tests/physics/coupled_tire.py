@@ -7,7 +7,7 @@ import numpy as np
 from tirelog.data.road import RoadProfile, road_of
 from tirelog.data.setup import RoadSetup
 from tirelog.physics.moving.ring import CoupledRing
-from tirelog.physics.moving.transient import Course, Schedule
+from tirelog.physics.moving.transient import Course, Schedule, Stepper
 
 TIRE = CoupledRing(
     EI=2.0,
@@ -39,6 +39,21 @@ def course(
     held, turned = (v if callable(v) else Schedule.constant(v) for v in (load, torque))
     driven = Schedule.constant(speed or 0.0)
     return Course(driven, held, road, 0.0, turned, free=speed is None)
+
+
+def energy_J(stepper: Stepper) -> float:
+    """Kinetic and elastic energy of tire, hub and springs of the tread, by the Lagrangian."""
+    s, tire, tread = stepper.state, stepper.tire, stepper.tread
+    kinetic = tire.m_r * abs(s.centre_rate) ** 2 + tire.m_h * abs(s.hub_rate) ** 2
+    kinetic += tire.J_r * s.omega**2 + tire.J_h * s.omega_hub**2
+    wound = tire.k_s * abs(s.centre - s.hub) ** 2 + tire.k_theta * (s.psi - s.psi_hub) ** 2
+    waves = np.sum(tire.m_n * np.abs(s.V_rate) ** 2 + tire.Z_n * np.abs(s.V) ** 2)
+    momentum = 2.0 * np.sum(tire.gamma_n * (s.V_rate * s.V.conj()).imag)
+    seen = tread._was["call"] == tread._now
+    pressed = np.maximum(tread._was["depth_m"][seen], 0.0)
+    springs = 0.5 * tire.k_t * 2.0 * np.pi * tire.R / tread.nodes * np.sum(pressed**2)
+    belt = 2.0 * np.pi * tire.R * (waves + s.omega * momentum)
+    return float(0.5 * (kinetic + wound) + belt + springs)
 
 
 def strain(tire: CoupledRing, motion, theta_rad: float, lever_m: float) -> np.ndarray:

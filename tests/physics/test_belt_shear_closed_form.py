@@ -10,8 +10,8 @@ from tirelog.api.models import StripSection, forces, given_conditions, revolutio
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
+from tirelog.physics.model.file import preset_model
 from tirelog.physics.model.forces import force_columns
-from tirelog.physics.model.from_setup import preset_model
 
 EJ, K, MU, HALF, LEVER, LOAD, R = 4.0, 7.8e6, 0.676, 0.058, 3e-4, 3434.0, 0.305
 

@@ -157,30 +157,3 @@ def test_mistakes_are_status_2_and_leave_nothing(here, capsys, command, says):
     assert says in error
     assert "Traceback" not in error
     assert sorted(p.name for p in here.iterdir()) == ["b.toml", "s.toml"]
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        ["compare", "LOG.csv", "--model", "p.toml"],
-        ["model", "predict", "p.toml", "--speed", "20"],
-        ["model", "add", "q.toml", "aero_load", "-o", "out.toml"],
-        ["model", "remove", "b.toml", "load_crosstalk", "-o", "out.toml"],
-    ],
-    ids=lambda words: " ".join(words[:2]),
-)
-def test_an_effect_that_acts_on_nothing_is_refused(here, capsys, command):
-    """Wherever a model is read, and where one is changed."""
-    status("model new --observable phase_shift -o q.toml")
-    status("model add q.toml load_crosstalk -o c.toml")
-    status("model add c.toml load_transfer -o b.toml")
-    plain = (here / "q.toml").read_text()
-    (here / "p.toml").write_text(plain + '[[effects]]\nname = "load_transfer"\n')
-    (here / "LOG.csv").write_text("time_s,a\n")
-    capsys.readouterr()
-    assert run(command) == 2
-    told = capsys.readouterr()
-    assert "load_crosstalk" in told.err
-    assert told.err.count("\n") == 1
-    assert told.out == ""
-    assert not (here / "out.toml").exists()

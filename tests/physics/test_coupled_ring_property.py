@@ -1,6 +1,6 @@
-"""Property: what holds for every motion of the coupled ring (energy, friction's limit, the road's
-height), and that modes on a road with friction agree with the motion in time, whose bristles,
-contact and steps are its own.
+"""Property: what holds for every motion of the coupled ring (energy, friction's limit), and that
+modes on a road with friction agree with the motion in time, whose bristles, contact and steps are
+its own.
 """
 
 from dataclasses import replace
@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from tests.physics.coupled_tire import TIRE, course, obstacle
-from tirelog.data.road import RoadProfile
-from tirelog.physics import Model
-from tirelog.physics.moving.ring import CoupledRing, first_order, natural_modes, of_model
+from tests.physics.coupled_tire import TIRE, course, energy_J
+from tirelog.physics.moving.ring import first_order, natural_modes
 from tirelog.physics.moving.transient import State, Stepper, stepped_motion
 
 LOAD, SPEED = 1000.0, 20.0
@@ -27,24 +25,14 @@ def test_what_spin_and_belt_exchange_is_accounted_for():
     start.hub, start.centre = start.hub + 0.0005j, start.centre + 0.001 + 0.0005j
     start.omega, start.psi_hub = start.omega + 0.3, 0.002
     stepper = Stepper(tire, start, course(LOAD), step_s=2.5e-5)
-    begun = stepper.energy() + LOAD * start.hub.imag
-    motion = stepped_motion(stepper, 0.15, every=5)
-    total = motion.energy_J + LOAD * motion.hub_z_m
-    assert np.ptp(motion.hub_z_m) * LOAD > 0.9
-    assert np.abs(total - begun).max() < 1e-3
-
-
-def passage(road: RoadProfile, seconds: float, tire: CoupledRing = TIRE):
-    start = State.rolling(tire, LOAD, SPEED)
-    stepper = Stepper(tire, start, course(LOAD, SPEED, road), step_s=1e-4)
-    return stepped_motion(stepper, seconds, every=10)
-
-
-def test_a_step_lifts_the_tire_by_its_height():
-    light = replace(TIRE, m_h=1.0, c_w=600.0, c_v=600.0)
-    motion = passage(obstacle("step", 0.3, height_m=0.012), 0.6, light)
-    before, after = motion.hub_z_m[motion.time_s < 0.01], motion.hub_z_m[-50:]
-    assert after.mean() - before.mean() == pytest.approx(0.012, abs=1e-4)
+    total, heights = [], []
+    for _ in range(1200):
+        total.append(energy_J(stepper) + LOAD * start.hub.imag)
+        heights.append(start.hub.imag)
+        for _ in range(5):
+            stepper.step()
+    assert np.ptp(heights) * LOAD > 0.9
+    assert np.ptp(total) < 1e-3
 
 
 def test_friction_stays_within_its_limit():
@@ -54,11 +42,6 @@ def test_friction_stays_within_its_limit():
     assert np.all(np.abs(motion.force_s_N) <= TIRE.mu * motion.force_z_N * (1.0 + 1e-9))
     assert motion.force_s_N[-10:] == pytest.approx(TIRE.mu * motion.force_z_N[-10:], rel=1e-2)
     assert motion.omega_rad_s[-1] < 0.9 * SPEED / TIRE.R
-
-
-def test_a_long_wave_is_followed():
-    motion = passage(RoadProfile(amplitude_m=0.01, wavelength_m=8.0), 0.4)
-    assert np.ptp(motion.hub_z_m) == pytest.approx(0.02, rel=0.15)
 
 
 CLINGING = replace(TIRE, modes=20, mu=50.0)
@@ -99,9 +82,3 @@ def test_the_road_holds_the_rotation():
     )
     assert [mode.shape for mode in free] == ["rigid vertical"]
     assert [mode.shape for mode in clinging] == ["rigid vertical", "rotational"]
-
-
-def test_a_ring_without_bristles_stands_free_of_friction():
-    ring, coupled = (of_model(Model.new(name).values) for name in ("ring", "coupled_ring"))
-    assert ring.c_x == 0.0
-    assert coupled.c_x == 1.9e6

@@ -8,7 +8,6 @@ from tirelog.data.road import RoadProfile, road_of
 from tirelog.data.setup import RoadSetup, parse_road
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.moving.contact import steady_rolling
 from tirelog.physics.moving.transient import Course, Schedule, driven
 
 SPEED, LOAD = 20.0, 3434.0
@@ -86,29 +85,6 @@ def test_acceleration_is_the_motion_of_the_sensor():
     assert np.std(read - along) < 0.05 * np.std(along)
 
 
-def test_a_step_of_load_ends_in_the_steady_ring_of_that_load():
-    model = MODEL.with_values(
-        {"hub_mass_kg": 1.0, "radial_damping_N_s_m2": 200.0, "tangential_damping_N_s_m2": 200.0}
-    )
-    risen = Schedule((0.0, 0.1, 0.11), (LOAD, LOAD, 1.2 * LOAD))
-    ends = driven(model, AT_20, course(duration=0.8, load=risen))
-    last = ends.motion.time_s > 0.7
-    heavy, *_ = steady_rolling(ends.tire, 1.2 * LOAD, SPEED)
-    mean = ends.motion.V[last].mean(axis=0)
-    assert np.abs(ends.steady - heavy).max() > 0.1 * np.abs(heavy).max()
-    # the traction that overcomes the drag is not in `steady_rolling`
-    assert np.abs(mean - heavy).max() < 2e-3 * np.abs(heavy).max()
-    assert ends.motion.spindle_z_N[last].mean() == pytest.approx(1.2 * LOAD, rel=1e-3)
-    phi = np.mod(ends.motion.psi_rad - 1.0 + np.pi, 2.0 * np.pi) - np.pi
-    expected, before = (
-        model.predict(Conditions.of(1, speed_m_s=SPEED, load_N=F), phi)[0]
-        for F in (1.2 * LOAD, LOAD)
-    )
-    # 40 modes of 1024 follow the load
-    missed, change = ends.sensed("strain", -1.0) - expected, expected - before
-    assert np.std(missed[last]) < 0.15 * np.std(change[last])
-
-
 def test_a_ramp_of_speed_spins_the_wheel():
     faster = Schedule((0.0, 0.1, 0.3), (SPEED, SPEED, 22.0))
     transient = driven(MODEL, AT_20, course(duration=0.7, speed=faster))
@@ -174,14 +150,3 @@ def test_courses_that_cannot_be_driven():
     near = course(road_of(parse_road("cleat,height_m=0.01,length_m=0.04"), 0.05))
     with pytest.raises(ModelError, match="begins under the standing tire"):
         driven(MODEL, AT_20, near)
-    with pytest.raises(ModelError, match=r"a ring does not move in time; .*coupled_ring"):
-        driven(Model.new("ring"), AT_20, course())
-
-
-def test_a_drum_brings_the_cleat_again():
-    road = road_of(parse_road("cleat,height_m=0.008,length_m=0.04,spacing_m=2.0"), 0.5)
-    assert isinstance(road, RoadProfile)
-    height, _ = road.profile(np.array([-1.5, -1.48, 0.49, 0.52, 1.0, 2.52, 4.52]))
-    assert height == pytest.approx([0.0, 0.0, 0.0, 0.008, 0.0, 0.008, 0.008])
-    with pytest.raises(ModelError, match="longer spacing is allowed"):
-        road_of(parse_road("cleat,height_m=0.008,length_m=0.04,spacing_m=0.03"))

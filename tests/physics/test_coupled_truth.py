@@ -22,7 +22,7 @@ from tests.simulation.rolls import (
     strain_rider,
 )
 from tirelog.data.road import RoadProfile
-from tirelog.physics.moving.ring import CoupledRing, natural_modes
+from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.transient import State, Stepper, stepped_motion
 from tirelog.simulation.rolling.world import TrueProfile
 
@@ -132,27 +132,3 @@ def test_load_step():
     assert far["spindle"] < 0.012
     assert far["hub"] < 0.003
     assert apart("load step", 0.15, 300.0)["strain"] < 0.012
-
-
-def test_natural_frequencies():
-    """In the air at rest, hub free: every vibration up to 250 Hz."""
-    found = sorted(
-        f["frequency_Hz"] for f in belt(96).natural_frequencies() if f["frequency_Hz"] < 250.0
-    )
-    modal = sorted(m.frequency_Hz for m in natural_modes(tire(damping=0.0), to_Hz=250.0))
-    assert len(modal) > 15
-    assert found == pytest.approx(modal, rel=1e-5)
-
-
-def test_waves_on_the_turning_belt():
-    """At 30 m/s: what is heard beside the tire of the waves of 2 to 6 lobes."""
-    spin = 30.0 / RADIUS
-    values, shapes = belt(64).vibrations(spin)
-    share = np.abs(np.fft.fft(shapes, axis=0)) / np.linalg.norm(np.fft.fft(shapes, axis=0), axis=0)
-    modal = natural_modes(tire(damping=0.0), speed_m_s=30.0, to_Hz=300.0)
-    for lobes in range(2, 7):
-        felt = values[share[lobes] > 0.9].imag
-        heard = sorted(np.abs(felt - lobes * spin) / (2 * np.pi))
-        assert heard == pytest.approx(
-            sorted(m.frequency_Hz for m in modal if m.lobes == lobes), rel=2e-4
-        )

@@ -11,7 +11,7 @@ from tirelog.data.recording import Conditions
 from tirelog.data.setup import parse_setup
 from tirelog.errors import ModelError
 from tirelog.physics import BY_ID, Model, ModelEffect
-from tirelog.physics.model.from_setup import preset_model
+from tirelog.physics.model.file import preset_model
 
 DAMPED = preset_model("P2").with_effect("viscous_damping", damping_rate_1_s=150.0)
 STRIP = """
@@ -107,22 +107,6 @@ def test_derivatives_and_the_belt_s_displacement_are_those_of_the_waveforms():
     pulled = forces(model, {"speed_m_s": 10.0, "slip": 0.05})["road_longitudinal_N"][0]
     # tau cos(phi) around the ring, over the foundation k_v of the whole circumference
     assert wound == pytest.approx(pulled / (2.0 * np.pi * 0.3 * 6.3e5), rel=0.02)
-
-
-def test_a_point_load_bends_the_beam_as_p1_10_has_it():
-    """w_ud = e^(-b |s|) (a cos a s + b sin a |s|) / (a b) with s = lambda xi, in units of w_0."""
-    printed = preset_model("P1")
-    model = Model.new("beam", "strain", "point", **{
-        name: value for name, value in printed.values.items() if name != "observable"
-    })  # fmt: skip
-    speed = 24.0
-    told = revolutions(model, {"speed_m_s": speed}, points=2048)
-    wave = (7.79e6 / (4.0 * 0.83)) ** 0.25
-    alpha = speed / (2.0 * wave * np.sqrt(0.83 / 0.676))
-    a, b, s = np.sqrt(1 + alpha**2), np.sqrt(1 - alpha**2), wave * np.abs(told["xi_m"])
-    w_0 = 3924.0 * wave / (2.0 * 7.79e6)
-    undamped = w_0 * np.exp(-b * s) / (a * b) * (a * np.cos(a * s) + b * np.sin(a * s))
-    np.testing.assert_allclose(told["displacement_m"], undamped, atol=1e-4 * w_0)
 
 
 def test_a_belt_s_own_viscosity_takes_what_25_says():

@@ -30,17 +30,6 @@ def test_several_revolutions_stand_one_after_the_other(here, capsys):
     assert {row["tangential_displacement_m"] for row in found} == {None}
 
 
-def test_ten_waves_do_not_reach_the_peak(here, capsys):
-    """P3 Fig. 3: 10 modes make 43 % of it, 100 make 99.9 %."""
-    peaks = []
-    for modes in ("10", "100", "1023"):
-        words = f"model predict ring.toml --speed 10 --surface inner --modes {modes}"
-        found = rows(capsys, words)
-        peaks.append(max(row["strain"] for row in found))
-    assert peaks[0] / peaks[2] == pytest.approx(0.43, abs=0.02)
-    assert peaks[1] / peaks[2] == pytest.approx(0.999, abs=0.005)
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -6,7 +6,7 @@ import pytest
 from tirelog.api.models import forces, revolutions
 from tirelog.errors import ModelError
 from tirelog.physics import BY_ID
-from tirelog.physics.model.from_setup import preset_model
+from tirelog.physics.model.file import preset_model
 
 DRIVEN = {
     "speed_m_s": 20.0, "load_N": 3000.0, "acceleration_m_s2": 2.0, "water_depth_mm": 1.0,

@@ -6,8 +6,8 @@ from scipy.integrate import quad
 
 from tirelog.api.models import forces, revolutions
 from tirelog.errors import ModelError
+from tirelog.physics.model.file import preset_model
 from tirelog.physics.model.forces import worn_model
-from tirelog.physics.model.from_setup import preset_model
 
 BEAM = preset_model("P2")
 R, L0 = (BEAM.values[name] for name in ("radius_m", "patch_half_length_m"))

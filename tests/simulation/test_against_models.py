@@ -11,7 +11,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from tirelog.data.recording import Conditions
-from tirelog.inference.cells.joint import model_of
+from tirelog.inference.cells.cells import model_of
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
 from tirelog.simulation.scenario.schema import BENDING_N_M2, PLANTABLE, Sensor

@@ -9,7 +9,7 @@ import tirelog
 from tests.sources import ROOT
 from tirelog.api.models import forces, predict
 from tirelog.cli import run
-from tirelog.physics.model.from_setup import preset_model
+from tirelog.physics.model.file import preset_model
 
 SAMPLES = ROOT / "sample_data"
 

@@ -37,7 +37,7 @@ from tirelog.diagnosis.propose import propose as proposing
 from tirelog.diagnosis.propose.propose import Proposal
 from tirelog.diagnosis.results import Comparison, Ladder
 from tirelog.errors import ModelError, UsageError, or_refusal
-from tirelog.inference.cells.joint import without_ratios
+from tirelog.inference.cells.cells import without_ratios
 from tirelog.inference.measured import MeasuredLogs, measured_for, motion_names
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
@@ -447,7 +447,7 @@ def propose(
 
 def _candidates(model: Model, given: Iterable[Effect]) -> list[Effect]:
     """Effects to try beside the catalogue: those given, installed ones, the model's own file's."""
-    chosen = {effect.id: effect for effect in own_effects(model.effects_file, asked=False)}
+    chosen = {effect.id: effect for effect in own_effects(model.effects_file)}
     return list((chosen | {effect.id: effect for effect in given}).values())
 
 

@@ -17,17 +17,18 @@ from tirelog.data.setup import RoadSetup, Setup
 from tirelog.errors import ModelError, UsageError, refuse_unknown
 from tirelog.physics.effects import Effect, serves
 from tirelog.physics.model import file
-from tirelog.physics.model.file import refuse_another, with_footprint
-from tirelog.physics.model.forces import StripSection, carcass_facts, force_columns, worn_model
-from tirelog.physics.model.from_setup import (
+from tirelog.physics.model.file import (
     PRESETS,
     check_conditions,
     check_model,
     known_conditions,
     known_surface,
+    refuse_another,
+    with_footprint,
     with_gauge_length,
 )
-from tirelog.physics.model.from_setup import new_model as made_model
+from tirelog.physics.model.file import new_model as made_model
+from tirelog.physics.model.forces import StripSection, carcass_facts, force_columns, worn_model
 from tirelog.physics.model.model import Model, difference_rows, parameter_rows
 from tirelog.physics.model.user_effects import catalogue_with, effect_called
 from tirelog.storage.whole import LARGEST_BYTES, bounded_input
@@ -270,7 +271,7 @@ def added(
         No such effect or parameter, or a value out of its bounds.
     """
     file = model.effects_file if effects is None else File(effects)
-    found = effect_called(effect, file, asked=effects is not None)
+    found = effect_called(effect, file)
     changed = model.with_effect(found).with_values(dict(values or {}))
     return with_gauge_length(changed, setup) if effect == "gauge_length" else changed
 

@@ -79,8 +79,7 @@ def _run(
             "the model against"
         )
     read, text = load_model(model.file), model.file.read_text("utf-8")
-    own = [] if read.effects_file is None else [_digest(read.effects_file.read_bytes())]
-    own += [f"each {model.each}"] if model.each else []
+    own = [f"each {model.each}"] if model.each else []
     key = _digest(json.dumps([[t.key for t in measured], text, __version__, _FORM, *own]).encode())
     folder = f"models/{model.file.stem}"
     waiting = [
@@ -94,7 +93,7 @@ def _run(
     from tirelog.diagnosis.diagnose import diagnose, with_groups
     from tirelog.diagnosis.ladder import ladder
 
-    candidates = own_effects(read.effects_file, asked=False)
+    candidates = own_effects()
     commands: dict[str, Callable[..., Any]] = {
         "compare": compare,
         "diagnose": partial(diagnose, effects=candidates),

@@ -271,8 +271,7 @@ EffectsFile = Annotated[
     Path | None,
     typer.Option(
         "--effects",
-        help="Python file with effects of your own. It is run; a model with such an effect "
-        "names it.",
+        help="Python file with effects of your own. It is run.",
     ),
 ]
 ChannelName = Annotated[

@@ -23,7 +23,7 @@ import numpy as np
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.candidates.assessment import least_p
 from tirelog.diagnosis.rules import QUIET_FLOORS
-from tirelog.physics.effects import BY_ID, Effect
+from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.tables.writer import document, table
 from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
@@ -455,6 +455,7 @@ def next_command(
     file = str(model.path) if model.path else "MODEL.toml"
     stem = file.removesuffix(".toml")
     file = shlex.quote(file)
+    own = f" --effects {shlex.quote(str(model.effects_file))}" if model.effects_file else ""
     # more logs than these are not spelled out in a command; twice as many make a line that few
     # terminals show whole
     given = shlex.join(logs) if len(logs) <= 12 else "LOG..."
@@ -463,22 +464,18 @@ def next_command(
     if (verdict == "unknown" or large_rest) and one_waveform:
         one = f" --channel {shlex.quote(grating)}" if grating else ""
         better = shlex.quote(f"{stem}+proposed.toml")
-        return f"tirelog propose {given} --model {file} -o {better}{one}"
+        return f"tirelog propose {given} --model {file}{own} -o {better}{one}"
     if (verdict in ("missing", "partial", "ambiguous") and selected) or beside:
         adds = []
-        own = f" --effects {shlex.quote(str(model.effects_file))}"  # the longer model remembers it
-        parts = [
-            ("add", name, own if name not in BY_ID and model.effects_file else "")
-            for name in selected
-        ]
-        parts += [("set", name, "=on") for name in beside]
-        for word, name, use in parts:
+        parts = [("add", name, name) for name in selected]
+        parts += [("set", name, f"{name}=on") for name in beside]
+        for word, name, change in parts:
             stem = f"{stem}+{name}"
             longer = shlex.quote(f"{stem}.toml")
-            adds.append(f"tirelog model {word} {file} {name}{use} -o {longer}")
+            adds.append(f"tirelog model {word} {file} {change}{own} -o {longer}")
             file = longer
-        return " && ".join([*adds, f"tirelog model fit {given} --model {file} -o {file}"])
-    compare = f"tirelog compare {given} --model {file}"
+        return " && ".join([*adds, f"tirelog model fit {given} --model {file}{own} -o {file}"])
+    compare = f"tirelog compare {given} --model {file}{own}"
     if verdict == "too_few":
-        return f"tirelog diagnose {given} MORE_LOGS --model {file}"
+        return f"tirelog diagnose {given} MORE_LOGS --model {file}{own}"
     return f"{compare} --plot residual.png" if verdict in ("unknown", "scatter") else compare

@@ -50,8 +50,8 @@ from tirelog.inference.base import (
     prepare,
     prepare_together,
 )
-from tirelog.inference.cells.cells import cells_of
-from tirelog.inference.cells.joint import (
+from tirelog.inference.cells.cells import (
+    cells_of,
     model_of,
     one_drive,
     predicted,

@@ -111,7 +111,7 @@ from tirelog.diagnosis.rules import (
     verdict_of,
 )
 from tirelog.errors import TirelogError, UsageError
-from tirelog.inference.cells.joint import one_drive
+from tirelog.inference.cells.cells import one_drive
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.stacks.cut import outlines
 from tirelog.physics.carcass.numbers import steady_carcass

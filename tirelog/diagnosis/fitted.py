@@ -34,8 +34,13 @@ from tirelog.diagnosis.obstacles import FittedMotion
 from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import ModelError, UsageError
 from tirelog.inference.base import Base, FitResult, fit_together, result_of
-from tirelog.inference.cells.cells import cells_of, with_nuisances
-from tirelog.inference.cells.joint import model_of, with_ratios, without_ratios
+from tirelog.inference.cells.cells import (
+    cells_of,
+    model_of,
+    with_nuisances,
+    with_ratios,
+    without_ratios,
+)
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.fit.cells import Fit, bounds, inequalities
 from tirelog.inference.measured import without_motion_parameters

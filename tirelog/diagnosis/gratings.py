@@ -25,9 +25,9 @@ from tirelog.diagnosis.candidates.assessment import Scores, flip_test, hats
 from tirelog.diagnosis.compare import manoeuvres_of, start_from
 from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
 from tirelog.inference.base import Base, JointBase, bases_by_observable, fit_together
-from tirelog.inference.cells.cells import cells_of
-from tirelog.inference.cells.joint import (
+from tirelog.inference.cells.cells import (
     LEVER,
+    cells_of,
     model_of,
     ratio_name,
     without_ratios,

@@ -41,7 +41,7 @@ from tirelog.diagnosis.results import Ladder, LadderStep
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base
-from tirelog.inference.cells.joint import linearised, of_all
+from tirelog.inference.cells.cells import linearised, of_all
 from tirelog.inference.metric import Normal
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model

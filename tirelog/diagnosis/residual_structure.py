@@ -42,7 +42,7 @@ from tirelog.diagnosis.results import Check, contributions
 from tirelog.diagnosis.rules import ALARM_P, ERROR_SIGMAS, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to, with_fewer_cells
-from tirelog.inference.cells.joint import model_of
+from tirelog.inference.cells.cells import model_of
 from tirelog.inference.floor import held_out_losses, held_out_losses_with, load_derivative
 from tirelog.inference.metric import RANK, Offsets, side_by_side
 from tirelog.inference.nuisances import condition_slopes

@@ -34,7 +34,7 @@ from tirelog.diagnosis.obstacles import TransientComparison
 from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
 from tirelog.errors import ModelError, UsageError, or_refusal, refuse_unknown
 from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to
-from tirelog.inference.cells.joint import model_of
+from tirelog.inference.cells.cells import model_of
 from tirelog.inference.fit.cells import NULL, errors_of
 from tirelog.inference.floor import scatter_columns
 from tirelog.inference.metric import Offsets

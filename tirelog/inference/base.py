@@ -8,7 +8,7 @@ all have the parameters.
 
 Several observables in one question (`prepare_together`) are one `JointBase`: a list of blocks, each
 in its own unit with its own metric and floor, in one fit; and their cells under each other in
-floors (`cells.joint`), so that whatever works on a Base works on it: candidates, nuisances,
+floors (`cells.cells`), so that whatever works on a Base works on it: candidates, nuisances,
 held-out losses. `bases_by_observable` gives the base of each observable at the parameters of the
 fit to all. The errors of one observable, and what is left of it, are those of its base.
 """
@@ -24,9 +24,10 @@ import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.cells.cells import Cells, SharedEffects
-from tirelog.inference.cells.joint import (
+from tirelog.inference.cells.cells import (
     LEVER,
+    Cells,
+    SharedEffects,
     at_lever,
     in_bins,
     joined_cells,
@@ -658,16 +659,12 @@ def _undetermined(names: Sequence[str], known: Errors, held: Sequence[str]) -> l
 
 
 def _correlated(names: Sequence[str], known: Errors) -> tuple[tuple[str, str, float], ...]:
-    pairs = []
     se = np.where(np.isfinite(known.se) & (known.se > 0), known.se, np.inf)
-    for i in range(len(names)):
-        for j in range(i):
-            r = float(known.covariance[i, j] / (se[i] * se[j]))
-            # correlations beyond this are named: a combination of the two is known far better than
-            # each; 3.2 times better at 0.9, and 4.5 times at 0.95
-            if abs(r) > 0.9:
-                pairs.append((names[j], names[i], r))
-    return tuple(pairs)
+    r = np.tril(known.covariance / np.outer(se, se), -1)
+    # correlations beyond this are named: a combination of the two is known far better than each;
+    # 3.2 times better at 0.9, and 4.5 times at 0.95
+    pairs = np.argwhere(np.abs(r) > 0.9)
+    return tuple((names[j], names[i], float(r[i, j])) for i, j in pairs)
 
 
 def _shared_scale(model: Model, names: Sequence[str]) -> list[str]:

@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc  # tail of F; scipy.stats takes a second to import
 
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.cells.cells import Cells
-from tirelog.inference.cells.joint import model_of, predicted
+from tirelog.inference.cells.cells import Cells, model_of, predicted
 from tirelog.inference.fit.cells import Fit, priors
 from tirelog.inference.metric import (
     RANK,

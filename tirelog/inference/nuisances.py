@@ -28,8 +28,14 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.cells.cells import Cells, SharedEffects
-from tirelog.inference.cells.joint import linearised, model_of, named, predicted
+from tirelog.inference.cells.cells import (
+    Cells,
+    SharedEffects,
+    linearised,
+    model_of,
+    named,
+    predicted,
+)
 from tirelog.inference.fit.cells import LEAST_CHANGE, Fit, free_names
 from tirelog.inference.floor import load_derivative
 from tirelog.physics.effects import BY_ID
@@ -411,19 +417,15 @@ def condition_slopes(cells: Cells, fit: Fit) -> dict[str, FloatArray]:
     """
     if cells.phi.shape[1] == 1:
         return {}
-    slopes = {"load": load_derivative(cells, fit)}
-    stiffness = [
-        name
-        for name in ("foundation_stiffness_N_m2", "radial_stiffness_N_m2")
-        if name in fit.model.parameters
-    ]
-    pressure = or_refusal(_relative_slopes)(cells, fit.model, stiffness)
-    if not isinstance(pressure, ModelError):
-        slopes["inflation pressure"] = pressure.sum(axis=-1)
-    radius = or_refusal(_moved_slope)(cells, fit.model, _RADIUS)
-    if radius is None or isinstance(radius, ModelError):
-        return slopes
-    return slopes | {"rolling radius": radius}
+    beam = "foundation_stiffness_N_m2" in fit.model.parameters
+    stiffness = "foundation_stiffness_N_m2" if beam else "radial_stiffness_N_m2"
+    pressure = or_refusal(_relative_slopes)(cells, fit.model, [stiffness])
+    found = {
+        "load": load_derivative(cells, fit),
+        "inflation pressure": None if isinstance(pressure, ModelError) else pressure[..., 0],
+        "rolling radius": or_refusal(_moved_slope)(cells, fit.model, _RADIUS),
+    }
+    return {name: x for name, x in found.items() if isinstance(x, np.ndarray)}
 
 
 def _rms(fit: Fit) -> float:

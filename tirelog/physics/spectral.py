@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
+from scipy.interpolate import BarycentricInterpolator
 
 from tirelog.errors import ModelError
 from tirelog.kernels import compiled
@@ -152,11 +153,8 @@ def interpolation_shares(nodes: FloatArray, weights: FloatArray, at: FloatArray)
 
     The barycentric formula, with the nodes' own `weights` (k,).
     """
-    apart = at[:, None] - nodes
-    exact = apart == 0.0
-    share = weights / np.where(exact, 1.0, apart)
-    share /= share.sum(axis=1, keepdims=True)
-    return np.where(exact.any(axis=1, keepdims=True), exact, share)
+    through = BarycentricInterpolator(nodes, np.eye(nodes.size), wi=weights)
+    return np.asarray(through(at), dtype=np.float64)
 
 
 def to_grid(coefficients: ComplexArray) -> FloatArray:

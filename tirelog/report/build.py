@@ -31,8 +31,7 @@ from tirelog.diagnosis.history import read_ladder
 from tirelog.diagnosis.obstacles import compare_transients
 from tirelog.diagnosis.results import Comparison, effect_curves
 from tirelog.errors import ModelError, TirelogError, UsageError, nearest, or_refusal
-from tirelog.inference.measured import TransientLog, measured_for
-from tirelog.inference.shared_samples import once_each
+from tirelog.inference.measured import TransientLog, measured_for, once_each
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.file import load_model
 from tirelog.physics.model.model import Model
@@ -209,7 +208,7 @@ def _models(
         absent = "the model against the measurement, the diagnosis (then --model M)"
         report.missing.append((absent, asked.make_model()))
         return [models.without_a_model(seen, asked, models.NO_MODEL), *ladder]
-    catalogue = catalogue_with(model.effects_file, asked=False)
+    catalogue = catalogue_with(model.effects_file)
     try:
         if not recordings:
             raise UsageError("no log was given")
@@ -265,7 +264,7 @@ def model_story(
     TirelogError if model and logs do not fit together.
     """
     logs = measured_for(recordings, model.observables, asked.channel, level=not model.ac_coupled)
-    own = own_effects(model.effects_file, asked=False)
+    own = own_effects(model.effects_file)
     colours = log_colours(r.log for r in recordings) if colours is None else colours
     compared = compare(logs.revolutions, model)
     asked_of = or_refusal(diagnose)(logs.revolutions, model, effects=own, progress=progress)

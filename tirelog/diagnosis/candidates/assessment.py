@@ -29,8 +29,7 @@ from tirelog.diagnosis.rules import (
 )
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to
-from tirelog.inference.cells.cells import Cells
-from tirelog.inference.cells.joint import embedded, lacking
+from tirelog.inference.cells.cells import Cells, embedded, lacking
 from tirelog.inference.floor import held_out_losses_with
 from tirelog.inference.metric import Offsets, per_group, side_by_side, stacked
 from tirelog.inference.nuisances import FORM

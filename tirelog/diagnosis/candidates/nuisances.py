@@ -40,8 +40,7 @@ from tirelog.inference.base import (
     bases_by_observable,
     refit,
 )
-from tirelog.inference.cells.cells import SharedEffects
-from tirelog.inference.cells.joint import joined_effects, without_ratios
+from tirelog.inference.cells.cells import SharedEffects, joined_effects, without_ratios
 from tirelog.inference.floor import held_out_losses_with, scatter_columns
 from tirelog.inference.metric import Offsets, stacked
 from tirelog.inference.nuisances import (

@@ -30,7 +30,7 @@ from tirelog.diagnosis.candidates.search import SearchResult
 from tirelog.diagnosis.rules import LIKE
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, JointBase, bases_by_observable
-from tirelog.inference.cells.joint import linearised, model_of, predicted
+from tirelog.inference.cells.cells import linearised, model_of, predicted
 from tirelog.inference.fit.cells import free_names
 from tirelog.inference.metric import Offsets, orthonormal, projected_out, stacked
 from tirelog.inference.nuisances import shared_by

@@ -28,7 +28,7 @@ from tirelog.diagnosis.candidates.assessment import (
 )
 from tirelog.diagnosis.propose.grammar import Law, laws
 from tirelog.inference.base import Base, with_fewer_cells
-from tirelog.inference.cells.joint import predicted
+from tirelog.inference.cells.cells import predicted
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric import Whitener, side_by_side, stacked
 from tirelog.physics.effects import Effect

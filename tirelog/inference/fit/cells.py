@@ -23,10 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.cells.cells import Cells
-from tirelog.inference.cells.joint import lacking, linearised, predicted
+from tirelog.inference.cells.cells import Cells, lacking, linearised, predicted
 from tirelog.inference.metric import RANK, Offsets, Whitener, projected_out, shrinkage
-from tirelog.physics.effects.form import BY_LOAD
+from tirelog.physics.effects.waveform import BY_LOAD
 from tirelog.physics.model.model import Model
 from tirelog.physics.spectral import Parameter
 from tirelog.process_pool import made_apart

@@ -117,10 +117,6 @@ class Stacks(Sequence[Stack]):
         """They are those of one of several gratings, at this angle on the wheel [rad]."""
         self._stacks = [replace(stack, place_rad=angle_rad) for stack in self._stacks]
 
-    def of_log(self, number: int) -> Iterator[Stack]:
-        """The stacks of one log, in order."""
-        return (self[i] for i, stack in enumerate(self._stacks) if stack.log[0] == number)
-
     def outlines(self) -> list[Stack]:
         """The stacks without their waveforms."""
         return list(self._stacks)
@@ -267,24 +263,14 @@ def observe_channel(recording: Recording, observable: str, name: str | None = No
 
     UsageError: there is none.
     """
-    kinds = OBSERVABLES[observable].kinds
-    found = recording.of_kind(*kinds)
-    if name is not None and name in recording.channels:
-        channel = recording.channels[name]
-        if channel.kind in kinds:
-            return channel
-        fits = ", ".join(c.name for c in found) or "none of this log"
-        raise UsageError(
-            f"channel {name} is of the kind {channel.kind}, the model predicts {observable}",
-            allowed=f"channels of the kind {' or '.join(kinds)} are allowed: {fits}",
-            do=f"name one of them, or take a model for {channel.kind}",
-            file=recording.log,
-        )
-    if name is not None or not found:
-        have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
+    kinds, channels = OBSERVABLES[observable].kinds, recording.channels
+    found = [c for c in recording.of_kind(*kinds) if name in (None, c.name)]
+    if not found:
+        have = ", ".join(f"{c.name} ({c.kind})" for c in channels.values()) or "none"
         wanted = name or f"of the observable {observable} ({' or '.join(kinds)})"
+        other = f"channel {name} is of another kind than {observable} ({' or '.join(kinds)})"
         raise UsageError(
-            f"no channel {wanted}",
+            other if name in channels else f"no channel {wanted}",
             allowed=f"the log has {have}",
             do="take a model for what is measured, or another log",
             file=recording.log,

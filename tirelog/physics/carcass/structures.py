@@ -2,10 +2,9 @@
 
     w <- w + (1 + 3 s H [w0^2 .])^-1 (H (p - s w^3) - w)
 
-Rows (conditions) differ little, so the slope is that of one of them, w0, for all or for a group of
-neighbours: a step leaves a tenth of the error or less. It couples the longest waves of w alone; the
-shorter ones, which H makes small, have its diagonal. w falls off as n^-6: an eighth of the modes
-carries it to 1e-7.
+A slope, that at w0, serves several steps: each leaves a tenth of the error or less. It couples the
+longest waves of w alone; the shorter ones, which H makes small, have its diagonal. w falls off as
+n^-6: an eighth of the modes carries it to 1e-7.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from scipy.fft import irfft, rfft
 
 from tirelog.errors import ModelError
 from tirelog.physics.spectral import MODES, ComplexArray
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray
 
 # ---- The beam on an elastic foundation under a moving load, P1 (2) and P2 (1).
 #
@@ -57,10 +56,7 @@ def refuse_supercritical(
     `hoop_N` is T - mu c^2, shape (n, 1).
     """
     if np.any(-hoop_N >= 2.0 * np.sqrt(EJ * k)):
-        tension = np.broadcast_to(
-            hoop_N + mu * speed_m_s**2, np.broadcast_shapes(hoop_N.shape, speed_m_s.shape)
-        )
-        limit = np.sqrt((2.0 * np.sqrt(EJ * k) + tension) / mu).min()
+        limit = np.sqrt((2.0 * np.sqrt(EJ * k) + hoop_N + mu * speed_m_s**2) / mu).min()
         raise ModelError(
             f"speed {float(speed_m_s.max()):.4g} m/s reaches the beam's critical speed "
             f"{float(limit):.4g} m/s",
@@ -79,17 +75,13 @@ _COUPLED = 32
 #: steps at most (then ModelError), and steps with the same slopes; twice as many steps only take
 #: longer to fail, twice as many with the same slopes take longer if rows lie far apart
 _STEPS = 80
-#: rows share a slope if theirs are within this ratio, and within its root each time that slopes
-#: are made anew: with 2 rows are off by 1.4 at most, and a step leaves at most 0.4 of the error;
-#: doubling it takes half as many slopes and more steps
-_ALIKE = 2.0
 
 
-#: what a group of rows takes for the inverse of its slope: the rows; a matrix (2 K, 2 K) that acts
-#: on real beside imaginary parts of the K longest waves; factors of the others
-Slope: TypeAlias = tuple[IntArray | slice, FloatArray, ComplexArray]
+#: what rows take for the inverse of their slopes: matrices (n, 2 K, 2 K) that act on real beside
+#: imaginary parts of the K longest waves; factors of the others
+Slopes: TypeAlias = tuple[FloatArray, ComplexArray]
 #: a deflection that was found, modes (n, all) [m], and the slopes that led to it
-Balance: TypeAlias = tuple[ComplexArray, list[Slope]]
+Balance: TypeAlias = tuple[ComplexArray, Slopes]
 
 
 def hardened_load(
@@ -109,25 +101,20 @@ def hardened_load(
     P = p[:, :_MODES]
     H = np.broadcast_to(np.asarray(compliance, np.complex128), p.shape)[:, :_MODES]
     s = np.broadcast_to(np.asarray(stiffness, dtype=np.float64), (rows, 1))
-    slopes: list[Slope] = []
-    if start is not None and start[0].shape == P.shape:
-        modes, slopes = start
-    else:
-        modes = _soft(P * H, H, s)
-    ratio = _ALIKE
+    known = start is not None and start[0].shape == P.shape
+    modes, slopes = start if start is not None and known else (_soft(P * H, H, s), None)
     for step in range(_STEPS):
         w = irfft(modes, _GRID, axis=1, norm="forward")
-        if not slopes or (step and step % 8 == 0):
+        if slopes is None or (step and step % 8 == 0):
             _refuse_giving_way(w, H, s)
-            slopes, ratio = _slopes(w, H, s, ratio), np.sqrt(ratio)
+            slopes = _slopes(w, H, s)
         reaction = s * rfft(w * w * w, axis=1, norm="forward")[:, :_MODES]
         missed = H * (P - reaction) - modes
-        change = np.empty_like(missed)
-        for rows_of, coupled, short in slopes:
-            left = missed[rows_of]
-            parts = np.hstack([left[:, :_COUPLED].real, left[:, :_COUPLED].imag]) @ coupled.T
-            long = parts[:, :_COUPLED] + 1j * parts[:, _COUPLED:]
-            change[rows_of] = np.hstack([long, left[:, _COUPLED:] * short])
+        coupled, short = slopes
+        parts = np.hstack([missed[:, :_COUPLED].real, missed[:, :_COUPLED].imag])
+        parts = (coupled @ parts[..., None])[..., 0]
+        long = parts[:, :_COUPLED] + 1j * parts[:, _COUPLED:]
+        change = np.hstack([long, missed[:, _COUPLED:] * short])
         modes, farthest = modes + change, np.max(np.abs(change))
         # a change below this share of the largest mode is the last; twice as much is as far below
         # what a log tells
@@ -164,27 +151,14 @@ def _soft(modes: ComplexArray, H: ComplexArray, s: FloatArray) -> ComplexArray:
     return np.asarray(g * modes)
 
 
-def _slopes(w: FloatArray, H: ComplexArray, s: FloatArray, ratio: float) -> list[Slope]:
-    """Slopes of groups of similar rows, each that of its middle row."""
-    steep = np.log1p(np.abs(3.0 * s * np.max(w * w, axis=1, keepdims=True) * H).max(axis=1))
-    group = np.floor((steep - steep.min()) / np.log(ratio))
-    found = []
-    for g in np.unique(group):
-        rows = np.flatnonzero(group == g)
-        i = rows[np.argsort(steep[rows], kind="stable")[rows.size // 2]]
-        every = slice(None) if rows.size == len(w) else rows
-        found.append(_slope(every, w[i], H[i], float(s[i, 0])))
-    return found
-
-
-def _slope(rows: IntArray | slice, w: FloatArray, H: ComplexArray, s: float) -> Slope:
-    """1 + 3 s H [w^2 .] of one row, inverted."""
-    square = rfft(w * w, norm="forward")
+def _slopes(w: FloatArray, H: ComplexArray, s: FloatArray) -> Slopes:
+    """1 + 3 s H [w^2 .] of each row, inverted."""
+    square = rfft(w * w, axis=1, norm="forward")
     n = np.arange(_COUPLED)
-    apart = n[:, None] - n
-    before = np.where(apart < 0, np.conj(square[np.abs(apart)]), square[np.abs(apart)])
-    after = square[n[:, None] + n] * (n > 0)  # times the conjugate modes, n < 0
-    gain = 3.0 * s * H[:_COUPLED, None]
+    apart, near = n[:, None] - n, square[:, np.abs(n[:, None] - n)]
+    before = np.where(apart < 0, np.conj(near), near)
+    after = square[:, n[:, None] + n] * (n > 0)  # times the conjugate modes, n < 0
+    gain = 3.0 * s[..., None] * H[:, :_COUPLED, None]
     same, mirrored = gain * before, gain * after
     coupled = np.block(
         [
@@ -193,8 +167,8 @@ def _slope(rows: IntArray | slice, w: FloatArray, H: ComplexArray, s: float) -> 
         ]
     )
     inverse = np.linalg.inv(np.eye(2 * _COUPLED) + coupled)
-    short = 1.0 / (1.0 + 1.5 * s * H[_COUPLED:] * np.max(w * w))
-    return rows, inverse, np.asarray(short, np.complex128)
+    short = 1.0 / (1.0 + 1.5 * s * H[:, _COUPLED:] * np.max(w * w, axis=1, keepdims=True))
+    return inverse, np.asarray(short, np.complex128)
 
 
 def _refuse_giving_way(w: FloatArray, H: ComplexArray, s: FloatArray) -> None:

@@ -10,13 +10,13 @@ import pickle
 from collections.abc import Iterable
 from typing import Any
 
-from tirelog.physics.effects import contact, form, structure, waveform
+from tirelog.physics.effects import contact, structure, waveform
 from tirelog.physics.effects.base import Drive, Effect, Site, Structure, Values, acting_on
 
 #: Every effect of the catalogue, in the contract's order: that of the chapters and of their lines.
 CATALOGUE: tuple[Effect, ...] = tuple(
     found
-    for chapter in (structure, contact, waveform, form)
+    for chapter in (structure, contact, waveform)
     for found in vars(chapter).values()
     if isinstance(found, Effect)
 )

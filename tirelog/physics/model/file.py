@@ -1,6 +1,7 @@
-"""The model file, read: TOML to Model (contract, "Model file"); `save` writes one.
+"""Models from files, from setups and from the papers' tables; `save_model` writes a file.
 
-    TOML text --`storage.schema`, the kinds below--> tables of parameters --> Model
+    TOML text (contract, "Model file") --`storage.schema`, the kinds below--> tables of parameters
+        --> Model
 
 A plain number is a fixed parameter; a table { value, min, max } is free, and carries `se` after a
 fit (and `fixed = true` if it is held although it has bounds).
@@ -8,18 +9,19 @@ fit (and `fixed = true` if it is held although it has bounds).
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path, PureWindowsPath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
-from tirelog.errors import ModelError, choices
+from tirelog.data.recording import Conditions
+from tirelog.data.setup import Setup
+from tirelog.errors import ModelError, UsageError, choices, refuse_unknown
 from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS
 from tirelog.physics.effects import BY_ID, Effect
 from tirelog.physics.model.model import (
@@ -36,12 +38,13 @@ from tirelog.physics.model.user_effects import (
     AMPLITUDE,
     EXPRESSION_ACTS_ON,
     FRAMES,
+    LARGEST,
+    MOST_NODES,
     SHAPE_ACTS_ON,
     SHAPE_KEYS,
     catalogue_with,
     effect_by_expression,
     effect_by_shape,
-    installed_effects,
 )
 from tirelog.physics.spectral import Parameter
 from tirelog.storage.schema import (
@@ -57,14 +60,15 @@ from tirelog.storage.schema import (
     Table,
     ValueKind,
     is_number,
+    numbers,
     words,
 )
 from tirelog.storage.whole import LARGEST_BYTES, toml_tables, toml_text, whole_file
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.observables import OBSERVABLES
+from tirelog.vocabulary.conditions import SETUP_KEYS
+from tirelog.vocabulary.kinds import STRAIN_KINDS
+from tirelog.vocabulary.observables import ACCELERATION, OBSERVABLES, waveform_of
 
-#: key of [model]: the Python file with the user's own effects
-EFFECTS_FILE = "effects_file"
 #: free in a new model of acceleration; a file without it holds it at its start value
 _MAY_LACK = ("width_m",)
 
@@ -152,22 +156,12 @@ def _observables(value: Any, place: FilePlace) -> tuple[str, ...]:
         raise place.moved(problem) from None
 
 
-def _is_relative(name: Any) -> bool:
-    """Whether a path starts from a folder, and not from a root or a drive."""
-    return (
-        isinstance(name, str)
-        and bool(name)
-        and not (PureWindowsPath(name).anchor or name[0] == "/")
-    )
-
-
 _OBSERVABLE = words(*OBSERVABLES)
 _HEAD = Table(
     {
         "observable": _Kind(_OBSERVABLE.allowed, _observables),
         "carcass": words(*CARCASSES),
         "contact": ANYTHING,
-        EFFECTS_FILE: ValueKind("a path that starts from the model file's folder", _is_relative),
     },
     needed=("observable", "carcass"),
 )
@@ -195,11 +189,11 @@ _BY_SHAPE = Table(
         "acts_on": words(*SHAPE_ACTS_ON),
         "frame": words(*FRAMES),
         "law": TEXT,
-        "nodes": ANYTHING,
-        "values": ANYTHING,
+        "nodes": numbers(-LARGEST, LARGEST, MOST_NODES),
+        "values": numbers(-LARGEST, LARGEST, MOST_NODES),
         "parameters": Table({AMPLITUDE.name: _number(AMPLITUDE, _OWN_NUMBER)}),
     },
-    needed=("frame",),
+    needed=("frame", "nodes", "values"),
 )
 
 
@@ -210,7 +204,7 @@ def load_model(path: str | Path, *, effects: Path | None = None) -> Model:
     """The model in the file (contract, "Model file").
 
     Its effects are ours, installed ones, and the user's own of the Python file `effects`, which is
-    run; without one of that which the model names, if the user has let it run before.
+    run.
 
     ModelError names file, line and what is allowed.
     """
@@ -230,13 +224,9 @@ def parse_model(text: str, path: Path | None = None, *, own: Path | None = None)
         raise place.error(f"is not TOML ({problem})", "see `tirelog model new`", "correct it").at(
             document.file, line
         ) from None
-    head, model = _carcass(data, place)
-    asked, folder = own is not None, path.parent if path is not None else Path()
-    own = own or (folder / head[EFFECTS_FILE] if EFFECTS_FILE in head else None)
-    catalogue = _catalogue(own, place / "model" / EFFECTS_FILE, asked=asked)
-    file = own if own is not None and own.is_file() else None
+    catalogue, model = catalogue_with(own), _carcass(data, place)
     nuisances = _nuisances(data, place)
-    model = replace(model, nuisances=nuisances, document=text, effects_file=file)
+    model = replace(model, nuisances=nuisances, document=text, effects_file=own)
     own_numbers = {p.name for p in BY_ID[FORM].parameters}
     form = {name: x for name, x in data.get(FORM, {}).items() if name in own_numbers}
     tables = [(table, place / "effects" / i) for i, table in enumerate(data.get("effects", ()))]
@@ -250,24 +240,12 @@ def parse_model(text: str, path: Path | None = None, *, own: Path | None = None)
     return model
 
 
-def _carcass(data: Mapping[str, Any], place: FilePlace) -> tuple[Mapping[str, Any], Model]:
-    """([model], the model of it with its own parameters and no effects)."""
+def _carcass(data: Mapping[str, Any], place: FilePlace) -> Model:
+    """The model of [model] with its own parameters and no effects."""
     head = _HEAD.read(data.get("model", {}), place / "model")
     numbers = data.get("parameters", {})
     model = _bare(head, numbers, place)
-    return head, replace(model, base=_base(numbers, model.base, place / "parameters"))
-
-
-def _catalogue(own: Path | None, place: FilePlace, *, asked: bool) -> Mapping[str, Effect]:
-    """All effects, with those of the user's own file."""
-    try:
-        return catalogue_with(own, asked=asked)
-    except ModelError as problem:
-        if asked or problem.line is not None:
-            raise
-        raise place.error(
-            f"{EFFECTS_FILE}: {own} {problem.what}", problem.allowed, problem.do
-        ) from None
+    return replace(model, base=_base(numbers, model.base, place / "parameters"))
 
 
 def _nuisances(data: Mapping[str, Any], place: FilePlace) -> tuple[Nuisance, ...]:
@@ -357,7 +335,7 @@ def _own_effect(table: Mapping[str, Any], place: FilePlace) -> ModelEffect:
             formula, numbers = given["expression"], tuple(parameters.values())
             effect = effect_by_expression(name, acts_on, formula, numbers)
         else:
-            law = (given["frame"], given["law"], given.get("nodes"), given.get("values"))
+            law = (given["frame"], given["law"], given["nodes"], given["values"])
             amplitude = parameters.get(AMPLITUDE.name, AMPLITUDE)
             effect = effect_by_shape(name, acts_on, *law, amplitude)
     except ModelError as problem:
@@ -426,7 +404,7 @@ def save_model(model: Model, path: str | Path) -> None:
     """
     path = Path(path)
     refuse_another(path)
-    text = as_toml(model, path.parent)
+    text = as_toml(model)
     with whole_file(path) as part:
         part.write_text(text, encoding="utf-8")
 
@@ -447,22 +425,17 @@ def refuse_another(path: Path) -> None:
     )
 
 
-def as_toml(model: Model, folder: Path | None = None) -> str:
-    """The model as TOML, in the document it was read from, if there is one.
-
-    A Python file with the user's own effects is named from `folder`, by default that of the model.
-    """
+def as_toml(model: Model) -> str:
+    """The model as TOML, in the document it was read from, if there is one."""
     document = tomlkit.parse(model.document) if model.document else tomlkit.document()
     head = document.setdefault("model", tomlkit.table())
     _set(head, "observable", list(model.observables) if model.beside else model.observable)
     _set(head, "carcass", model.carcass)
-    if model.effects_file is not None:
-        _put_effects_file(head, model, folder or (model.path or Path("model")).parent)
     numbers = document.setdefault("parameters", tomlkit.table())
     read: dict[str, Parameter] = {}
     if model.document:
         old = Document(model.document, ModelError, "a model", model.path or "model")
-        read = {p.name: p for p in _carcass(old.read(_FILE), FilePlace(old))[1].base}
+        read = {p.name: p for p in _carcass(old.read(_FILE), FilePlace(old)).base}
     if model.contact != "prescribed" and "contact" not in numbers and "contact" not in head:
         numbers["contact"] = model.contact
     for parameter in model.base:
@@ -484,16 +457,6 @@ def _set(table: Any, key: str, value: Any, remark: str = "") -> None:
     if remark and old is None:
         item.comment(remark)
     table[key] = item
-
-
-def _put_effects_file(head: Any, model: Model, folder: Path) -> None:
-    """Names the Python file with the user's own effects, if the model has one of them."""
-    known = {**BY_ID, **installed_effects()}
-    own = any(not e.source and e.id not in known for e in model.effects)
-    if model.effects_file is not None and (own or EFFECTS_FILE in head):
-        with suppress(ValueError):  # on another drive
-            name = os.path.relpath(model.effects_file.resolve(), folder.resolve())
-            _set(head, EFFECTS_FILE, Path(name).as_posix())
 
 
 def _put_effects(document: Any, model: Model) -> None:
@@ -566,11 +529,207 @@ def _put(
         "unit": None if remark else parameter.unit or None,
     }
     wanted = {key: value for key, value in wanted.items() if value is not None}
-    if not isinstance(old, dict):
-        _set(table, name, wanted, words)
-        return
-    for key in old.keys() - wanted.keys():
-        del old[key]
-    for key, value in wanted.items():
-        if key in old or key not in ("min", "max") or value != getattr(usual, key, value):
-            _set(old, key, value)
+    if isinstance(old, dict):  # usual bounds are not written
+        wanted = {
+            key: value
+            for key, value in wanted.items()
+            if key in old or key not in ("min", "max") or value != getattr(usual, key, value)
+        }
+    _set(table, name, wanted, words)
+
+
+# ---- Models from what a setup knows of the tire and the drive, and from the papers' tables.
+
+
+#: Models with the numbers of the papers' tables, in files below `presets`; each names its table and
+#: what was corrected.
+PRESETS = ("P1", "P2", "P3")
+#: numbers that are this tire's or this drive's own, so that a start value is a guess
+_OWN = ("load_N", "radius_m", "inflation_pressure_Pa", "width_m")
+
+
+def new_model(
+    carcass: str | None,
+    setup: Setup | None = None,
+    *,
+    observable: str | Sequence[str] | None = None,
+    contact: str | None = None,
+    values: Mapping[str, float | str] | None = None,
+    preset: str | None = None,
+) -> tuple[Model, list[str]]:
+    """(A model without effects, remarks on guessed values).
+
+    `values` go before what the setup knows, this before a preset's numbers, these before start
+    values.
+
+    carcass     None: the preset's, else a beam
+    observable  what the model predicts, one or several; None: the preset's, else what the setup's
+                channels measure, else strain
+    ModelError  no such carcass, observable, contact or parameter, or a pressure that is none in Pa
+    UsageError  no such preset, or one of another carcass
+    """
+    if preset is None:
+        model = Model.new(carcass or "beam", observable or measured_waveform(setup), contact)
+        printed: dict[str, float] = {}
+    else:
+        model = preset_model(preset, observable=observable, contact=contact)
+        printed = model.values
+        if carcass not in (None, model.carcass):
+            raise UsageError(
+                f"the preset {preset} is a {model.carcass}, and --carcass says {carcass}",
+                allowed="one of the two is allowed",
+                do="leave --carcass out, or --preset",
+            )
+    given = {**known_numbers(model, setup), **(values or {})}
+    model = model.with_values(given)
+    check_pressure(model.values.get("inflation_pressure_Pa"))
+    guessed = [
+        f"{name} = {model.values[name]:g}"
+        for name in _OWN
+        if name in model.parameters and name not in {**printed, **given}
+    ]
+    notes = []
+    if guessed:
+        notes.append(
+            f"neither the setup nor --set gives {', '.join(guessed)}: a guess, not this tire's; "
+            f"give it in the setup's [tire] or [conditions], or with --set NAME=VALUE"
+        )
+    if model.carcass == "beam" and ACCELERATION in model.observables:
+        notes.append(
+            "a beam does not lie flat in the patch, where an accelerometer reads nothing; "
+            "a ring does: --carcass ring"
+        )
+    return model, notes
+
+
+def preset_model(
+    name: str, *, observable: str | Sequence[str] | None = None, contact: str | None = None
+) -> Model:
+    """The model that a paper's table describes, without effects.
+
+    With another observable or contact than the paper's, the numbers that such a model has.
+
+    UsageError: no such preset.
+    """
+    refuse_unknown(name, PRESETS, f"unknown preset {name!r}", do="choose one of them")
+    printed = load_model(Path(__file__).parent / "presets" / f"{name}.toml")
+    if observable in (None, printed.observable) and contact in (None, printed.contact):
+        return printed
+    other = Model.new(printed.carcass, observable or printed.observable, contact or printed.contact)
+    return other.with_values({k: v for k, v in printed.values.items() if k in other.parameters})
+
+
+def measured_waveform(setup: Setup | None) -> str:
+    """The waveform that a setup's channels measure: radial acceleration if no channel is strain."""
+    kinds = {channel.kind for channel in setup.channels.values()} if setup is not None else set()
+    return waveform_of(kinds)
+
+
+def known_numbers(model: Model, setup: Setup | None) -> dict[str, float]:
+    """What a setup knows of a model's numbers."""
+    if setup is None:
+        return {}
+    tire, conditions = setup.tire, setup.conditions
+    static = tire.static_footprint_length_m
+    known = {
+        "radius_m": tire.rolling_radius_m or tire.unloaded_radius_m,
+        "width_m": tire.width_m,
+        "load_N": conditions.load_N,
+        "reference_load_N": conditions.load_N,
+        "inflation_pressure_Pa": conditions.inflation_pressure_Pa,
+        "reference_pressure_Pa": conditions.inflation_pressure_Pa,
+        "patch_half_length_m": None if static is None else static / 2.0,
+    }
+    return {
+        name: value
+        for name, value in known.items()
+        if value is not None and name in model.parameters
+    }
+
+
+def with_gauge_length(model: Model, setup: Setup | None) -> Model:
+    """The model with gauge_length held at the length of the setup's gratings.
+
+    Only if it has this effect and the gratings agree on one length.
+    """
+    name = "gauge_length.length_m"
+    if setup is None or name not in model.parameters:
+        return model
+    lengths = {c.gauge_length_m for c in setup.channels.values() if c.kind in STRAIN_KINDS}
+    length = lengths.pop() if len(lengths) == 1 else None
+    if length is None:
+        return model
+    return model.with_parameters({name: model.parameters[name].at(length).fixed()})
+
+
+def known_conditions(setup: Setup | None) -> dict[str, float]:
+    """What a setup says of the conditions of a whole log, by the field of `Conditions`."""
+    if setup is None:
+        return {}
+    known = {name: getattr(setup.conditions, name) for name in SETUP_KEYS}
+    return {name: value for name, value in known.items() if value is not None}
+
+
+def known_surface(setup: Setup | None) -> str | None:
+    """The surface that a setup's first strain channel is on; None: it has none."""
+    if setup is None:
+        return None
+    return next(
+        (c.surface for c in setup.channels.values() if c.kind in STRAIN_KINDS and c.surface), None
+    )
+
+
+# ---- What a tire is driven under: beyond it a number is in another unit, and is refused.
+
+#: A tire at less than this [Pa] rests on its rim, and bar, psi and kPa taken for Pa all lie below
+#: it: a fifth of it would let 1000 (kPa) pass, twice as much is 0.1 bar, which sand and snow are
+#: driven at.
+LEAST_PRESSURE_PA = 5e3
+#: Speeds [m/s] and accelerations [m/s^2] that a tire is driven at; beyond them a number is in
+#: another unit. Twice as much lets a speed in km/h pass for m/s up to 400 km/h.
+FASTEST_M_S, HARDEST_M_S2 = 200.0, 100.0
+#: least, most and unit of each condition; a time of 1e7 s is a third of a year, a change of 300 K
+#: would burn the rubber
+_DRIVEN = {
+    "speed_m_s": (0.0, FASTEST_M_S, "m/s"),
+    "acceleration_m_s2": (-HARDEST_M_S2, HARDEST_M_S2, "m/s^2"),
+    "time_s": (0.0, 1e7, "s"),
+    "temperature_K": (-300.0, 300.0, "K of change"),
+    "slip": (-1.0, 1.0, "(positive in braking)"),
+}
+
+
+def check_pressure(pressure_Pa: float | None) -> None:
+    """ModelError for an inflation pressure that is none in Pa; nothing at all (0) is allowed."""
+    if pressure_Pa is not None and not (pressure_Pa == 0.0 or pressure_Pa >= LEAST_PRESSURE_PA):
+        raise ModelError(
+            f"inflation_pressure_Pa = {pressure_Pa:g} is not a plausible pressure of a tire in Pa",
+            allowed=f"0, or {LEAST_PRESSURE_PA:g} and more, is allowed",
+            do="write it in Pa (2.2 bar is 2.2e5)",
+        )
+
+
+def check_model(model: Model) -> None:
+    """ModelError for a model whose inflation pressure is none in Pa."""
+    check_pressure(model.values.get("inflation_pressure_Pa"))
+
+
+def check_conditions(conditions: Conditions, called: Mapping[str, str] | None = None) -> None:
+    """UsageError for conditions that no tire is driven under, ModelError for such a pressure.
+
+    What is not known (NaN) passes, but for the speed. `called`: how the user gave a condition.
+    """
+    for name, (low, high, unit) in _DRIVEN.items():
+        values = np.asarray(getattr(conditions, name))
+        outside = (values < low) | (values > high)
+        if name == "speed_m_s":
+            outside |= np.isnan(values)
+        if outside.any():
+            name = (called or {}).get(name, name)
+            raise UsageError(
+                f"{name} {float(values[outside][0]):g}",
+                allowed=f"{low:g} to {high:g} {unit} is allowed",
+                do="correct it",
+            )
+    for pressure in np.unique(conditions.inflation_pressure_Pa):
+        check_pressure(None if np.isnan(pressure) else float(pressure))

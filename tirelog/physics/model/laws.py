@@ -266,14 +266,20 @@ def told_by(modes: ComplexArray) -> bool:
 _AT_ANGLES = {"strain": "strain", "radial_acceleration": "acceleration"}
 
 
+#: a grating's lever arm over the model's, of a model as one of several gratings sees it
+LEVER_RATIO = "lever_ratio"
+
+
 def lever_arm(task: Task, surface: str) -> float:
+    """The signed lever arm [m] of a grating on a surface."""
     if surface not in ("outer", "inner"):
         raise ModelError(
             f"unknown surface {surface!r}",
             allowed="allowed are outer, inner",
             do="choose one of them",
         )
-    return task.base["lever_arm_m"] if surface == "inner" else -task.base["lever_arm_m"]
+    lever = task.base["lever_arm_m"] * task.base.get(LEVER_RATIO, 1.0)
+    return lever if surface == "inner" else -lever
 
 
 #: modes (n or 1, K) and what is added to them at the angles (n or 1, m or 1) of one block; of a

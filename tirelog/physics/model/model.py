@@ -711,13 +711,10 @@ def idle_effect(effect: Effect, observable: str) -> ModelError:
     stages = f"what acts on {observable}: {', '.join(acting_on(observable))}"
     what = f"effect {effect.id!r} {why_idle(effect, observable)}"
     beside = " or ".join(other.id for other in readers(effect, observable))
-    if beside:
-        return ModelError(
-            what,
-            allowed=f"{stages}; and {', '.join(effect.acts_on)} beside {beside}",
-            do=f"add {beside} as well, or leave {effect.id} out",
-        )
-    return ModelError(what, allowed=stages, do="choose one of them, or another effect")
+    more = f"; and {', '.join(effect.acts_on)} beside {beside}" if beside else ""
+    one = f"add {beside} as well, or leave {effect.id} out"
+    do = one if beside else "choose one of them, or another effect"
+    return ModelError(what, allowed=f"{stages}{more}", do=do)
 
 
 def why_idle(effect: Effect, observable: str) -> str:
@@ -773,19 +770,11 @@ def parameter_rows(model: Model) -> dict[str, list[Any]]:
 
 def difference_rows(one: Model, other: Model) -> dict[str, list[Any]]:
     """Parameters of two models side by side; `difference_sigma` if either has a standard error."""
-    names = [*one.parameters, *(n for n in other.parameters if n not in one.parameters)]
-    rows: dict[str, list[Any]] = {
-        "parameter": names,
-        "value": [],
-        "against": [],
-        "difference_sigma": [],
-    }
-    for name in names:
-        a, b = one.parameters.get(name), other.parameters.get(name)
-        error = sum((p.se or 0.0) ** 2 for p in (a, b) if p is not None) ** 0.5
-        rows["value"].append(a.value if a else float("nan"))
-        rows["against"].append(b.value if b else float("nan"))
-        rows["difference_sigma"].append(
-            (a.value - b.value) / error if a and b and error > 0 else float("nan")
-        )
-    return rows
+    names = list(one.parameters | other.parameters)
+    pairs = [(one.parameters.get(name), other.parameters.get(name)) for name in names]
+    values = [[p.value if p else np.nan for p in pair] for pair in pairs]
+    errors = [sum((p.se or 0.0) ** 2 for p in pair if p) ** 0.5 for pair in pairs]
+    sigmas = [(a - b) / e if e > 0.0 else np.nan for (a, b), e in zip(values, errors, strict=True)]
+    value, against = zip(*values, strict=True)
+    rows = names, list(value), list(against), sigmas
+    return dict(zip(("parameter", "value", "against", "difference_sigma"), rows, strict=True))

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, Concatenate, ParamSpec, TypeVar, cast
+from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 
 import numpy as np
 
@@ -417,18 +417,15 @@ def _positive_foundation(k: FloatArray | float) -> None:
         )
 
 
-@dataclass(frozen=True)
-class Response:
+class Response(NamedTuple):
     """What the carcass makes of a unit load.
 
     Inward displacement [m^3/N... per (N/m)], and (strain per lever arm) = q^2-like curvature, of a
-    belt that does not yield in shear (l^2 [m^2]).
+    belt that does not yield in shear.
     """
 
     displacement: FloatArray | ComplexArray
     curvature: FloatArray | ComplexArray
-    cubic: FloatArray | float
-    shear: FloatArray | float
 
 
 def response(task: Task) -> Response:
@@ -438,21 +435,17 @@ def response(task: Task) -> Response:
 
 def _response(task: Task) -> Response:
     s, R = structure(task), task.base["radius_m"]
-    q2 = (np.arange(MODES) / R) ** 2
-    k = task.base[
-        "foundation_stiffness_N_m2" if task.carcass == "beam" else "radial_stiffness_N_m2"
-    ]
+    q2, Z = (np.arange(MODES) / R) ** 2, impedance(task, s)
     if task.carcass == "ring":
-        w = 1.0 / impedance(task, s)
-        return Response(w, w * (q2 - 1.0 / R**2), k * s.cubic, s.shear)
-    Z = impedance(task, s)
+        w = 1.0 / Z
+        return Response(w, w * (q2 - 1.0 / R**2))
     if s.ring == 0.0:
-        return Response(1.0 / Z, q2 / Z, k * s.cubic, s.shear)
+        return Response(1.0 / Z, q2 / Z)
     closed = closed_ring(task, Z, s)
     share = float(s.ring)
     w = (1.0 - share) / Z + share * closed
     bent = (1.0 - share) * (q2 / Z) + share * (q2 - 1.0 / R**2) * closed
-    return Response(w, bent, k * s.cubic, s.shear)
+    return Response(w, bent)
 
 
 def closed_ring(
@@ -509,7 +502,7 @@ def waveform(
     if observable == "strain":
         few, rows = distinct(task)
         modes = hardened(few) * (lever_m * response(few).curvature)
-        sheared, q = response(few).shear, np.arange(MODES) / task.base["radius_m"]
+        sheared, q = structure(few).shear, np.arange(MODES) / task.base["radius_m"]
         if np.any(sheared):  # the cross-section turns by less than the slope
             modes = modes / (1.0 + sheared * q**2)
         modes = of_rows(modes, rows)
@@ -573,14 +566,16 @@ def frame_acceleration(task: Task) -> ComplexArray:
 
 def hardened(task: Task) -> ComplexArray:
     """Modes of the load on the carcass, less what a hardened foundation takes."""
-    load, r = load_on_carcass(task), response(task)
-    if not np.any(r.cubic):
+    load, cubic = load_on_carcass(task), structure(task).cubic
+    if not np.any(cubic):
         return load
+    base = task.base
+    k = base["foundation_stiffness_N_m2" if task.carcass == "beam" else "radial_stiffness_N_m2"]
 
     def balanced() -> ComplexArray:
         # what was found last for these rows differs by a step of a fit: a quarter fewer turns
         left, task.memo["balance"] = structures.hardened_load(
-            load, r.displacement, r.cubic, task.memo.get("balance")
+            load, response(task).displacement, k * cubic, task.memo.get("balance")
         )
         return left
 

@@ -17,13 +17,9 @@ What an expression means depends on `acts_on`:
 from __future__ import annotations
 
 import ast
-import hashlib
-import os
 import traceback
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from errno import ENOENT
 from functools import partial, reduce
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -31,72 +27,18 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.errors import (
-    ModelError,
-    OutputError,
-    TirelogError,
-    nearest,
-    or_refusal,
-    refuse_unknown,
-)
+from tirelog.errors import ModelError, TirelogError, nearest, or_refusal, refuse_unknown
 from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure, Values
 from tirelog.physics.spectral import GRID, Parameter, grid_angles, to_modes
-from tirelog.storage.remote import open_input
-from tirelog.storage.whole import LARGEST_BYTES, taken_as_input, whole_file
+from tirelog.storage.whole import bounded_input
 from tirelog.vocabulary import conditions
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES
 
-# ---- Python files that the user has let run, known by the sha256 of their bytes.
-#
-# A model file may name a Python file with effects. One that a stranger sent must not run because a
-# model is opened: it runs if the user has named the same bytes at a command before, on this
-# machine.
-# They are remembered in $XDG_STATE_HOME/tirelog/let_run (else ~/.local/state), a line per file, the
-# newest last.
-
-
-#: of this process, if no list can be kept
-_now: set[str] = set()
-
-
-def let_run(content: bytes, name: str) -> None:
-    """Remember that the user has named a file of this content; `name` is for the reader."""
-    digest, known = hashlib.sha256(content).hexdigest(), may_run(content)
-    _now.add(digest)
-    if known:
-        return
-    # a list that cannot be kept: for this process only
-    with suppress(OSError, RuntimeError, OutputError):
-        place = _list()
-        place.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        place.touch(0o600)
-        lines = [*place.read_bytes().splitlines(), f"{digest}  {ascii(name)[1:-1]}".encode()]
-        with whole_file(place) as part:
-            part.write_bytes(b"\n".join([*lines, b""]))
-
-
-def may_run(content: bytes) -> bool:
-    """True if the user has named a file of just this content before."""
-    digest = hashlib.sha256(content).hexdigest()
-    if digest in _now:
-        return True
-    with suppress(OSError, RuntimeError):
-        lines = _list().read_bytes().splitlines()
-        return any(line.split(b" ")[0] == digest.encode() for line in lines)
-    return False
-
-
-def _list() -> Path:
-    """Where the list is kept.  RuntimeError: the user has no home."""
-    given = Path(os.environ.get("XDG_STATE_HOME", ""))
-    folder = given if given.is_absolute() else Path.home() / ".local" / "state"
-    return folder / "tirelog" / "let_run"
-
-
 # ---- A user's formula in a model file.
 #
-# It is parsed into a tree of allowed nodes and computed by walking it, never executed as Python.
+# It is parsed into a tree and computed by walking it, never executed as Python: at first with ones,
+# so that a node that is not allowed is refused when the formula is read.
 #
 # Allowed: numbers, names, + - * / ** %, comparisons, `and`/`or`/`not` (also & | ~), `a if c else
 # b`, and numpy's elementary functions by their plain names. Everything is computed in floating
@@ -146,7 +88,8 @@ class Expression:
         ModelError if it is not finite.
         """
         with np.errstate(all="ignore"):
-            result = np.asarray(_compute(self.tree, values), dtype=np.float64)
+            value = _value(self.tree, self.text, {**CONSTANTS, **values}, 0)
+            result = np.asarray(value, dtype=np.float64)
         if not np.isfinite(result).all():
             raise ModelError(
                 f"expression {self.text!r} is not finite everywhere",
@@ -175,15 +118,15 @@ def parse_expression(text: str, allowed: frozenset[str] | set[str]) -> Expressio
             allowed="numbers, names, operators and calls are allowed",
             do="correct it",
         ) from None
-    names: set[str] = set()
-    _check(tree, text, allowed, names, 0)
-    return Expression(text, frozenset(names), tree)
+    names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} & allowed
+    formula = Expression(text, frozenset(names), tree)
+    with np.errstate(all="ignore"):
+        _value(tree, text, dict.fromkeys(allowed, 1.0) | CONSTANTS, 0)
+    return formula
 
 
-def _check(
-    node: ast.AST, text: str, allowed: frozenset[str] | set[str], names: set[str], depth: int
-) -> None:
-    """Refuses every node that is not on the list; collects names."""
+def _value(node: ast.AST, text: str, values: Mapping[str, Any], depth: int) -> Any:
+    """The value of a part of a formula; ModelError for what may not be in one."""
     if depth > DEEPEST:
         raise ModelError(
             f"expression {text!r} is nested deeper than {DEEPEST}",
@@ -191,72 +134,49 @@ def _check(
             do="split it",
         )
     if isinstance(node, ast.Name):
-        if node.id not in allowed and node.id not in CONSTANTS:
+        if node.id not in values:
             raise ModelError(
-                f"expression {text!r} uses the name {node.id!r}{nearest(node.id, allowed)}",
-                allowed=f"allowed here are {', '.join(sorted(allowed))}, pi, e and the functions "
+                f"expression {text!r} uses the name {node.id!r}{nearest(node.id, values)}",
+                allowed=f"allowed here are {', '.join(sorted(values))} and the functions "
                 f"{', '.join(FUNCTIONS)}",
                 do="use one of them",
             )
-        names.add(node.id)
-        return
-    _refuse_other_node(node, text)
-    for part in _operands(node):
-        _check(part, text, allowed, names, depth + 1)
-
-
-def _operands(node: ast.AST) -> list[ast.expr]:
-    """The operands of a node, in their order."""
-    parts = node.args if isinstance(node, ast.Call) else ast.iter_child_nodes(node)
-    return [part for part in parts if isinstance(part, ast.expr)]
-
-
-def _refuse_other_node(node: ast.AST, text: str) -> None:
-    """ModelError for any other node than numbers, operators, comparisons, choices, calls."""
-    called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
+        return values[node.id]
     number = node.value if isinstance(node, ast.Constant) else None
+    if isinstance(number, int | float) and type(number) is not bool and abs(number) < 1e300:
+        return number
+    call = node if isinstance(node, ast.Call) and not node.keywords else None
+    called = call.func.id if call is not None and isinstance(call.func, ast.Name) else ""
     operators = node.ops if isinstance(node, ast.Compare) else [getattr(node, "op", None)]
-    good = (
-        isinstance(node, ast.IfExp)
-        or (isinstance(number, int | float) and type(number) is not bool and abs(number) < 1e300)
-        or (isinstance(node, ast.Call) and called in FUNCTIONS and not node.keywords)
-        or all(type(operator) in _OPERATORS for operator in operators)
-    )
-    if not good:
-        what = called or type(node).__name__
+    known = called in FUNCTIONS or all(type(operator) in _OPERATORS for operator in operators)
+    if not known and not isinstance(node, ast.IfExp):
         raise ModelError(
-            f"expression {text!r} uses {what}, which is not allowed",
+            f"expression {text!r} uses {called or type(node).__name__}, which is not allowed",
             allowed="allowed are finite numbers, names, + - * / ** %, comparisons, and/or/not, a "
             f"if c else b, and the functions {', '.join(FUNCTIONS)}",
             do="write it with these",
         )
     # a starred argument is refused as a node of its own
-    if isinstance(node, ast.Call) and len(node.args) not in ARGUMENTS[called]:
+    parts = ast.iter_child_nodes(node) if call is None else call.args
+    if call is not None and len(call.args) not in ARGUMENTS[called]:
         many = " or ".join(map(str, ARGUMENTS[called]))
         raise ModelError(
-            f"expression {text!r} gives {called}() {len(node.args)} arguments",
+            f"expression {text!r} gives {called}() {len(call.args)} arguments",
             allowed=f"allowed are {many}",
             do="correct it",
         )
-
-
-def _compute(node: Any, values: Mapping[str, Any]) -> Any:
-    """The value of a part that `_check` let through."""
-    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
-        return node.value
-    if isinstance(node, ast.Name):
-        return values[node.id] if node.id in values else CONSTANTS[node.id]
-    terms = [np.asarray(_compute(part, values), dtype=np.float64) for part in _operands(node)]
+    operands = [
+        _value(part, text, values, depth + 1) for part in parts if isinstance(part, ast.expr)
+    ]
+    terms = [np.asarray(operand, dtype=np.float64) for operand in operands]
     if isinstance(node, ast.Compare):
         pairs = zip(node.ops, terms, terms[1:])
         return reduce(np.logical_and, (_OPERATORS[type(op)](a, b) for op, a, b in pairs))
     if isinstance(node, ast.BoolOp):
         return reduce(_OPERATORS[type(node.op)], terms)
-    if isinstance(node, ast.Call):
-        return FUNCTIONS[getattr(node.func, "id", "")](*terms)
     if isinstance(node, ast.BinOp | ast.UnaryOp):
         return _OPERATORS[type(node.op)](*terms)
-    return np.where(*terms)
+    return FUNCTIONS[called](*terms) if called else np.where(*terms)
 
 
 # ---- An effect by a formula.
@@ -384,53 +304,27 @@ def _strength(formula: Expression | Shape, parameters: tuple[Parameter, ...]) ->
     return names
 
 
-def effects_of_file(path: Path, *, asked: bool = True) -> dict[str, Effect]:
+def effects_of_file(path: Path) -> dict[str, Effect]:
     """The effects that a Python file defines: every module-level `Effect`.
 
-    The file is the user's own and is executed. If only a model file names it, the user must have
-    run the same bytes before.
+    The file is the user's own and is executed: no file that somebody else may have written names
+    it.
     """
-    code = _code(path, asked)
+    try:
+        code = bounded_input(path)
+    except (OSError, ValueError) as problem:
+        raise ModelError(
+            f"cannot be read ({getattr(problem, 'strerror', None) or problem})",
+            allowed="a Python file with effects is allowed",
+            do="give its path",
+            file=path,
+        ) from None
     namespace: dict[str, Any] = {"__name__": f"tirelog_effects_{path.stem}", "__file__": str(path)}
     try:
         exec(compile(code, str(path), "exec"), namespace)
     except (Exception, SystemExit) as problem:
         raise _failed(problem, path) from problem
     return _collected([value for value in namespace.values() if isinstance(value, Effect)], path)
-
-
-def _code(path: Path, asked: bool) -> bytes:
-    """The file's content, which may run.  ModelError: it cannot be read, or may not."""
-    try:
-        if not asked and not path.is_file():  # a model file names no device and no pipe
-            raise FileNotFoundError(ENOENT, "no such file")
-        with open_input(path) as stream:
-            code = stream.read(LARGEST_BYTES + 1)
-    except (OSError, ValueError) as problem:  # ValueError: a NUL in the name
-        raise ModelError(
-            f"cannot be read ({getattr(problem, 'strerror', None) or problem})",
-            allowed="a Python file with effects is allowed",
-            do="give its path" if asked else "bring it there, or give its path with --effects",
-            file=path,
-        ) from None
-    if len(code) > LARGEST_BYTES:
-        raise ModelError(
-            f"is larger than {LARGEST_BYTES >> 20} MB",
-            allowed="a Python file with effects is allowed",
-            do="leave its data in a file beside it",
-            file=path,
-        )
-    if asked:
-        let_run(code, str(path))
-    elif not may_run(code):
-        raise ModelError(
-            "is Python that you have not let run on this machine, or that has changed since",
-            allowed="a model file may name it, but only you can let it run",
-            do=f"read it, then give --effects {path} once",
-            file=path,
-        )
-    taken_as_input(path)
-    return code
 
 
 def _failed(problem: BaseException, path: object, what: str = "") -> ModelError:
@@ -487,29 +381,26 @@ def installed_effects() -> dict[str, Effect]:
     return found
 
 
-def catalogue_with(path: Path | None = None, *, asked: bool = True) -> Mapping[str, Effect]:
+def catalogue_with(path: Path | None = None) -> Mapping[str, Effect]:
     """The whole catalogue of effects by id.
 
-    Our own, installed packages', and those of the Python file at `path`, `asked` as for
-    `effects_of_file`.
+    Our own, installed packages', and those of the Python file at `path`.
     """
-    own = effects_of_file(path, asked=asked) if path else {}
-    return {**BY_ID, **installed_effects(), **own}
+    return {**BY_ID, **installed_effects(), **(effects_of_file(path) if path else {})}
 
 
-def effect_called(name: str, path: Path | None = None, *, asked: bool = True) -> Effect:
+def effect_called(name: str, path: Path | None = None) -> Effect:
     """The effect of this name in the whole catalogue.  ModelError: there is none."""
-    catalogue = catalogue_with(path, asked=asked)
+    catalogue = catalogue_with(path)
     refuse_unknown(
         name, catalogue, f"unknown effect {name!r}", do="list: `tirelog effects`", error=ModelError
     )
     return catalogue[name]
 
 
-def own_effects(path: Path | None = None, *, asked: bool = True) -> list[Effect]:
+def own_effects(path: Path | None = None) -> list[Effect]:
     """Effects that are candidates beside our own: installed packages' and those of a file."""
-    catalogue = catalogue_with(path, asked=asked)
-    return [effect for name, effect in catalogue.items() if name not in BY_ID]
+    return [effect for name, effect in catalogue_with(path).items() if name not in BY_ID]
 
 
 def _collected(effects: list[Any], origin: object) -> dict[str, Effect]:
@@ -645,8 +536,8 @@ def effect_by_shape(
     acts_on: str,
     frame: str,
     law: str,
-    nodes: Any,
-    values: Any,
+    nodes: Sequence[float],
+    values: Sequence[float],
     amplitude: Parameter = AMPLITUDE,
 ) -> Effect:
     """The effect of a measured shape: `values` at ascending `nodes`, two lists of numbers.
@@ -662,7 +553,7 @@ def effect_by_shape(
             allowed=[f"{n} ({' '.join(f.acts_on)})" for n, f in (allowed or FRAMES).items()],
             do="choose one",
         )
-    at, heights = _numbers(name, "nodes", nodes), _numbers(name, "values", values)
+    at, heights = (np.asarray(given, dtype=np.float64) for given in (nodes, values))
     if at.size != heights.size or not 2 <= at.size <= MOST_NODES or np.any(np.diff(at) <= 0.0):
         raise ModelError(
             f"effect {name!r}: {at.size} nodes and {heights.size} values do not make a shape",
@@ -681,18 +572,3 @@ def effect_by_shape(
         acts_on == "contact_pressure",
     )
     return effect_by_formula(name, acts_on, formula, (amplitude,))
-
-
-def _numbers(name: str, key: str, given: Any) -> FloatArray:
-    """A list of finite numbers as an array.  ModelError: it is something else."""
-    good = isinstance(given, list | tuple | np.ndarray) and len(given) <= MOST_NODES
-    good = good and all(
-        isinstance(x, int | float) and not isinstance(x, bool) and abs(x) <= LARGEST for x in given
-    )
-    if not good:
-        raise ModelError(
-            f"effect {name!r}: {key} are not a list of numbers",
-            allowed=f"up to {MOST_NODES} finite numbers are allowed",
-            do="correct them",
-        )
-    return np.asarray(given, dtype=np.float64)

@@ -68,10 +68,8 @@ def places(
 def press(
     s: FloatArray, z: FloatArray, height: FloatArray, slope: FloatArray, was: Records,
     bristles: FloatArray, start: int, nodes: int, k_t: float, c_x: float, mu: float, now: float,
-) -> tuple[FloatArray, FloatArray, float, float, float]:  # fmt: skip
-    """Forces (j,) [N/m] of the road on nodes, along it and upwards, and energies per length [J/m].
-
-    The energies are those of springs and bristles, and what sliding took.
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Forces (j,) [N/m] of the road on nodes, along it and upwards.
 
     was (M,) of SEEN, of the call before or earlier; bristles (M,) [m]; k_t, c_x [N/m^2]. A
     node that came down since the last call has slid for a part of the way; one that was not looked
@@ -79,14 +77,12 @@ def press(
     """
     size = s.size
     f_s, f_z = np.zeros(size), np.zeros(size)
-    sprung = clung = lost = 0.0
     for i in range(size):
         j = (start + i) % nodes
         gap, steep = height[i] - z[i], slope[i]
         before, seen = bristles[j], was[j]["call"] == now - 1.0
         bristles[j] = 0.0
         if gap > 0.0:
-            sprung += 0.5 * k_t * gap * gap
             f_s[i], f_z[i] = k_t * gap * steep, k_t * gap
         if mu > 0.0 and c_x > 0.0:
             long = np.sqrt(1.0 + steep * steep)
@@ -104,14 +100,12 @@ def press(
                 before = 0.0
             free = before + slid
             held = min(max(free, -limit), limit)
-            lost += 0.5 * c_x * (before + held) * (free - held)
-            clung += 0.5 * c_x * held * held
             bristles[j] = held
             f_s[i] -= c_x * held / long
             f_z[i] += c_x * held * steep / long
         node = was[j]
         node["s_m"], node["z_m"], node["depth_m"], node["call"] = s[i], z[i], gap, now
-    return f_s, f_z, sprung, clung, lost
+    return f_s, f_z
 
 
 @compiled
@@ -157,28 +151,22 @@ _TOP_EVERY_M = 0.05
 class RoadForces:
     """What the road does to the tire, totals and modes.
 
-    force [N] as s + i z; torque [N m] that turns the ring, sum f . r'; modes E_n (N - 1,) [N/m];
-    energy [J] of the tread's springs (bristles included).
+    force [N] as s + i z; torque [N m] that turns the ring, sum f . r'; modes E_n (N - 1,) [N/m].
     """
 
     force: complex
     torque: float
     modes: ComplexArray
-    energy: float
 
 
 @dataclass
 class Tread:
-    """The tread of a coupled ring on a road; holds the bristles' deflections (M,) between steps.
-
-    `lost` [J] sums what sliding takes.
-    """
+    """The tread of a coupled ring on a road; holds the bristles' deflections (M,) between steps."""
 
     tire: CoupledRing
     road: RoadProfile
     nodes: int = 1536
     bristles: FloatArray = field(init=False)
-    lost: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
         theta = 2.0 * np.pi * np.arange(self.nodes) / self.nodes
@@ -216,7 +204,7 @@ class Tread:
         )
         height, slope = self.road.profile(-s)
         self._now += 1
-        f_s, f_z, sprung, clung, lost = press(
+        f_s, f_z = press(
             s,
             z,
             height,
@@ -230,7 +218,6 @@ class Tread:
             tire.mu,
             self._now,
         )
-        self.lost += self._pitch * lost
         if phi.size and ((phi[0] <= -FAR and f_z[0] != 0.0) or (phi[-1] >= FAR and f_z[-1] != 0.0)):
             raise ModelError(
                 f"the road reaches the tire beyond {FAR:g} rad to either side",
@@ -241,8 +228,7 @@ class Tread:
         real, imag = modes_of(*self._by_node, start, f_t, f_r, n, self.nodes)
         total = complex(f_s.sum(), f_z.sum()) * self._pitch
         torque = self._pitch * float(tire.R * f_t.sum() + np.sum(f_r * bend))
-        energy = self._pitch * (sprung + clung)
-        return RoadForces(total, torque, turn.conj() * (real + 1j * imag), energy)
+        return RoadForces(total, torque, turn.conj() * (real + 1j * imag))
 
     def _near(self, centre: complex, psi: float) -> tuple[int, FloatArray]:
         """First of the stretch of nodes that may touch, and their angles from the patch centre."""

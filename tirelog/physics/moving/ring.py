@@ -1,6 +1,6 @@
 """The coupled rigid and flexible ring (P3, last section, with the errata).
 
-Its equations of motion and its energy.
+Its equations of motion.
 
 Frame: s along the passing of tread material through the patch, z up, both at rest in space; the
 tire drives towards -s. An angle phi on the ring counts from the patch centre in the direction of
@@ -193,21 +193,11 @@ class CoupledRing(RingCarcass):
         belt = np.sqrt(self.Z_n[-1] / self.m_n[-1] + (self.modes * speed_m_s / self.R) ** 2)
         return float(min(1.0 / contact, 2.4 / belt))
 
-    # ---- energy ----------------------------------------------------------------------------------
+    # ---- momentum --------------------------------------------------------------------------------
 
     def gyroscopic_momentum(self, V: ComplexArray, rate: ComplexArray) -> float:
         """The belt's angular momentum P [kg m^2/s] beside the rigid one."""
         return 4.0 * np.pi * self.R * float(np.vdot(V, self.gamma_n * rate).imag)
-
-    def belt_energy(self, V: ComplexArray, rate: ComplexArray, omega: float) -> float:
-        """Kinetic and elastic energy of the flexible modes [J]."""
-        still = (
-            2.0
-            * np.pi
-            * self.R
-            * float(np.sum(self.m_n * np.abs(rate) ** 2 + self.Z_n * np.abs(V) ** 2))
-        )
-        return still + omega * self.gyroscopic_momentum(V, rate)
 
     def belt_drag(self, V: ComplexArray, rate: ComplexArray, omega: float) -> float:
         """Torque [N m] of the belt's damping on the spin."""

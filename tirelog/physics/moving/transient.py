@@ -434,7 +434,7 @@ def passage_columns(transient: Transient, sensors_deg: list[float], surface: str
 # touch and leave give the force a kink which no order of the step smooths.
 
 #: a motion's columns of numbers: forces of the road on the tire, s backwards, and of the sidewall
-#: on the hub, spin, place, energy; and of complex ones, s + i z: velocities of hub and ring
+#: on the hub, spin, place; and of complex ones, s + i z: velocities of hub and ring
 _NUMBERS = (
     "time_s",
     "force_s_N",
@@ -444,7 +444,6 @@ _NUMBERS = (
     "omega_rad_s",
     "psi_rad",
     "hub_z_m",
-    "energy_J",
 )
 _RATES = ("hub_rate", "centre_rate")
 
@@ -510,7 +509,6 @@ class Stepper:
         self.tread = Tread(tire, course.road, nodes)
         self.time_s = 0.0
         speed = abs(state.omega) * tire.R
-        tire.check_speed(speed)
         self.tread.road.check_climbable(tire.R)
         if not 0.0 < step_s <= tire.largest_step_s(speed):
             raise ModelError(
@@ -632,25 +630,6 @@ class Stepper:
 
     # ---- what there is to see --------------------------------------------------------------------
 
-    def energy(self) -> float:
-        """Kinetic and elastic energy [J] of tire, hub and tread, without the load's potential."""
-        s, tire = self.state, self.tire
-        rigid = (
-            tire.m_r * abs(s.centre_rate) ** 2
-            + tire.m_h * abs(s.hub_rate) ** 2
-            + tire.k_s * abs(s.centre - s.hub) ** 2
-        )
-        spin = (
-            tire.J_r * s.omega**2
-            + tire.J_h * s.omega_hub**2
-            + tire.k_theta * (s.psi - s.psi_hub) ** 2
-        )
-        return (
-            0.5 * (rigid + spin)
-            + tire.belt_energy(s.V, s.V_rate, s.omega)
-            + self.road_forces.energy
-        )
-
     def spindle(self) -> complex:
         """Force [N] of the sidewall on the hub, along s and (imaginary) z."""
         s, tire = self.state, self.tire
@@ -676,7 +655,7 @@ def stepped_motion(stepper: Stepper, duration_s: float, *, every: int = 10) -> A
                 allowed="displacements below half of the radius are allowed",
                 do="lower the load, the obstacle or the step",
             )
-        hub = (s.omega, s.psi, s.hub.imag, stepper.energy(), s.hub_rate, s.centre_rate)
+        hub = (s.omega, s.psi, s.hub.imag, s.hub_rate, s.centre_rate)
         forces = (force.real, force.imag, spindle.real, spindle.imag)
         rows.append((stepper.time_s, *forces, *hub, s.V, s.V_rate))
     waves = [(name, "c16", stepper.tire.n.size) for name in ("V", "V_rate")]
