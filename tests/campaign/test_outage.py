@@ -16,20 +16,13 @@ from tests.cli.conftest import pulse_rows
 from tirelog.campaign import runner
 from tirelog.campaign.ledger import Ledger
 from tirelog.cli import run
-from tirelog.errors import ReadError
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 
 
-#: what a store says that goes while a log is read, whatever its own exceptions are
-GONE = "SlowDown"
-
-
 def refusing(what):
     def refused(*_, **__):
-        if isinstance(what, int):
-            raise OSError(what, os.strerror(what))
-        raise ReadError(f"cannot be reached ({what})") from ConnectionError()
+        raise OSError(what, os.strerror(what))
 
     return refused
 
@@ -42,7 +35,7 @@ def states(manifest):
     return list(pd.read_csv(manifest.parent / "results" / "summary.csv")["status"])
 
 
-@pytest.mark.parametrize("what", [errno.EIO, errno.EMFILE, errno.ENOSPC, errno.ETIMEDOUT, GONE])
+@pytest.mark.parametrize("what", [errno.EIO, errno.EMFILE, errno.ENOSPC, errno.ETIMEDOUT])
 def test_what_the_machine_refuses_stays_open_and_is_tried_again(tmp_path, monkeypatch, what, capfd):
     manifest = make_campaign(tmp_path, logs=2, seconds=0.5)
     with monkeypatch.context() as broken:

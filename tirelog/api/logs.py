@@ -29,7 +29,6 @@ from tirelog.inference.shared_samples import fingerprint
 from tirelog.runs.ingest import IngestSummary, is_file, open_recording, write_run
 from tirelog.runs.ingest import channel_rows as channels
 from tirelog.runs.store import changed_columns, is_run, open_run
-from tirelog.storage.remote import address
 from tirelog.storage.whole import refuse_inputs, whole_file
 
 if TYPE_CHECKING:
@@ -129,7 +128,7 @@ def opened_run(run: Path, log: Path) -> AbstractContextManager[Recording]:
 
 def described(log: str) -> bool:
     """True for a log with a setup beside it, and for a run, which has its own."""
-    if log == "-" or address(log):
+    if log == "-":
         return False
     return setup_beside(log) is not None or (is_file(log) and is_run(log))
 

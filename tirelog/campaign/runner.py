@@ -32,7 +32,6 @@ from tirelog.data.recording import Recording
 from tirelog.errors import (
     ExitStatus,
     OutputError,
-    ReadError,
     TirelogError,
     UsageError,
     is_outside_log,
@@ -194,8 +193,8 @@ def _keep_pieces(recording: Recording, task: LogTask, entry: Entry) -> None:
         entry.pieces[observable] = ""
 
 
-#: so many logs in a row that fail for a reason outside of them end the run: a store that is gone
-#: would be asked for every log, 8 s each
+#: so many logs in a row that fail for a reason outside of them end the run: a disk that is gone
+#: would be asked for every log
 _MOST_IN_A_ROW = 5
 
 
@@ -246,8 +245,6 @@ def _task(
         digest = ledger.sha256(log.log)
     except OSError as error:
         problem, unreached = f"cannot be read ({error.strerror})", is_outside_log(error)
-    except ReadError as error:
-        problem, unreached = error.message, is_outside_log(error)
     tables = {name: dict(options) for name, options in campaign.tables.items()}
     key = key_of(digest, text + problem, _with_contents(tables, ledger), __version__)
     return replace(

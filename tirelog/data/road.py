@@ -19,9 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from tirelog.errors import ModelError
-from tirelog.storage.remote import open_input
 from tirelog.storage.schema import Record
-from tirelog.storage.whole import taken_as_input
+from tirelog.storage.whole import open_input, taken_as_input
 from tirelog.vocabulary.arrays import FloatArray
 
 #: Steepest slope [m/m] of a ramp. Twice as steep asks for nodes half as far apart to see a ramp as

@@ -41,8 +41,7 @@ from tirelog.errors import (
 )
 from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure, Values
 from tirelog.physics.spectral import GRID, Parameter, grid_angles, to_modes
-from tirelog.storage.remote import open_input
-from tirelog.storage.whole import LARGEST_BYTES, taken_as_input, whole_file
+from tirelog.storage.whole import LARGEST_BYTES, open_input, taken_as_input, whole_file
 from tirelog.vocabulary import conditions
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES
