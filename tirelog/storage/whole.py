@@ -203,15 +203,16 @@ def temporary_folder() -> Iterator[Path]:
 
 
 #: the beginning of an address; a `Path` keeps one of the two slashes
-_ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+:/{1,2}[^/]|file:/", re.IGNORECASE)
+_ADDRESS = re.compile(r"(file:(?=/)|[a-z][a-z0-9+.-]+:(?=/{1,2}[^/]))", re.IGNORECASE)
 _PIPED_IN = "pipe it, as in: aws s3 cp s3://bucket/log.csv - | tirelog speed - --setup SETUP"
 
 
 def refuse_address(path: Path | str, do: str = "write it here and copy it then") -> None:
     """UsageError if `path` is an address such as s3://bucket/log.csv, and what to `do` then."""
-    if _ADDRESS.match(str(path)):
-        url = re.sub(r":/+", "://", str(path), count=1)
-        raise UsageError("is an address", allowed="allowed is a path", do=do, file=url)
+    if address := _ADDRESS.match(str(path)):  # what follows may hold a password
+        raise UsageError(
+            "is an address", allowed="allowed is a path", do=do, file=address[1] + "//..."
+        )
 
 
 def open_input(path: Path | str) -> BinaryIO:
