@@ -160,7 +160,7 @@ def simulate(
     """Write a log with known truth: LOG, LOG.truth.json and its setup.
 
     A scenario's truth is "beam" or "ring", steady at every instant, or "coupled_ring", a tire that
-    moves: over the [road], under [[load_steps]], through all [[manoeuvres]] (segments).
+    moves: over the [road], through all [[manoeuvres]] (segments).
     sample_data/README.md explains the keys.
     """
     session = Session(quiet=quiet)

@@ -27,7 +27,6 @@ from tirelog.data.setup import LogConditions, parse_setup
 from tirelog.errors import UsageError
 from tirelog.simulation.scenario.schema import SOURCE_UNITS, Scenario, TrueConditions
 from tirelog.simulation.sensors.sampling import (
-    coupled,
     flanks,
     in_source_units,
     moments_of,
@@ -80,7 +79,7 @@ def simulate(scenario: Scenario) -> Simulated:
     drive = drive_of(true, streams[0])
     length = float(drive.distance_at(drive.time_s[-1]))
     roughness = roughness_of(true, length, streams[1])
-    stamps, moments = moments_of(true, streams[2])
+    stamps, moments = moments_of(true)
     if scenario.truth == "coupled_ring":
         from tirelog.simulation.rolling.world import (
             RolledWorld,  # brings the compiler
@@ -99,7 +98,7 @@ def simulate(scenario: Scenario) -> Simulated:
         time, values = moments[name], clean.get(name)
         if values is None:
             values = vehicle_values(world, sensor, time, tables.get(name))
-        told = in_source_units(world, sensor, time, coupled(sensor, values))
+        told = in_source_units(world, sensor, time, values)
         if sensor.road_noise:  # an acceleration of the road's height, that is passed at v
             share = (world.drive.speed_at(time) / 20.0) ** 2
             told = told + sensor.road_noise * share * random.standard_normal(time.size)
