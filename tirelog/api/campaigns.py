@@ -158,8 +158,7 @@ def run_campaign(
     Raises
     ------
     UsageError, ReadError
-        As `campaign_status`; another run holds the output folder; five logs in a row fail for a
-        reason outside of them.
+        As `campaign_status`; another run holds the output folder.
     OutputError
         The output cannot be written.
     """

@@ -101,22 +101,22 @@ def jit(source: FunctionType, files: Collection[Path]) -> Any:
     """
     from numba import njit
 
-    notice_compiling()
     try:
         made = njit(cache=True, error_model="numpy", nogil=True)(source)
     except RuntimeError:  # no folder that could hold the cache: compiled anew in each process
+        notice_compiling()
         return njit(error_model="numpy", nogil=True)(source)
-    if made.stats.cache_path is not None:
-        # the cache's index of the kernel is removed if it is older than a file it was made from
-        code, python = source.__code__, sys.version_info
-        name = (
-            f"{Path(code.co_filename).stem}.{source.__qualname__}-{code.co_firstlineno}"
-            f".py{python.major}{python.minor}{getattr(sys, 'abiflags', '')}"
-        )
-        index = Path(made.stats.cache_path) / f"{name}.nbi"
-        with suppress(OSError):  # there is none, or another process was faster
-            if index.stat().st_mtime <= max(file.stat().st_mtime for file in files):
-                index.unlink()
+    # the cache's index of the kernel is removed if it is older than a file it was made from
+    code, python = source.__code__, sys.version_info
+    name = (
+        f"{Path(code.co_filename).stem}.{source.__qualname__}-{code.co_firstlineno}"
+        f".py{python.major}{python.minor}{getattr(sys, 'abiflags', '')}"
+    )
+    index = Path(made.stats.cache_path) / f"{name}.nbi"
+    edited = max(file.stat().st_mtime for file in files)
+    if not index.exists() or index.stat().st_mtime <= edited:
+        notice_compiling()
+        index.unlink(missing_ok=True)
     return made
 
 

@@ -114,21 +114,11 @@ def _machine() -> str:
 def _started(pid: int) -> int | None:
     """When the process began [ticks since the machine did], None if it has ended, 0 if unknown."""
     try:
-        state, *others = (
-            Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()
-        )
-        return None if state in "ZX" else int(others[18])
-    except (OSError, ValueError, IndexError):
-        pass
-    if sys.platform == "win32":  # there a signal 0 would end the process
-        return 0
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return None
-    except (OSError, OverflowError):
-        pass
-    return 0
+        text = Path(f"/proc/{pid}/stat").read_text(errors="replace")
+    except OSError:
+        return None if os.path.exists("/proc/self/stat") else 0
+    state, *others = text.rpartition(")")[2].split()
+    return None if state in "ZX" else int(others[18])
 
 
 def _owner() -> str:

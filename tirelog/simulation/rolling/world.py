@@ -620,30 +620,14 @@ def moving(world: RolledWorld) -> dict[str, Any]:
 
 
 def _obstacles(world: RolledWorld) -> list[dict[str, float | None]]:
-    """Each cleat or step, as it was met."""
+    """Each cleat or step that the axle passed over, and when."""
     road = world.scenario.road
     if road.kind not in ("step", "cleat"):
         return []
     driven = float(world.distance(np.array([world.scenario.duration_s]))[0])
-    return [_met(world, float(place)) for place in begins(road, driven) if place < driven]
-
-
-def _met(world: RolledWorld, place_m: float) -> dict[str, float | None]:
-    """Times of an obstacle's first touch, passing of the axle and end; largest force."""
-    motion, road = world.motion, world.scenario.road
-    corner = world.profile.corner_m
-    length = float((road.length_m or 0.0) if road.kind == "cleat" else corner[1] - corner[0])
     way = world.distance(world.time_s)
-    met = (way - motion.entry_m > place_m) & (way - motion.exit_m < place_m + length)
-    rows = np.flatnonzero(met)
-    over = way[-1] > place_m > way[0]
-    out: dict[str, float | None] = {
-        "position_m": place_m,
-        "touched_s": float(world.time_s[rows[0]]) if rows.size else None,
-        "under_axle_s": float(np.interp(place_m, way, world.time_s)) if over else None,
-        "left_s": float(world.time_s[rows[-1]])
-        if rows.size and rows[-1] < world.time_s.size - 1
-        else None,
-        "largest_force_N": float(motion.force_z_N[rows].max()) if rows.size else None,
-    }
-    return {key: value if value is None else float(f"{value:.10g}") for key, value in out.items()}
+    places = [float(place) for place in begins(road, driven) if place < driven]
+    return [
+        {"position_m": place, "under_axle_s": float(np.interp(place, way, world.time_s))}
+        for place in places
+    ]
