@@ -7,7 +7,6 @@ written; a named tuple's its class and the kinds of its parts.
 from __future__ import annotations
 
 import json
-import os
 import sys
 from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
@@ -43,8 +42,6 @@ MODULE = "_built"
 EXTENSION = PACKAGE / "kernels" / f"{MODULE}{max(EXTENSION_SUFFIXES, key=len)}"
 #: names of its functions, and hashes of its sources
 TABLE = PACKAGE / "kernels" / f"{MODULE}.json"
-#: names a file to which calls that the extension has no function for are written, line by line
-RECORD = "TIRELOG_RECORD_KERNELS"
 
 
 def function(kernel: str, kinds: str) -> Callable[..., Any] | None:
@@ -240,12 +237,7 @@ class Kernel:
         return self.py_func.__qualname__
 
     def _found(self, kinds: tuple[Kind, ...]) -> Callable[..., Any]:
-        text = spelled(kinds)
-        there = function(self.name, text)
-        record = os.environ.get(RECORD)
-        if there is None and record:  # a call that the extension has no function for
-            with open(record, "a", encoding="utf-8") as file:
-                file.write(f"{json.dumps([self.name, text])}\n")
+        there = function(self.name, spelled(kinds))
         return self.jitted if there is None else there
 
     @property
