@@ -42,11 +42,11 @@ def test_profile_files(tmp_path):
     assert height == pytest.approx([0.0, 0.005, 0.005, 0.0])
     assert slope == pytest.approx([0.0, 0.01, -0.01, 0.0])
     path.write_text("0, 0\n1, bump\n")
-    with pytest.raises(ModelError, match=r"road\.txt:2: .*not a point of a road profile"):
+    with pytest.raises(ModelError, match=r"road\.txt: .*cannot be read"):
         load_road(path)
     for text in ("0 0\n0 1\n", "0 0\n", ""):
         path.write_text(text)
-        with pytest.raises(ModelError, match=r"road\.txt: .*do not grow"):
+        with pytest.raises(ModelError, match=r"road\.txt: .*whose distances grow"):
             load_road(path)
     path.write_bytes(b"\xff\xfe\x00")
     for file in (path, tmp_path / "none.txt"):

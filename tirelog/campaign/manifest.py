@@ -28,6 +28,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import json
 import math
 import re
 from collections.abc import Iterable, Mapping
@@ -78,7 +79,6 @@ class LogTask:
     key: str = ""
     tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     output: str = ""
-    temporary: str = ""
     observables: tuple[str, ...] = ()
     unreached: bool = False
 
@@ -297,9 +297,7 @@ def _with_conditions(setup: Setup, row: _Row) -> Setup:
     """
     known = {k: v for k, v in dataclasses.asdict(setup.conditions).items() if v is not None}
     known |= row.conditions
-    lines = [
-        f"{k} = {str(v).lower() if isinstance(v, bool) else repr(v)}" for k, v in known.items()
-    ]
+    lines = [f"{k} = {json.dumps(v)}" for k, v in known.items()]
     outside = re.sub(r"(?ms)^\s*\[conditions\].*?(?=^\s*\[|\Z)", "", setup.text)
     text = outside.rstrip() + "\n\n[conditions]\n" + "\n".join(lines) + "\n"
     try:

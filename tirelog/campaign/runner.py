@@ -64,7 +64,8 @@ def make_tables(task: LogTask) -> Entry:
     try:
         if task.problem:
             raise UsageError(task.problem, file=task.log)
-        tempfile.tempdir = task.temporary if Path(task.temporary).is_dir() else None
+        temporary = Folder(task.output).temporary
+        tempfile.tempdir = str(temporary) if temporary.is_dir() else None
         with open_recording(task.log, task.setup) as recording:
             entry.remarks += recording.remarks
             suited = {
@@ -220,7 +221,6 @@ def _task(
         key=key,
         tables=tables,
         output=ledger.folder.root,
-        temporary=str(ledger.folder.temporary),
         observables=observables,
         unreached=unreached,
     )

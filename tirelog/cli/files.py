@@ -186,10 +186,6 @@ def info(
     output: options.Output = None,
     format: options.Format = None,
     quiet: options.Quiet = False,
-    verify: Annotated[
-        bool,
-        typer.Option("--verify", help="Read runs whole and check the sha256 of their samples."),
-    ] = False,
 ) -> None:
     """Channels of logs or runs: rates, durations, gaps, losses, repairs, setup.
 
@@ -210,12 +206,6 @@ def info(
                 pages.print_summary(recording)
         else:
             session.write("info", map(api.logs.channels, recordings))
-        for log in logs if verify else ():
-            for name in api.logs.changed(log):
-                session.lost(
-                    f"{log}: {name} has changed since it was written (sha256); copy the run "
-                    "again, or ingest the log again"
-                )
 
 
 # ---- `tirelog NAME LOG...` for a table of `vocabulary.tables`, as its entry says.

@@ -153,12 +153,6 @@ _CONDITION_KEYS = tuple(
 )
 
 
-def _toml(value: object) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return f'"{value}"' if isinstance(value, str) else repr(value)
-
-
 def setup_text(scenario: Scenario, sources: dict[str, str], time: str | None = None) -> str:
     """The setup file of a scenario's log, with a test engineer's knowledge.
 
@@ -166,19 +160,19 @@ def setup_text(scenario: Scenario, sources: dict[str, str], time: str | None = N
     """
     lines = ["[tire]"]
     lines += [
-        f"{key} = {_toml(value)}"
+        f"{key} = {json.dumps(value)}"
         for key in _TIRE_KEYS
         if (value := getattr(scenario.tire, key)) is not None
     ]
     lines += ["", "[conditions]"]
-    lines += [f"{key} = {_toml(getattr(scenario.conditions, key))}" for key in _CONDITION_KEYS]
+    lines += [f"{key} = {json.dumps(getattr(scenario.conditions, key))}" for key in _CONDITION_KEYS]
     if scenario.road.kind != "flat":
         # the place of the obstacle is for the log to show
         road = {key: getattr(scenario.road, key) for key in _ROAD_KEYS}
         lines += [
             "",
             "[road]",
-            *(f"{key} = {_toml(value)}" for key, value in road.items() if value is not None),
+            *(f"{key} = {json.dumps(value)}" for key, value in road.items() if value is not None),
         ]
     several = sum(sensor.kind in STRAIN_KINDS for sensor in scenario.channels.values()) > 1
     for name, sensor in scenario.channels.items():
@@ -187,7 +181,9 @@ def setup_text(scenario: Scenario, sources: dict[str, str], time: str | None = N
         known = {key: getattr(sensor, key) for key in _CHANNEL_KEYS.get(sensor.kind, ())}
         known |= {"gauge_length_m": sensor.gauge_length_m or None}
         known |= {"lateral_m": sensor.lateral_m or None}
-        lines += [f"{key} = {_toml(value)}" for key, value in known.items() if value is not None]
+        lines += [
+            f"{key} = {json.dumps(value)}" for key, value in known.items() if value is not None
+        ]
         if several and sensor.kind in STRAIN_KINDS:  # of one nobody asks where it is
             lines.append(f"angle_deg = {sensor.angle_deg!r}")
     if time is not None:
