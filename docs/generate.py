@@ -344,7 +344,6 @@ SCENARIO_TABLES: Mapping[str, type] = {
     "[conditions]": schema.TrueConditions,
     "[vehicle]": schema.Vehicle,
     "[road]": schema.Road,
-    "[[load_steps]]": schema.LoadStep,
     "[ramp]": schema.Ramp,
 }
 NUISANCE_TABLES: Mapping[str, type] = {

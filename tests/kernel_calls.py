@@ -2,11 +2,14 @@
 
 `calls` runs the commands once in a process and keeps the first and the last call of each kernel for
 each kind of arguments, as they were handed over.
+
+    python -m tests.kernel_calls       add them to those that are compiled ahead
 """
 
 from __future__ import annotations
 
 import gzip
+import json
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -23,6 +26,7 @@ from tests.simulation.rolls import belt, orders, rolling, strain_rider
 from tests.wheel.phase_truth import Drive, Encoder, Tread, write_hdf5
 from tirelog import cli
 from tirelog.inference.stacks.hum import along_rises
+from tirelog.kernels.build import CALLS
 from tirelog.kernels.dispatch import Kernel, kind_of, spelled
 from tirelog.physics.spectral import MODES, Angles
 from tirelog.readers.text.kernels import rounded
@@ -161,3 +165,13 @@ def call_the_rest() -> None:
     turning, left = np.exp(1j * rng.normal(size=(6, 9))), rng.uniform(size=(6, 9))
     weighted, weight, first = *rng.uniform(size=(2, 4, 9)), np.array([0, 1, 3, 4])
     along_rises(turning, left, first, weighted, weight, np.zeros(4, complex))
+
+
+if __name__ == "__main__":
+    ahead = json.loads(CALLS.read_text(encoding="utf-8"))
+    for kernel, kinds in calls():
+        of_kernel = ahead.setdefault(kernel, [])
+        of_kernel += [told for told in [json.loads(kinds)] if told not in of_kernel]
+    rows = {name: ",\n  ".join(map(json.dumps, told)) for name, told in sorted(ahead.items())}
+    text = ",\n".join(f"{json.dumps(name)}: [\n  {told}\n]" for name, told in rows.items())
+    CALLS.write_text(f"{{\n{text}\n}}\n", encoding="utf-8")

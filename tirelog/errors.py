@@ -15,7 +15,6 @@ from __future__ import annotations
 import difflib
 import errno
 import os
-import re
 from collections.abc import Callable, Collection, Iterable
 from enum import IntEnum
 from functools import wraps
@@ -23,23 +22,6 @@ from typing import ParamSpec, Self, TypeVar
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
-_USER = re.compile(r"\b([A-Za-z][A-Za-z0-9+.-]+:/{1,2})[^\s/?#]*@")
-_QUERY = re.compile(
-    r"\b([A-Za-z][A-Za-z0-9+.-]+:/{1,2}[^\s?#]*)\?((?:[^\s'\"<>:;,]|[:;,](?!\s|$))+)"
-)
-
-
-def without_credentials(text: str) -> str:
-    """`text` whose addresses have no user, password or values of a query: these may be secrets."""
-    text = _USER.sub(r"\1", text)
-    return _QUERY.sub(
-        lambda found: f"{found[1]}?{re.sub('(=|^)[^&=]+(?=&|$)', _starred, found[2])}", text
-    )
-
-
-def _starred(found: re.Match[str]) -> str:
-    return f"{found[1]}***"
-
 
 #: errors of the system that say nothing of the log they were met at, and what to do
 OUTSIDE_LOG = {
@@ -92,12 +74,11 @@ class ExitStatus(IntEnum):
 
 
 def printable(text: str) -> str:
-    """`text` as one line without control characters and credentials.
+    """`text` as one line without control characters.
 
     Names in a log may hold line ends, escape sequences and marks that turn the direction of
-    writing: they are shown as `\\x1b`, `\\n`. Addresses lose what may be a secret.
+    writing: they are shown as `\\x1b`, `\\n`.
     """
-    text = without_credentials(text)
     return (
         text if text.isprintable() else "".join(c if c.isprintable() else _escaped(c) for c in text)
     )
@@ -131,7 +112,7 @@ class TirelogError(Exception):
         clause = (
             allowed if isinstance(allowed, str) else f"allowed are {', '.join(allowed) or 'none'}"
         )
-        what, self.allowed, self.do = (without_credentials(part) for part in (what, clause, do))
+        self.allowed, self.do = clause, do
         self.what = what if clause or do else what.split(";")[0]
         self.message = "; ".join(part for part in (what, self.allowed, self.do) if part)
         self.file, self.line = file, line

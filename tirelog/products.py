@@ -151,53 +151,45 @@ def tables_of(
     """The `wanted` tables (keys of MAKERS, with their options), part by part.
 
     A table's parts are in the order of the channels, whatever the number of `workers`, and the same
-    to the bit. `refused_first` finds the passages of all channels before the first part. A log that
-    is refused for one of its channels then leaves no rows on a stream, and its channels are read
-    once more. With `processes` the workers are processes where they can be, and parts come without
-    what they were `found` in; else one channel is worked on after the other.
+    to the bit. With `refused_first` the first part comes when all are made, so that a log that is
+    refused for one of its channels leaves no rows on a stream. With `processes` the workers are
+    processes where they can be, and parts come without what they were `found` in; else one channel
+    is worked on after the other.
 
     UsageError: the recording lacks what a table is made of, or an option is none.
     """
     checked(wanted)
+    made = _tables(recording, wanted, workers, processes)
+    yield from list(made) if refused_first else made
+
+
+def _tables(
+    recording: Recording, wanted: Mapping[str, Options], workers: int, processes: bool
+) -> Iterator[Part]:
+    """The tables that are made channel by channel, then those of the log as a whole."""
     of_channels = {
         name: options
         for name, options in wanted.items()
         if MAKERS[name].of_channel and MAKERS[name].by_channel(recording, options)
     }
     if of_channels:
-        yield from _channel_tables(recording, of_channels, workers, refused_first, processes)
+        yield from _channel_tables(recording, of_channels, workers, processes)
     for name, options in wanted.items():
         whole = MAKERS[name].whole
         if name not in of_channels and whole is not None:
-            parts = whole(recording, options)
-            yield from list(parts) if refused_first else parts
+            yield from whole(recording, options)
 
 
 def _channel_tables(
-    recording: Recording,
-    wanted: Mapping[str, Options],
-    workers: int,
-    refused_first: bool,
-    processes: bool,
+    recording: Recording, wanted: Mapping[str, Options], workers: int, processes: bool
 ) -> Iterator[Part]:
     """The tables that are made channel by channel, each channel's passages found once."""
     from tirelog.strain.speed import not_turning, radius_remarks, speed_channels, strain_channels
 
     only_speed = set(wanted) == {"speed"}
-    stored = speed_channels(recording) if only_speed else strain_channels(recording)
-    found: list[Passages | None] = [None] * len(stored)
-    if refused_first:
-        from tirelog.runs.in_memory import without_spikes
-        from tirelog.strain.passages.find import passages_of
-
-        if not only_speed and len(stored) == 1:
-            stored = [without_spikes(stored[0])]  # gone through once more
-        found = [passages_of(recording, channel) for channel in stored]
-        if not only_speed and not any(len(passages) for passages in found if passages is not None):
-            raise not_turning(recording)
+    channels = speed_channels(recording) if only_speed else strain_channels(recording)
     turned = False
     told: set[tuple[str, str]] = set()
-    channels = list(zip(stored, found, strict=True))
     with closing(_by_channel(recording, wanted, channels, workers, processes)) as of_channels:
         for parts, turns in of_channels:
             turned |= turns
@@ -219,16 +211,16 @@ def _channel_tables(
 def _by_channel(
     recording: Recording,
     wanted: Mapping[str, Options],
-    channels: Sequence[tuple[Channel, Passages | None]],
+    channels: Sequence[Channel],
     workers: int,
     processes: bool,
 ) -> Generator[tuple[list[Part], bool]]:
-    """(tables, whether it has passages) of each channel, in order; with passages, if known.
+    """(tables, whether it has passages) of each channel, in order.
 
     With `processes` they are shared by the workers where they can be, and parts come without what
     they were `found` in, which no pipe carries.
     """
-    at_hand = all(channel.at_hand for channel, _ in channels)  # processes can read it side by side
+    at_hand = all(channel.at_hand for channel in channels)  # processes can read it side by side
     make = _maker(recording, wanted, channels)
     if not (processes and len(channels) > 1 and workers > 1 and POSSIBLE and at_hand):
         yield from map(make, range(len(channels)))
@@ -244,9 +236,7 @@ def _by_channel(
 
 
 def _maker(
-    recording: Recording,
-    wanted: Mapping[str, Options],
-    channels: Sequence[tuple[Channel, Passages | None]],
+    recording: Recording, wanted: Mapping[str, Options], channels: Sequence[Channel]
 ) -> Callable[[int], tuple[list[Part], bool]]:
     """What makes the tables of a channel by its number.
 
@@ -257,12 +247,8 @@ def _maker(
     from tirelog.strain.passages.find import passages_of
 
     def work_on(number: int, like: EdgeForm | None = None) -> Work:
-        stored, passages = channels[number]
-        only_passages = passages is not None and set(wanted) == {"speed"}
-        channel = stored if only_passages else without_spikes(stored)
-        if passages is None:
-            passages = passages_of(recording, channel)
-        settled = None
+        channel = without_spikes(channels[number])
+        passages, settled = passages_of(recording, channel), None
         if "footprint" in wanted and not passages.doubt:
             from tirelog.strain.footprint.footprint import choose_form
 

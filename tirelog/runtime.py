@@ -170,23 +170,8 @@ def noticed_wait(text: str) -> Iterator[None]:
 
 @cache
 def notice_compiling() -> None:
-    """Give a notice when the first kernel begins to be compiled; imports numba."""
-    from numba.core import event
-
-    class Compiling(event.Listener):
-        """Called by numba for each kernel that it compiles, and not for one in its cache."""
-
-        heard = False
-
-        def on_start(self, event: object) -> None:
-            if not self.heard:
-                self.heard = True
-                notice(
-                    "compiling kernels, which takes half a minute and is kept for later commands; "
-                    "a C compiler at the installation avoids it"
-                )
-
-        def on_end(self, event: object) -> None:
-            pass
-
-    event.register("numba:compile", Compiling())
+    """Give a notice, once, that kernels are compiled now."""
+    notice(
+        "compiling kernels, which takes half a minute and is kept for later commands; a C compiler "
+        "at the installation avoids it"
+    )

@@ -16,7 +16,6 @@ import psutil
 from tirelog.campaign.ledger import Entry, Folder
 from tirelog.campaign.manifest import LogTask
 from tirelog.campaign.runner import make_tables
-from tirelog.storage import remote
 from tirelog.storage.whole import whole_file
 
 #: a busy machine may take so long [s] for what takes one second
@@ -38,12 +37,6 @@ def waited_for(event: Callable[[], bool]) -> bool:
 # ---- what a worker does instead of `make_tables` -------------------------------------------------
 
 
-def patient(task: LogTask) -> Entry:
-    """A worker's task, when the store that it asks may be slow."""
-    remote.ANSWER_S = PATIENCE_S
-    return make_tables(task)
-
-
 def gated(task: LogTask) -> Entry:
     """A worker's task, begun once there is a ticket in the gate's folder for it."""
     gate = Path(os.environ[_GATE])
@@ -53,7 +46,7 @@ def gated(task: LogTask) -> Entry:
                 ticket.rename(gate / f"used_{task.name}")
             except FileNotFoundError:  # another worker was quicker
                 continue
-            return patient(task)
+            return make_tables(task)
         time.sleep(0.01)
 
 
@@ -71,7 +64,7 @@ def dying_on_the_first(task: LogTask) -> Entry:
     if task.name.endswith("run_0.csv"):
         os.kill(os.getpid(), signal.SIGKILL)
     time.sleep(0.5)  # a neighbour is at work whenever the first one's worker dies
-    return patient(task)
+    return make_tables(task)
 
 
 # ---- the campaign --------------------------------------------------------------------------------
@@ -79,10 +72,8 @@ def dying_on_the_first(task: LogTask) -> Entry:
 _PROGRAM = """
 import sys
 from tests.campaign import processes
-from tirelog.storage import remote
 from tirelog.campaign import runner
 from tirelog.cli import main
-remote.ANSWER_S = processes.PATIENCE_S
 runner.make_tables = getattr(processes, sys.argv.pop(1))
 main()
 """

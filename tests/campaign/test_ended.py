@@ -9,7 +9,7 @@ import pytest
 from tests.campaign.conftest import dataset, make_campaign
 from tests.campaign.processes import PATIENCE_S, alive, begun, children, kill_all, stuck, waited_for
 from tests.processes import python
-from tirelog.campaign.ledger import Folder, _half_written
+from tirelog.campaign.ledger import Folder
 from tirelog.cli import run
 
 LINUX = pytest.mark.skipif(
@@ -71,23 +71,6 @@ def test_files_of_other_programs_stay(tmp_path):
         path.write_text("not a campaign's")
     assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
     assert [path.read_text() for path in others] == ["not a campaign's"] * 4
-
-
-def test_in_a_store_only_own_names_are_swept():
-    own = [
-        ".summary.csv.part",
-        "table=speed/log=a/.part.parquet.part",
-        ".tirelog/done/.a.json.part",
-        "models/beam/.page.json.part",
-    ]
-    others = [
-        ".notes.part",
-        "other/.download.part",
-        "table=speed/log=a/.mine.part",
-        "models/.beam.toml.part",
-        "part.parquet",
-    ]
-    assert [_half_written(name) for name in own + others] == [True] * 4 + [False] * 5
 
 
 @pytest.mark.usefixtures("in_this_process")

@@ -140,8 +140,8 @@ def test_credentials_are_in_no_message(folder, tirelog):
     outcome = tirelog(
         "speed 'nosuch://me:s3cr3t@host/a.csv?X-Amz-Signature=s3cr3t' --setup log.toml"
     )
-    assert outcome.status in (2, 4)
-    assert "nosuch://host/a.csv?X-Amz-Signature=***" in outcome.err
+    assert outcome.status == 2
+    assert "nosuch://...: is an address" in outcome.err
     assert "s3cr3t" not in outcome.err + outcome.out
 
 

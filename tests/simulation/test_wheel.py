@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from tirelog.simulation import scenario_of, simulate
-from tirelog.simulation.scenario.schema import Sensor
-from tirelog.simulation.sensors.sampling import coupled, phase_shift, tread_angle
+from tirelog.simulation.sensors.sampling import phase_shift, tread_angle
 
 from .worlds import scenario, tables, world
 
@@ -100,16 +99,6 @@ def test_a_driven_wheel_turns_faster_than_it_rolls_by_the_force_over_the_slip_st
     assert ratio[inside] == pytest.approx(expected[inside], abs=3e-4)
 
 
-def test_missing_and_extra_teeth():
-    plain, missing, extra = (
-        rising(simulate(scenario_of(encoder(**more))).channels["e"] - 1e-9).size
-        for more in ({}, {"missing_teeth": [7]}, {"extra_teeth": [11]})
-    )
-    turns = plain / 48
-    assert plain - missing == pytest.approx(turns, abs=1.5)
-    assert extra - plain == pytest.approx(turns, abs=1.5)
-
-
 def test_square_and_counter_say_the_same_angle():
     square = simulate(scenario_of(encoder(signal="square"))).channels["e"]
     assert set(np.unique(square)) == {0.0, 1.0}
@@ -200,19 +189,3 @@ def test_other_forms_of_what_moves_the_phase():
     assert lengths[0] == pytest.approx(0.058 * 0.8**-0.3)
     assert lengths[1] == pytest.approx(lengths[0], rel=0.03)
     assert lengths[1] != lengths[0]
-
-
-def test_an_ac_coupled_instrument_forgets_the_level_and_keeps_what_is_quick():
-    """From rest a step decays by the time constant; a sine far above the cut comes through."""
-    rate, cut = 10_000.0, 2.0
-    time = np.arange(0.0, 3.0, 1.0 / rate)
-    sensor = Sensor("radial_acceleration", sampling_rate_Hz=rate, coupling_Hz=cut)
-    step = np.where(time < 1.0, -150.0, -250.0)
-    seen = coupled(sensor, step)
-    assert np.abs(seen[time < 1.0]).max() < 1e-9
-    late = time >= 1.0
-    decay = -100.0 * np.exp(-2.0 * np.pi * cut * (time[late] - 1.0))
-    assert np.abs(seen[late] - decay).max() < 0.2
-    wave = np.sin(2.0 * np.pi * 300.0 * time)
-    assert np.abs(coupled(sensor, wave) - wave).max() < 3.0 * cut / 300.0
-    assert coupled(Sensor("radial_acceleration"), wave) is wave

@@ -64,7 +64,6 @@ def of_logs(*logs):
     ("new", "old", "words"),
     [
         ("here/a.csv.gz", "there/a.csv.gz", "file name"),
-        ("s3://bucket/a.csv.gz", "a.csv.gz", "file name"),
         ("here/a.h5", "there/a.csv.gz", "file name without its suffixes"),
     ],
 )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path as File
 from typing import Any
@@ -12,7 +12,6 @@ from tirelog.api.logs import Path
 from tirelog.campaign.ledger import Entry, Folder, Ledger
 from tirelog.campaign.manifest import Campaign, LogTask, load_manifest
 from tirelog.campaign.runner import plan_tasks, run_tasks, strangers, to_do, write_summary
-from tirelog.errors import OutputError, UsageError, is_outside_log
 
 __all__ = [
     "CampaignOutcome",
@@ -110,18 +109,6 @@ def _campaign(manifest: Path) -> tuple[Campaign, Ledger]:
     return campaign, Ledger(Folder(campaign.output))
 
 
-@contextmanager
-def _with_summary(campaign: Campaign, ledger: Ledger) -> Iterator[None]:
-    """Write the summary also if the run ends for a reason outside of the logs."""
-    try:
-        yield
-    except UsageError as problem:
-        if is_outside_log(problem):
-            with suppress(OutputError):  # as gone as what the problem is of
-                write_summary(campaign, ledger)
-        raise
-
-
 def run_campaign(
     manifest: Path,
     *,
@@ -158,14 +145,13 @@ def run_campaign(
     Raises
     ------
     UsageError, ReadError
-        As `campaign_status`; another run holds the output folder; five logs in a row fail for a
-        reason outside of them.
+        As `campaign_status`; another run holds the output folder.
     OutputError
         The output cannot be written.
     """
     campaign, ledger = _campaign(manifest)
     failed: list[str] = []
-    with ledger.folder.held(), _with_summary(campaign, ledger):
+    with ledger.folder.held():
         tasks = plan_tasks(campaign, ledger, only=only)
         ledger.save_hashes()
         left = to_do(tasks, ledger, retry_failed=retry_failed)

@@ -28,8 +28,7 @@ from tirelog.errors import UsageError
 from tirelog.inference.measured import fingerprint
 from tirelog.runs.ingest import IngestSummary, is_file, open_recording, write_run
 from tirelog.runs.ingest import channel_rows as channels
-from tirelog.runs.store import changed_columns, is_run, open_run
-from tirelog.storage.remote import address
+from tirelog.runs.store import is_run, open_run
 from tirelog.storage.whole import refuse_inputs, whole_file
 
 if TYPE_CHECKING:
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Contents", "FoundSeries", "Logs", "OpenLog", "Path", "SetupCheck", "SetupLike", "as_logs",
-    "as_read", "as_setup", "changed", "channels", "check_setup", "contents", "contents_rows",
+    "as_read", "as_setup", "channels", "check_setup", "contents", "contents_rows",
     "described", "draft_setup", "drafted", "each_log", "ingest", "load_setup", "open_log",
     "open_recording", "opened_run", "samples_hash", "simulate", "simulated_log",
 ]  # fmt: skip
@@ -129,7 +128,7 @@ def opened_run(run: Path, log: Path) -> AbstractContextManager[Recording]:
 
 def described(log: str) -> bool:
     """True for a log with a setup beside it, and for a run, which has its own."""
-    if log == "-" or address(log):
+    if log == "-":
         return False
     return setup_beside(log) is not None or (is_file(log) and is_run(log))
 
@@ -162,12 +161,6 @@ def ingest(log: Path, output: Path, setup: SetupLike | None = None) -> IngestSum
         As `open_log`.
     """
     return write_run(os.fspath(log), as_setup(setup), File(output))
-
-
-def changed(log: Path) -> list[str]:
-    """The columns of a run that are not what was written, by their sha256; none of another log."""
-    name = os.fspath(log)
-    return changed_columns(name) if is_file(name) and is_run(name) else []
 
 
 def load_setup(path: Path) -> Setup:

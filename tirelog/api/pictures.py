@@ -25,8 +25,7 @@ from tirelog.data.recording import Recording
 from tirelog.diagnosis.history import read_ladder
 from tirelog.errors import TirelogError, UsageError, refuse_unknown
 from tirelog.runs.ingest import is_file
-from tirelog.storage.remote import open_input
-from tirelog.storage.whole import LARGEST_BYTES, bounded_input, json_value, toml_role
+from tirelog.storage.whole import LARGEST_BYTES, bounded_input, json_value, open_input, toml_role
 from tirelog.vocabulary.columns import COLUMNS
 from tirelog.vocabulary.tables import LOG_PICTURES, LOG_TABLES, STRETCH, LogTable
 

@@ -1,7 +1,7 @@
 """A test campaign in one command: every log, every table, resumable.
 
     manifest.toml --manifest--> Campaign (logs with setups and conditions, tables with options,
-                                models), logs and output here or elsewhere
+                                models)
         --folder------> the output folder: files by name, whole or not there; held by one run at a
                         time
         --plan------> one Task per log, with a key made of bytes, setup, options and version
@@ -15,5 +15,5 @@
 Results are a hive-partitioned Parquet dataset. A part appears whole or not at all, and a task's
 ledger entry is written after its parts: what a kill leaves is either done or done again, to the
 same bytes (nothing in the parts depends on clock or order). One run at a time per output folder:
-the lock is held by the kernel for the process. At an address there is none.
+the lock is held by the kernel for the process.
 """

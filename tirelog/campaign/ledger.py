@@ -5,26 +5,20 @@ change.
 
 In output/.tirelog:
 
-    hashes.json                      log -> [what changes with its bytes (size, time, a store's
-                                     tag), sha256]
+    hashes.json                      log -> [size, time of the last change, sha256]
     done/<name>.json                 Entry of a log
     means/<observable>/<name>.npz    what models need of a log, if the manifest has models
-    tmp/                             temporary runs of the workers (elsewhere if the output is at
-                                     an address); emptied when a run begins
+    tmp/                             temporary runs of the workers; emptied when a run begins
 
-The output folder itself is one of this machine or at an address, its files known by their name
-relative to it, '/' between the parts:
+The files of the output folder are known by their name relative to it, '/' between the parts:
 
     name -> `read`, `write` (whole or not at all), `remove`, `names` (what is there), `held` (this
             run's alone)
 
 What a campaign knows of a file is whether it is there; what it may rely on is that it is whole:
-`whole_file` sees to it here, and a store, which shows whole objects or is given another name first
-(`remote`). Workers' temporary runs are in a folder of this machine. What a kill has left there, or
-half written beside one of the campaign's files, the next run removes, and nothing else.
-
-On this machine the folder is locked while a run works. No store has locks that end with a process:
-one run at a time is the user's to see to there.
+`whole_file` sees to it. What a kill has left among the temporary runs, or half written beside one
+of the campaign's files, the next run removes, and nothing else. The folder is locked while a run
+works.
 """
 
 from __future__ import annotations
@@ -36,9 +30,8 @@ import os
 import re
 import shutil
 import sys
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
@@ -50,21 +43,11 @@ import numpy as np
 from tirelog.data.recording import Conditions
 from tirelog.errors import UsageError
 from tirelog.inference.cells.pieces import Pieces
-from tirelog.storage.remote import (
-    PART,
-    address,
-    list_remote,
-    open_input,
-    read_remote,
-    read_several,
-    remove_remote,
-    state_of,
-    write_remote,
-)
 from tirelog.storage.whole import (
     failed_writes,
     json_of,
     json_value,
+    open_input,
     whole_file,
     whole_name,
 )
@@ -112,76 +95,46 @@ def swept(temporary: Path) -> None:
 
 
 class Folder:
-    """A campaign's output folder, on this machine or at an address; files by their names in it.
+    """A campaign's output folder; its files are known by their names in it.
 
-    `root`: its path or address; `path`: the path, None at an address; `temporary`: a folder of this
-    machine for the workers' temporary runs.
+    `temporary`: the folder for the workers' temporary runs.
     """
 
     def __init__(self, place: str | Path) -> None:
-        url = address(place)
-        here = url is None or url.startswith("file://")
-        self.path = Path(url.removeprefix("file:/") if url else place) if here else None
-        if self.path is not None:
-            self.root, self.temporary = str(self.path), self.path / HIDDEN / "tmp"
-            return
-        self.root = str(url).rstrip("/")
-        user = os.getuid() if hasattr(os, "getuid") else 0
-        digest = hashlib.sha256(self.root.encode()).hexdigest()[:16]
-        # always the same one, so that the next run sweeps what a kill left
-        self.temporary = Path(tempfile.gettempdir()) / f"tirelog-campaign-{user}-{digest}"
+        self.path = Path(place)
+        self.root, self.temporary = str(place), self.path / HIDDEN / "tmp"
 
     @contextmanager
     def held(self) -> Iterator[None]:
         """The folder for this process alone, swept of what a kill may have left.
 
-        On this machine a lock says so, at an address nobody looks for another run. UsageError:
-        another run has it.
+        UsageError: another run has it.
         """
-        with nullcontext() if self.path is None else _locked(self.path):
+        with _locked(self.path):
             self._sweep()
             try:
                 yield
             finally:
-                swept(self.temporary)
-                if self.path is None:
-                    self.temporary.rmdir()
-                else:
-                    self._sweep()  # a worker that died has left what it was writing
+                self._sweep()  # a worker that died has left what it was writing
 
     def _sweep(self) -> None:
         swept(self.temporary)
-        self.remove([name for name in self.names() if _half_written(name)])
+        self.remove(name for name in self.names() if is_own(whole_name(name) or ""))
 
     def read(self, name: str) -> bytes | None:
         """A file's bytes, or None if it is not there."""
-        if self.path is None:
-            return read_remote(str(self.place(name)))
         try:
             return (self.path / name).read_bytes()
         except OSError:
             return None
 
-    def read_all(self, names: Sequence[str]) -> dict[str, bytes]:
-        """Several files; those that are not there are left out."""
-        if self.path is not None:
-            return {name: data for name in names if (data := self.read(name)) is not None}
-        found = read_several([f"{self.root}/{name}" for name in names])
-        return {url.removeprefix(f"{self.root}/"): data for url, data in found.items()}
-
     def write(self, name: str, data: bytes) -> None:
         """OutputError: it cannot be written; the old file stays."""
-        place = self.place(name)
-        if isinstance(place, str):
-            write_remote(place, data)
-            return
-        with whole_file(place) as part, failed_writes(part):
+        with whole_file(self.place(name)) as part, failed_writes(part):
             part.write_bytes(data)
 
-    def place(self, name: str) -> Path | str:
-        """Where a file is to be written, on this machine in a folder that is there."""
-        if self.path is None:
-            return f"{self.root}/{name}"
+    def place(self, name: str) -> Path:
+        """Where a file is to be written, in a folder that is there."""
         path = self.path / name
         with failed_writes(path):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -189,18 +142,13 @@ class Folder:
                 path.unlink()
         return path
 
-    def remove(self, names: Sequence[str]) -> None:
+    def remove(self, names: Iterable[str]) -> None:
         """Those that are not there are no error."""
-        if self.path is None:
-            remove_remote([f"{self.root}/{name}" for name in names])
-            return
         for name in names:
             (self.path / name).unlink(missing_ok=True)
 
     def names(self) -> set[str]:
         """Every file in the folder."""
-        if self.path is None:
-            return set(list_remote(self.root))
         files = (Path(folder, file) for folder, _, files in os.walk(self.path) for file in files)
         return {file.relative_to(self.path).as_posix() for file in files}
 
@@ -243,17 +191,6 @@ def _locked(path: Path) -> Iterator[None]:
         yield
 
 
-def _half_written(name: str) -> bool:
-    """A file of the campaign's own under the name of what is not finished.
-
-    On this machine that of `part_name`, in a store the one that `remote` moves from.
-    """
-    folder, _, last = name.rpartition("/")
-    moved = last.startswith(".") and last.endswith(PART)
-    stored = f"{folder}/{last[1 : -len(PART)]}".lstrip("/") if moved else ""
-    return is_own(whole_name(name) or stored)
-
-
 # ---- What a campaign has done.
 
 
@@ -267,7 +204,7 @@ class Entry:
 
     `error` is empty if the tables were made; `pieces`: observable -> '' if what models need
     of the log was kept, or why it could not be. `fault`: whose the error is, "log" (recorded), or
-    "output" (a full disk) or "machine" (also a store), after which the log stays open.
+    "output" (a full disk) or "machine", after which the log stays open.
     """
 
     log: str
@@ -300,16 +237,17 @@ class Ledger:
     def entries(self) -> dict[str, Entry]:
         """What is known of each log, by its name; nothing where the file was damaged."""
         files = [file for file in self.folder.names() if file.startswith(_DONE)]
-        found = map(_entry, self.folder.read_all(files).values())
+        found = (_entry(self.folder.read(file) or b"") for file in files)
         return {entry.name: entry for entry in found if entry is not None}
 
     def sha256(self, log: str) -> str:
         """The hash of a log's bytes.
 
-        A log that has not changed since it was last asked for is not read again. OSError,
-        ReadError: it cannot be read.
+        A log that has not changed since it was last asked for is not read again. OSError: it cannot
+        be read.
         """
-        state = state_of(log)
+        about = os.stat(log)
+        state = [about.st_size, about.st_mtime_ns]
         known = self._hashes.get(log)
         if isinstance(known, list) and known[:-1] == state:
             return str(known[-1])

@@ -5,10 +5,10 @@ Which logs, with which setups and conditions, become which tables and are held a
 ```toml
 [campaign]
 name = "spring 2026"
-output = "results"                 # relative to the manifest, or an address (s3://bucket/folder)
+output = "results"                 # relative to the manifest
 
 [[logs]]
-glob = "logs/wet/*.csv.gz"         # relative to the manifest, or an address
+glob = "logs/wet/*.csv.gz"         # relative to the manifest
 setup = "wet.toml"                 # optional: else the setup beside each log
 conditions = "conditions.csv"      # optional: column `log` (path or name), and conditions of the
                                    # setup or tags (driver, track) per log
@@ -28,6 +28,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import json
 import math
 import re
 from collections.abc import Iterable, Mapping
@@ -40,13 +41,11 @@ from tirelog.data.setup import (
     LogConditions,
     Setup,
     load_setup,
-    names_beside,
     parse_setup,
     setup_beside,
 )
 from tirelog.errors import SetupError, TirelogError, UsageError
 from tirelog.products import OF_A_DRIVE, checked
-from tirelog.storage.remote import address, match_remote, open_input, read_remote
 from tirelog.storage.schema import (
     ANYTHING,
     LINE,
@@ -57,7 +56,7 @@ from tirelog.storage.schema import (
     Table,
     words,
 )
-from tirelog.storage.whole import toml_tables, toml_text
+from tirelog.storage.whole import open_input, refuse_address, toml_tables, toml_text
 
 _CONDITIONS = tuple(f.name for f in dataclasses.fields(LogConditions))
 
@@ -80,7 +79,6 @@ class LogTask:
     key: str = ""
     tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     output: str = ""
-    temporary: str = ""
     observables: tuple[str, ...] = ()
     unreached: bool = False
 
@@ -189,8 +187,10 @@ def load_manifest(path: Path) -> Campaign:
             more = f" and {len(left) - 3} more" if len(left) > 3 else ""
             said = f"{rows[left[0]].file}: no log is called {', '.join(left[:3])}{more}"
             remarks.append(f"{said}: what it says of them is unused")
-    name, output_place = about.get("name", path.stem), address(output) or str(base / output)
-    return Campaign(name, output_place, logs, wanted, models, path, tuple(remarks))
+    refuse_address(output)
+    return Campaign(
+        about.get("name", path.stem), str(base / output), logs, wanted, models, path, tuple(remarks)
+    )
 
 
 def _tables(wanted: dict[str, dict[str, Any]], base: Path, file: Path) -> dict[str, dict[str, Any]]:
@@ -234,10 +234,8 @@ def _logs(
         ) from None
     found = [log for log in matching if not log.endswith((".toml", ".truth.json"))]
     if not found:
-        raise (place / "glob").error(
-            f"{where} matches no log", f"it is relative to {base}, or an address"
-        )
-    shared = _setup(entry["setup"], base) if "setup" in entry else None
+        raise (place / "glob").error(f"{where} matches no log", f"it is relative to {base}")
+    shared = load_setup(base / entry["setup"]) if "setup" in entry else None
     conditions = entry.get("conditions")
     if conditions is not None and conditions not in read:
         read[conditions] = _conditions(base / conditions)
@@ -246,57 +244,23 @@ def _logs(
 
 
 def _matches(pattern: str, base: Path) -> list[str]:
-    """Paths (or addresses) that match, in their order."""
-    url = address(pattern)
-    if url is not None:
-        return match_remote(url)
+    """Paths that match, in their order."""
     root = Path(Path(pattern).anchor) if Path(pattern).is_absolute() else base
     inside = str(Path(pattern).relative_to(root)) if Path(pattern).is_absolute() else pattern
     return [str(path) for path in sorted(root.glob(inside)) if path.is_file()]
 
 
-def _setup(place: str, base: Path) -> Setup:
-    """The setup at a path relative to the manifest, or at an address."""
-    url = address(place)
-    setup = load_setup(base / place) if url is None else _remote_setup(url)
-    if setup is None:
-        raise SetupError(
-            "is not there", allowed="a setup is a TOML file", do="give another address", file=url
-        )
-    return setup
-
-
-def _remote_setup(url: str) -> Setup | None:
-    """The setup at an address; None if nothing is there."""
-    data = read_remote(url)
-    return None if data is None else parse_setup(data.decode("utf-8-sig", errors="replace"), url)
-
-
-def _setup_beside(log: str) -> Setup | None:
-    """The setup of a log's own name beside it, or None."""
-    url = address(log)
-    if url is None:
-        beside = setup_beside(log)
-        return load_setup(beside) if beside is not None else None
-    folder = url.rpartition("/")[0]
-    found = (_remote_setup(f"{folder}/{place.name}") for place in dict.fromkeys(names_beside(url)))
-    return next((setup for setup in found if setup is not None), None)
-
-
 def _log(log: str, shared: Setup | None, rows: Mapping[str, _Row], base: Path) -> LogTask:
     """One log with its setup and the conditions of its row."""
-    inside = (
-        str(Path(log).relative_to(base))
-        if address(log) is None and Path(log).is_relative_to(base)
-        else log
-    )
+    inside = str(Path(log).relative_to(base)) if Path(log).is_relative_to(base) else log
     name = re.sub(r"[^\w.+-]+", "_", inside).strip("_")
     row = rows.get(inside) or rows.get(log.rsplit("/", 1)[-1])
     tags = {} if row is None else row.tags
     if row is not None:
         row.logs.append(inside)
     try:
-        setup = shared if shared is not None else _setup_beside(log)
+        beside = setup_beside(log)
+        setup = shared if shared is not None else beside and load_setup(beside)
         if setup is not None and row is not None:
             setup = _with_conditions(setup, row)
     except SetupError as problem:  # a log whose setup is unusable is kept as failed
@@ -333,9 +297,7 @@ def _with_conditions(setup: Setup, row: _Row) -> Setup:
     """
     known = {k: v for k, v in dataclasses.asdict(setup.conditions).items() if v is not None}
     known |= row.conditions
-    lines = [
-        f"{k} = {str(v).lower() if isinstance(v, bool) else repr(v)}" for k, v in known.items()
-    ]
+    lines = [f"{k} = {json.dumps(v)}" for k, v in known.items()]
     outside = re.sub(r"(?ms)^\s*\[conditions\].*?(?=^\s*\[|\Z)", "", setup.text)
     text = outside.rstrip() + "\n\n[conditions]\n" + "\n".join(lines) + "\n"
     try:

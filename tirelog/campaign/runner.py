@@ -32,7 +32,6 @@ from tirelog.data.recording import Recording
 from tirelog.errors import (
     ExitStatus,
     OutputError,
-    ReadError,
     TirelogError,
     UsageError,
     is_outside_log,
@@ -65,7 +64,8 @@ def make_tables(task: LogTask) -> Entry:
     try:
         if task.problem:
             raise UsageError(task.problem, file=task.log)
-        tempfile.tempdir = task.temporary if Path(task.temporary).is_dir() else None
+        temporary = Folder(task.output).temporary
+        tempfile.tempdir = str(temporary) if temporary.is_dir() else None
         with open_recording(task.log, task.setup) as recording:
             entry.remarks += recording.remarks
             suited = {
@@ -109,19 +109,12 @@ def make_tables(task: LogTask) -> Entry:
 
 
 def _peak_memory_MB() -> float:
-    """The largest resident memory of this process [MB].
-
-    `ru_maxrss` begins at that of the process that started it.
-    """
+    """The largest resident memory of this process [MB]; NaN where the system does not say it."""
     try:
         status = Path("/proc/self/status").read_text("ascii")
         return int(status.split("VmHWM:")[1].split()[0]) / 1024
     except (OSError, IndexError, ValueError):
-        if sys.platform == "win32":
-            return float("nan")
-        import resource
-
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        return float("nan")
 
 
 def table_part_name(table: str, log: str) -> str:
@@ -194,17 +187,6 @@ def _keep_pieces(recording: Recording, task: LogTask, entry: Entry) -> None:
         entry.pieces[observable] = ""
 
 
-#: so many logs in a row that fail for a reason outside of them end the run: a store that is gone
-#: would be asked for every log, 8 s each
-_MOST_IN_A_ROW = 5
-
-
-def _of_the_machine(task: LogTask, error: str) -> Entry:
-    """The entry of a task that did not end, for no known fault of its log."""
-    status = int(ExitStatus.DEFECT)
-    return Entry(task.log, task.name, task.key, error=error, exit_status=status, fault="machine")
-
-
 def plan_tasks(campaign: Campaign, ledger: Ledger, *, only: str | None = None) -> list[LogTask]:
     """One task per log, each with its key.  UsageError: `only` matches none."""
     logs = [
@@ -219,22 +201,7 @@ def plan_tasks(campaign: Campaign, ledger: Ledger, *, only: str | None = None) -
             file=campaign.file,
         )
     observables = tuple(dict.fromkeys(model.observable for model in campaign.models))
-    tasks, in_a_row = [], 0
-    for log in logs:
-        tasks.append(task := _task(campaign, log, ledger, observables))
-        in_a_row = _in_a_row(in_a_row, f"{task.log}: {task.problem}" if task.unreached else "")
-    return tasks
-
-
-def _in_a_row(before: int, error: str) -> int:
-    """How many logs in a row are left open.  UsageError: too many, the run is of no use."""
-    if error and before + 1 == _MOST_IN_A_ROW:
-        raise UsageError(
-            f"{_MOST_IN_A_ROW} logs in a row failed for a reason outside of them ({error})",
-            allowed="what is done is kept",
-            do="see to it and run it again",
-        ) from ConnectionError()
-    return before + 1 if error else 0
+    return [_task(campaign, log, ledger, observables) for log in logs]
 
 
 def _task(
@@ -246,8 +213,6 @@ def _task(
         digest = ledger.sha256(log.log)
     except OSError as error:
         problem, unreached = f"cannot be read ({error.strerror})", is_outside_log(error)
-    except ReadError as error:
-        problem, unreached = error.message, is_outside_log(error)
     tables = {name: dict(options) for name, options in campaign.tables.items()}
     key = key_of(digest, text + problem, _with_contents(tables, ledger), __version__)
     return replace(
@@ -256,7 +221,6 @@ def _task(
         key=key,
         tables=tables,
         output=ledger.folder.root,
-        temporary=str(ledger.folder.temporary),
         observables=observables,
         unreached=unreached,
     )
@@ -280,28 +244,22 @@ def _with_contents(tables: Mapping[str, Mapping[str, Any]], ledger: Ledger) -> d
 def to_do(tasks: Iterable[LogTask], ledger: Ledger, *, retry_failed: bool = False) -> list[LogTask]:
     """The tasks that are left.
 
-    Those that the ledger does not have under their key, or whose parts are gone; with
-    `retry_failed` the failed ones as well; and of those that are done what models need besides,
-    without the tables.
+    Those that the ledger does not have under their key, or whose parts are gone, or pieces that a
+    model asks for; with `retry_failed` the failed ones as well.
     """
-    there, left = ledger.folder.names(), []
-    for task in tasks:
+    there = ledger.folder.names()
+
+    def is_left(task: LogTask) -> bool:
         entry = ledger.entries.get(task.name)
         if entry is None or entry.key != task.key:
-            left.append(task)
-        elif entry.error:
-            left += [task] if retry_failed else []
-        elif any(table_part_name(table, task.name) not in there for table in entry.rows):
-            left.append(task)
-        else:
-            kept = {
-                observable
-                for observable, why in entry.pieces.items()
-                if why or pieces_name(observable, task.name) in there
-            }
-            wanted = tuple(name for name in task.observables if name not in kept)
-            left += [replace(task, tables={}, observables=wanted)] if wanted else []
-    return left
+            return True
+        if entry.error:
+            return retry_failed
+        made = {table_part_name(table, task.name) for table in entry.rows}
+        made |= {pieces_name(name, task.name) for name, why in entry.pieces.items() if not why}
+        return not made <= there or not entry.pieces.keys() >= set(task.observables)
+
+    return list(filter(is_left, tasks))
 
 
 def run_tasks(
@@ -317,8 +275,6 @@ def run_tasks(
     `report(entry, number, of)` is called after each. An open log is not recorded. A log that fails
     leaves no part of an older outcome behind; one that cannot be reached keeps it.
 
-    UsageError: several in a row stay open.
-
     OutputError: the output cannot be written (a full disk); finished logs are kept, and the others
     stay open.
     """
@@ -326,9 +282,8 @@ def run_tasks(
     left_open = [f"{task.log}: {task.problem}" for task in tasks if task.unreached]
     if not by_name:
         return left_open
-    if again := {name for name, task in by_name.items() if task.tables}:
-        ledger.forget(again)
-    tasks, in_a_row = list(by_name.values()), 0
+    ledger.forget(set(by_name))
+    tasks = list(by_name.values())
     with closing(
         _on_processes(tasks, workers)
     ) as finished:  # at once, also when what follows fails: nobody works on after this
@@ -336,16 +291,14 @@ def run_tasks(
             if entry.fault == "output":
                 raise OutputError(entry.error)
             is_open = bool(entry.error) and entry.fault == "machine"
-            if entry.error and by_name[entry.name].tables:
+            if entry.error:
                 parts = [table_part_name(table, entry.name) for table in campaign.tables]
                 ledger.folder.remove(parts)
             if is_open:
                 left_open.append(entry.error)
             else:
-                before = ledger.entries.get(entry.name)
-                ledger.record(_with_tables(entry, by_name[entry.name], before))
+                ledger.record(entry)
             report(entry, number, len(tasks))
-            in_a_row = _in_a_row(in_a_row, entry.error if is_open else "")
     return left_open
 
 
@@ -358,18 +311,6 @@ def strangers(campaign: Campaign, ledger: Ledger) -> list[str]:
         {log_of(name) for name in ledger.folder.names()}
         - {log.name for log in campaign.logs}
         - {""}
-    )
-
-
-def _with_tables(entry: Entry, task: LogTask, before: Entry | None) -> Entry:
-    """The outcome of a task that made no tables, on top of the one that made them.
-
-    It made none since they were there.
-    """
-    if task.tables or entry.error or before is None or before.key != entry.key or before.error:
-        return entry
-    return replace(
-        before, pieces=before.pieces | entry.pieces, seconds=before.seconds + entry.seconds
     )
 
 
@@ -398,10 +339,14 @@ def _on_processes(tasks: list[LogTask], workers: int) -> Generator[Entry, None, 
                 suspects |= set(at_work)
                 continue
             del waiting[suspect.name]
-            yield _of_the_machine(
-                suspect,
+            yield Entry(
+                suspect.log,
+                suspect.name,
+                suspect.key,
                 f"{suspect.log}: its worker died twice (out of memory, or killed); free memory or "
                 "use fewer workers",
+                int(ExitStatus.DEFECT),
+                fault="machine",
             )
 
 

@@ -160,7 +160,7 @@ def simulate(
     """Write a log with known truth: LOG, LOG.truth.json and its setup.
 
     A scenario's truth is "beam" or "ring", steady at every instant, or "coupled_ring", a tire that
-    moves: over the [road], under [[load_steps]], through all [[manoeuvres]] (segments).
+    moves: over the [road], through all [[manoeuvres]] (segments).
     sample_data/README.md explains the keys.
     """
     session = Session(quiet=quiet)
@@ -186,10 +186,6 @@ def info(
     output: options.Output = None,
     format: options.Format = None,
     quiet: options.Quiet = False,
-    verify: Annotated[
-        bool,
-        typer.Option("--verify", help="Read runs whole and check the sha256 of their samples."),
-    ] = False,
 ) -> None:
     """Channels of logs or runs: rates, durations, gaps, losses, repairs, setup.
 
@@ -210,12 +206,6 @@ def info(
                 pages.print_summary(recording)
         else:
             session.write("info", map(api.logs.channels, recordings))
-        for log in logs if verify else ():
-            for name in api.logs.changed(log):
-                session.lost(
-                    f"{log}: {name} has changed since it was written (sha256); copy the run "
-                    "again, or ingest the log again"
-                )
 
 
 # ---- `tirelog NAME LOG...` for a table of `vocabulary.tables`, as its entry says.

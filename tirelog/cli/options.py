@@ -16,9 +16,9 @@ import typer
 
 import tirelog.api as api
 from tirelog.errors import OutputError, UsageError
-from tirelog.storage.remote import address
 from tirelog.storage.whole import (
     output_error,
+    refuse_address,
     refuse_inputs,
     refuse_one_for_two,
     taken_as_input,
@@ -56,8 +56,9 @@ effects = completing(lambda: api.models.catalogue_with())
 
 def in_a_folder(path: Path | None) -> Path | None:
     """The path of a file to write.  OutputError: it is a folder, or its folder does not exist."""
-    if path is None or address(path) is not None:
+    if path is None:
         return path
+    refuse_address(path)
     if path.is_dir():
         raise _no_place(path, errno.EISDIR)
     if not path.parent.is_dir():
@@ -71,7 +72,8 @@ def _no_place(path: Path, number: int) -> OutputError:
 
 def folder(path: Path | None) -> Path | None:
     """The path of a folder to write into, made if missing.  OutputError: a file is in its way."""
-    if path is not None and address(path) is None:
+    if path is not None:
+        refuse_address(path)
         there = next(place for place in (path, *path.absolute().parents) if place.exists())
         if not there.is_dir():
             raise _no_place(path, errno.EEXIST if there == path else errno.ENOTDIR)

@@ -10,7 +10,6 @@ is higher than the tire can climb.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from io import TextIOWrapper
@@ -19,9 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from tirelog.errors import ModelError
-from tirelog.storage.remote import open_input
 from tirelog.storage.schema import Record
-from tirelog.storage.whole import taken_as_input
+from tirelog.storage.whole import open_input, taken_as_input
 from tirelog.vocabulary.arrays import FloatArray
 
 #: Steepest slope [m/m] of a ramp. Twice as steep asks for nodes half as far apart to see a ramp as
@@ -162,43 +160,29 @@ def load_road(path: str | Path) -> RoadProfile:
     """A road profile from a text file.
 
     Two columns, distance [m] and height [m], comma or blanks between; `#` begins a remark.
-    ModelError: no such file, or a line that is no point.
+    ModelError: no such file, or lines that are no points.
     """
-    points: list[list[float]] = []
     try:
         taken_as_input(path)
         with TextIOWrapper(open_input(path), "utf-8") as file:
-            for number, line in enumerate(file, 1):
-                words = line.split("#")[0].replace(",", " ").split()
-                try:
-                    point = [float(word) for word in words]
-                except ValueError:
-                    point = [math.nan]
-                if point and not (len(point) == 2 and all(map(math.isfinite, point))):
-                    raise ModelError(
-                        f"{line.strip()!r} is not a point of a road profile",
-                        allowed="allowed are a distance and a height in m",
-                        do="correct it",
-                        file=path,
-                        line=number,
-                    )
-                points += [point] if point else []
-    except (OSError, UnicodeDecodeError) as problem:
+            lines = [line.split("#")[0].replace(",", " ").split() for line in file]
+        points = np.array([line for line in lines if line], float)
+    except (OSError, ValueError) as problem:  # also of a word, or of lines of several lengths
         raise ModelError(
             f"road profile cannot be read ({problem})",
-            allowed="a text file is allowed",
-            do="check the path",
+            allowed="a text file of a distance and a height in m in each line is allowed",
+            do="check path and lines",
             file=path,
         ) from None
-    distance, height = np.array(points).reshape(-1, 2).T
-    if not (distance.size > 1 and np.all(np.diff(distance) > 0.0)):
+    two = points.ndim == 2 and points.shape[1] == 2 and len(points) > 1
+    if not (two and np.isfinite(points).all() and (np.diff(points[:, 0]) > 0.0).all()):
         raise ModelError(
-            "road profile of fewer than two points, or whose distances do not grow",
-            allowed="two points or more at growing distances are allowed",
+            "road profile that is not two points or more whose distances grow",
+            allowed="a distance and a height in m in each line are allowed",
             do="sort the rows, one height each",
             file=path,
         )
     try:
-        return RoadProfile(tuple(distance.tolist()), tuple(height.tolist()))
+        return RoadProfile(*map(tuple, points.T.tolist()))
     except ModelError as problem:
         raise problem.at(path) from None

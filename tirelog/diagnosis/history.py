@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tirelog.errors import ModelError, UsageError
-from tirelog.storage.remote import open_input
-from tirelog.storage.whole import json_of, whole_file
+from tirelog.storage.whole import json_of, open_input, whole_file
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.results import Ladder

@@ -1,7 +1,6 @@
 """Kernels compiled ahead of time: the step of an installation that makes the extension.
 
     python -m tirelog.kernels.build               make it in this folder, as `pip install` does
-    python -m tirelog.kernels.build --calls FILE  first add the calls that were recorded to FILE
 
     calls.json (kinds of arguments that commands call each kernel with)
         --numba, which infers the rest; its compiler of modules--> object code --C compiler-->
@@ -14,7 +13,6 @@ minutes of 16 gratings, twice three logs: 2.42 s and 2.41 s).
 
 from __future__ import annotations
 
-import argparse
 import ast
 import json
 import os
@@ -103,31 +101,8 @@ def _with_imported(source: Path) -> frozenset[Path]:
     )
 
 
-def add_calls(recorded: Path) -> int:
-    """Number of calls added from a record to those that are compiled ahead."""
-    calls = json.loads(CALLS.read_text(encoding="utf-8")) if CALLS.exists() else {}
-    new = 0
-    for line in recorded.read_text(encoding="utf-8").splitlines():
-        name, kinds = json.loads(line)
-        told = json.loads(kinds)
-        if told not in calls.setdefault(name, []):
-            calls[name].append(told)
-            new += 1
-    lines = (
-        f"{json.dumps(name)}: [\n  " + ",\n  ".join(json.dumps(one) for one in calls[name]) + "\n]"
-        for name in sorted(calls)
-    )
-    CALLS.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
-    return new
-
-
 def main() -> None:
     """Build, or print in a line why that failed."""
-    asked = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    asked.add_argument("--calls", type=Path, help="a record of calls to be added first")
-    calls: Path | None = asked.parse_args().calls
-    if calls is not None:
-        sys.stderr.write(f"{add_calls(calls)} calls added\n")
     try:
         build()
     except Exception as problem:

@@ -7,7 +7,6 @@ written; a named tuple's its class and the kinds of its parts.
 from __future__ import annotations
 
 import json
-import os
 import sys
 from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
@@ -43,8 +42,6 @@ MODULE = "_built"
 EXTENSION = PACKAGE / "kernels" / f"{MODULE}{max(EXTENSION_SUFFIXES, key=len)}"
 #: names of its functions, and hashes of its sources
 TABLE = PACKAGE / "kernels" / f"{MODULE}.json"
-#: names a file to which calls that the extension has no function for are written, line by line
-RECORD = "TIRELOG_RECORD_KERNELS"
 
 
 def function(kernel: str, kinds: str) -> Callable[..., Any] | None:
@@ -101,22 +98,22 @@ def jit(source: FunctionType, files: Collection[Path]) -> Any:
     """
     from numba import njit
 
-    notice_compiling()
     try:
         made = njit(cache=True, error_model="numpy", nogil=True)(source)
     except RuntimeError:  # no folder that could hold the cache: compiled anew in each process
+        notice_compiling()
         return njit(error_model="numpy", nogil=True)(source)
-    if made.stats.cache_path is not None:
-        # the cache's index of the kernel is removed if it is older than a file it was made from
-        code, python = source.__code__, sys.version_info
-        name = (
-            f"{Path(code.co_filename).stem}.{source.__qualname__}-{code.co_firstlineno}"
-            f".py{python.major}{python.minor}{getattr(sys, 'abiflags', '')}"
-        )
-        index = Path(made.stats.cache_path) / f"{name}.nbi"
-        with suppress(OSError):  # there is none, or another process was faster
-            if index.stat().st_mtime <= max(file.stat().st_mtime for file in files):
-                index.unlink()
+    # the cache's index of the kernel is removed if it is older than a file it was made from
+    code, python = source.__code__, sys.version_info
+    name = (
+        f"{Path(code.co_filename).stem}.{source.__qualname__}-{code.co_firstlineno}"
+        f".py{python.major}{python.minor}{getattr(sys, 'abiflags', '')}"
+    )
+    index = Path(made.stats.cache_path) / f"{name}.nbi"
+    edited = max(file.stat().st_mtime for file in files)
+    if not index.exists() or index.stat().st_mtime <= edited:
+        notice_compiling()
+        index.unlink(missing_ok=True)
     return made
 
 
@@ -240,12 +237,7 @@ class Kernel:
         return self.py_func.__qualname__
 
     def _found(self, kinds: tuple[Kind, ...]) -> Callable[..., Any]:
-        text = spelled(kinds)
-        there = function(self.name, text)
-        record = os.environ.get(RECORD)
-        if there is None and record:  # a call that the extension has no function for
-            with open(record, "a", encoding="utf-8") as file:
-                file.write(f"{json.dumps([self.name, text])}\n")
+        there = function(self.name, spelled(kinds))
         return self.jitted if there is None else there
 
     @property

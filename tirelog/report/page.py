@@ -36,7 +36,7 @@ from tirelog.data.setup import setup_beside
 from tirelog.diagnosis.answer import AnswerTable
 from tirelog.errors import UsageError
 from tirelog.plots.record import SYMBOLS, Mark, Panel
-from tirelog.storage.remote import shown
+from tirelog.storage.whole import shown
 from tirelog.tables.writer import shown_cell
 from tirelog.version import __version__
 

@@ -576,7 +576,7 @@ class ClockFit:
         self._count("stamps_repaired", repaired)
         for index in far:
             self._gap(index, 0)
-        return TimeAxis.read_by(times.read, self.size, 1.0 / step)
+        return TimeAxis.read_by(lambda start, stop: times[start:stop], self.size, 1.0 / step)
 
     def _count(self, what: str, number: int) -> None:
         if number:

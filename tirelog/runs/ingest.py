@@ -32,11 +32,12 @@ from tirelog.readers.other.formats import FORMATS, HEAD_BYTES, name_of, refuse_f
 from tirelog.runs.clock import ClockFit
 from tirelog.runs.store import is_run, open_run, recording_of, write_file
 from tirelog.runs.temporary import Run, RunWriter
-from tirelog.storage.remote import address, open_input, shown
 from tirelog.storage.whole import (
     LARGEST_BYTES,
     failed_writes,
+    open_input,
     refuse_other_role,
+    shown,
     temporary_folder,
     whole_file,
 )
@@ -114,7 +115,7 @@ def _setup_for(log: str, setup: Setup | None) -> Setup:
     """
     if setup is not None:
         return setup
-    beside = None if log == "-" or address(log) else setup_beside(log)
+    beside = None if log == "-" else setup_beside(log)
     if beside is None:
         if is_file(log):
             from tirelog.readers.hdf5.reader import refuse_damaged
@@ -160,7 +161,7 @@ def is_file(log: str) -> bool:
     A pipe or device cannot.
     """
     try:
-        return log != "-" and address(log) is None and stat.S_ISREG(os.stat(log).st_mode)
+        return log != "-" and stat.S_ISREG(os.stat(log).st_mode)
     except (OSError, ValueError):
         return False
 

@@ -318,51 +318,29 @@ class Stamps:
         ]
         return period + slope, spread / np.sqrt(total) if total > 0 else np.inf, spread, pieces
 
-    def rising(self) -> tuple[Spool, int, float, list[int]]:
+    def rising(self) -> tuple[FloatArray, int, float, list[int]]:
         """(stamps made to rise, number repaired, median step [s], samples behind pauses).
 
         The first sample behind each long pause. A stamp that is unknown, or not later than all
-        before it, lies evenly between its neighbours.
+        before it, lies evenly between its neighbours; before the first and behind the last that is
+        good at the usual step.
         """
-        out, repaired, medians, far = Spool(), 0, [1.0], []
-        held, highest, done = np.zeros(0), -np.inf, 0
-        for start in range(0, self.spool.size, _CHUNK):
-            held = np.concatenate([held, self.spool.read(start, start + _CHUNK)])
-            before = np.fmax.accumulate(np.concatenate([[highest], held]))[:-1]
-            good = np.flatnonzero(held > before)
-            last = start + _CHUNK >= self.spool.size
-            whole = held.size if last else int(good[-1]) if good.size else 0
-            if not whole:
-                continue
-            at, known = good, held[good]
-            # over some samples, as stamps that tremble have short steps and few long ones
-            lag = min(64, max(good.size // 2, 1))
-            steps = (known[lag:] - known[:-lag]) / (at[lag:] - at[:-lag])
-            step = float(np.median(steps)) if steps.size else medians[-1]
-            if (
-                last and good.size and good[-1] < held.size - 1
-            ):  # nothing comes behind: at the usual step
-                at, known = (
-                    np.append(at, held.size),
-                    np.append(known, known[-1] + step * (held.size - at[-1])),
-                )
-            times = (
-                np.interp(np.arange(held.size), at, known)
-                if at.size
-                else highest + step * np.arange(1, held.size + 1)
-            )
-            if done == 0 and good.size and good[0] > 0:
-                times[: good[0]] = known[0] - step * np.arange(good[0], 0, -1)
-            repaired += whole - int((good < whole).sum())
-            # a pause is named if samples without a clock leave out this many usual steps; twice as
-            # many leave pauses of up to twenty steps unsaid
-            far += (
-                done + np.flatnonzero(np.diff(times[:whole], prepend=times[0]) > 10.0 * step)
-            ).tolist()
-            out.append(np.asarray(times[:whole], np.float64))
-            medians.append(step)
-            highest, done, held = float(times[whole - 1]), done + whole, held[whole:]
-        return out, repaired, float(np.median(medians[1:] or medians)), far
+        stamps = self.spool.read(0, self.spool.size)
+        before = np.fmax.accumulate(np.concatenate([[-np.inf], stamps]))[:-1]
+        at = np.flatnonzero(stamps > before)
+        known = stamps[at]
+        # over some samples, as stamps that tremble have short steps and few long ones
+        lag = min(64, max(at.size // 2, 1))
+        steps = (known[lag:] - known[:-lag]) / (at[lag:] - at[:-lag])
+        step = float(np.median(steps)) if steps.size else 1.0
+        first, last = int(at[0]), int(at[-1])
+        times = np.interp(np.arange(stamps.size), at, known)
+        times[:first] = known[0] - step * np.arange(first, 0, -1)
+        times[last:] = known[-1] + step * np.arange(stamps.size - last)
+        # a pause is named if samples without a clock leave out this many usual steps; twice as
+        # many leave pauses of up to twenty steps unsaid
+        far = np.flatnonzero(np.diff(times, prepend=times[0]) > 10.0 * step)
+        return times, stamps.size - at.size, step, far.tolist()
 
 
 def _tick(stamps: FloatArray) -> float:

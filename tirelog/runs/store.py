@@ -13,7 +13,7 @@
                         rate_Hz, size
     /channels/<name>    samples as the source wrote them: int32 counts of 10^-decimals (INT32_MIN
                         where lost), else float32 or float64 (NaN where lost); attributes group,
-                        kind, unit, scale_factor, add_offset (stored number to SI), decimals, sha256
+                        kind, unit, scale_factor, add_offset (stored number to SI), decimals
     /flags/<name>       start, stop, word
 
 Data chunks carry fletcher32, and the file is of HDF5's "v110" kind, whose metadata has checksums
@@ -21,10 +21,11 @@ too; nothing is of variable length, as HDF5's heap has none. A flipped bit is fo
 a chunk of samples becomes NaN, and the recording's losses say so; anywhere else the run is refused.
 Format 1, which kept its texts in the heap, is not read.
 
-A run is checked before any of it is believed, whoever made the file. `contents_digest` covers every
-group, name, link, attribute, type, shape and stored number but for the long columns. These are
-samples and explicit times, whose own sha256 are attributes. The digest is compared each time a run
-is opened. `changed_columns` reads the long ones and compares theirs.
+A run is checked before any of it is believed: `contents_digest` covers every group, name, link,
+attribute, type, shape and stored number but for the long columns, samples and explicit times, which
+have the checksums of their chunks. The digest is compared each time a run is opened, after which
+its contents are what `ingest` wrote. How the file stores them is checked for each dataset, as of
+any HDF5 file.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -59,7 +60,7 @@ from tirelog.readers.hdf5.source import (
 )
 from tirelog.runs.in_memory import without_codes, without_repeats
 from tirelog.runs.temporary import CHUNK, Run, Stored, check_open, scaled_to_si
-from tirelog.storage.whole import LARGEST_BYTES, json_of
+from tirelog.storage.whole import json_of
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import KINDS, SLOW_KINDS, STRAIN_KINDS
 from tirelog.vocabulary.quality import Doubt, Quality, flag_of
@@ -69,10 +70,6 @@ FORMAT_VERSION = 2
 #: samples beyond a slice that are looked at for the readings of a twin grating on either side of a
 #: lost one; twice as many bridge gaps in the temperature that are twice as long by a straight line
 _TWIN_REACH = 4096
-#: decimals of a count: more than any instrument writes, and a power of ten that is finite
-MOST_DECIMALS = 64
-#: objects in a run: ten thousand channels with their flags
-MOST_OBJECTS = 1 << 16
 #: of each dataset, two chunks; the default of HDF5 2 is 8 MB, which many channels multiply
 _CACHE_BYTES = 1 << 18
 #: how a kept run's samples are stored
@@ -80,13 +77,6 @@ _FILTERS = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "flet
 #: what of a run may be there
 _WRITTEN = "what `tirelog ingest` writes"
 DIGEST = "contents_sha256"
-COLUMN_DIGEST = "sha256"
-#: bytes of the provenance's text, of which one line for each chunk of ten hours that is damaged
-#: takes less; and numbers of a small dataset, a segment or a flag each
-LARGEST = 1 << 24
-#: largest time [s] from a log's start, below which a clock stays that jumps from 1970 to today, and
-#: largest rate [Hz] that a run may state
-LATEST_S, FASTEST_HZ = 1e11, 1e9
 #: what a provenance is made of, as far as commands rely on it
 _PROVENANCE = {
     "losses?": [object],
@@ -120,8 +110,7 @@ def write_file(run: Run, path: Path) -> None:
 
 def _write_text(file: h5py.File, name: str, text: str) -> None:
     stored = np.frombuffer(text.encode("utf-8", "backslashreplace"), np.uint8)
-    place = file.create_dataset(name, data=stored, chunks=True, fletcher32=True)
-    place.attrs["size"] = stored.size
+    file.create_dataset(name, data=stored, chunks=True, fletcher32=True)
 
 
 def _write_axis(place: h5py.Group, axis: TimeAxis) -> None:
@@ -141,15 +130,9 @@ def _write_axis(place: h5py.Group, axis: TimeAxis) -> None:
 
 
 def _write_column(dataset: h5py.Dataset, read: Callable[[int, int], NDArray[Any]]) -> None:
-    """Fill a long column, and write its digest."""
-
-    def parts() -> Iterator[NDArray[Any]]:
-        for start in range(0, dataset.size, CHUNK):
-            part = read(start, min(start + CHUNK, dataset.size))
-            dataset[start : start + CHUNK] = part
-            yield part
-
-    dataset.attrs[COLUMN_DIGEST] = np.bytes_(digest_of(parts()))
+    """Fill a long column."""
+    for start in range(0, dataset.size, CHUNK):
+        dataset[start : start + CHUNK] = read(start, min(start + CHUNK, dataset.size))
 
 
 def _write_channel(file: h5py.File, name: str, stored: Stored, channel: ChannelSetup) -> None:
@@ -182,18 +165,6 @@ def is_run(path: Path | str) -> bool:
             return "tirelog_run" in file.attrs
     except LIBRARY_ERRORS:
         return False
-
-
-def changed_columns(path: Path | str) -> list[str]:
-    """The channels and stamps of a run whose sha256 is not that of what was written.
-
-    The run is read whole.
-    """
-    try:
-        with h5py.File(path, "r") as file:
-            return check_columns(file)
-    except (ReadError, *LIBRARY_ERRORS):
-        return ["its content"]
 
 
 @contextmanager
@@ -248,12 +219,10 @@ def _checked_run(file: h5py.File, log: str) -> Run:
             do="copy it again, or ingest the log again",
         )
     # ValueError: a part is not of the kind that the commands rely on
-    provenance = {"bytes": 0} | json_of(text_at(file, "provenance", LARGEST), _PROVENANCE)
+    provenance = {"bytes": 0} | json_of(text_at(file, "provenance"), _PROVENANCE)
     for key in ("losses", "remarks"):
         provenance[key] = [str(line) for line in provenance.get(key) or ()]
-    setup = parse_setup(
-        text_at(file, "setup", LARGEST_BYTES), str(provenance.get("setup_file") or log)
-    )
+    setup = parse_setup(text_at(file, "setup"), str(provenance.get("setup_file") or log))
     axes = {name: axis_at(file, name) for name in walk(file, "groups")}
     foreign: set[str] = set()
     held = walk(file, "channels")
@@ -270,16 +239,8 @@ def _stored_at(
     dataset = dataset_at(file, f"channels/{name}", "if", chunk=CHUNK)
     group = text_in(dataset, "group")
     size = axes[group].size
-    decimals = attribute(dataset, "decimals") if dataset.dtype.kind == "i" else -1
-    _refuse(
-        f"channel {name}",
-        (dataset.size != size, f"has {dataset.size} samples and {size} times", "one each"),
-        (
-            decimals not in range(-1, MOST_DECIMALS + 1),
-            f"has counts of {decimals:g} decimals",
-            f"a whole number up to {MOST_DECIMALS}",
-        ),
-    )
+    what = f"has {dataset.size} samples and {size} times"
+    _refuse(f"channel {name}", (dataset.size != size, what, "one each"))
 
     def read(start: int, stop: int, losses: list[str]) -> NDArray[Any]:
         check_open(bool(dataset))
@@ -291,9 +252,9 @@ def _stored_at(
         text_in(dataset, "source_unit"),
         size,
         dataset.dtype,
-        decimals,
+        attribute(dataset, "decimals"),
         read,
-        flags_at(file, name, size, foreign),
+        flags_at(file, name, foreign),
     )
 
 
@@ -513,20 +474,9 @@ def _checked(path: str, item: Any, kind: str = "", chunk: int | None = None) -> 
     return item
 
 
-def text_at(file: h5py.File, path: str, largest: int) -> str:
+def text_at(file: h5py.File, path: str) -> str:
     """The text at `path`, as the bytes of a dataset."""
-    dataset = dataset_at(file, path, "u")
-    plain = dataset.dtype == np.uint8 and dataset.size <= largest
-    _refuse(
-        path,
-        (
-            not plain,
-            f"has {dataset.size} values of the type {dataset.dtype}",
-            f"{largest} bytes of text",
-        ),
-        (attribute(dataset, "size") != dataset.size, "has another size than it says", "one size"),
-    )
-    return bytes(dataset[:]).decode("utf-8")
+    return bytes(dataset_at(file, path, "u")[:]).decode("utf-8")
 
 
 def _plain(item: h5py.Group | h5py.Dataset, name: str) -> Any:
@@ -564,75 +514,43 @@ def text_in(item: h5py.Group | h5py.Dataset, name: str) -> str:
 
 
 def axis_at(file: h5py.File, name: str) -> TimeAxis:
-    """The time axis of a group: finite, forwards, as long as it says."""
+    """The time axis of a group."""
     path = f"groups/{name}"
     place = walk(file, path)
-    _refuse(path, (not isinstance(place, h5py.Group), "is no group", _WRITTEN))
-    size, rate = attribute(place, "size"), attribute(place, "rate_Hz")
-    wrong = size != int(size) or size < 0 or not 0.0 < rate <= FASTEST_HZ
-    _refuse(path, (wrong, f"has {size:g} samples at {rate:g} Hz", "a whole number and a rate"))
+    size, rate = int(attribute(place, "size")), attribute(place, "rate_Hz")
     if "time_s" in place:
-        # all are looked at: a damaged one has no time to lose it at
-        path, count, last = f"{path}/time_s", int(size), -LATEST_S
-        times = dataset_at(file, path, "f", chunk=max(min(CHUNK, count), 1))
-        _refuse(
-            path,
-            (times.size != count, f"has {times.size} times for {count} samples", "one each"),
-        )
-        for begin in range(0, count, CHUNK):
-            part = times[begin : begin + CHUNK]
-            falls = not _rises(part, last)
-            _refuse(path, (falls, "has times that do not follow each other", "times that grow"))
-            last = part[-1]
+        times = dataset_at(file, f"{path}/time_s", "f", chunk=max(min(CHUNK, size), 1))
+        _refuse(path, (times.size != size, f"has {times.size} times", f"{size}"))
+        for at in range(0, size, CHUNK):
+            _ = times[at]  # a damaged one has no time to lose it at: the run is refused
 
         def explicit(first: int, stop: int) -> np.ndarray:
             check_open(bool(times))
             return np.asarray(times[first:stop], np.float64)
 
-        return TimeAxis.read_by(explicit, count, rate)
-    kinds = {"first": "iu", "start_s": "f", "period_s": "f"}
-    parts = [dataset_at(file, f"{path}/{key}", kind) for key, kind in kinds.items()]
-    sizes = [part.size for part in parts]
-    wrong = len(set(sizes)) > 1 or not 0 < sizes[0] <= LARGEST
-    _refuse(path, (wrong, f"has segments of {sizes} parts", "one number each"))
-    first, start, period = (part[:] for part in parts)
-    in_order = first[0] == 0 and (np.diff(first) > 0).all() and first[-1] <= max(int(size) - 1, 0)
-    steps = (period > 0).all() and period.max() <= LATEST_S
-    wrong = not (in_order and steps and _rises(start))
-    _refuse(path, (wrong, "has segments that do not follow each other", "times that grow"))
-    first, start, period = first.astype(np.int64), start.astype(float), period.astype(float)
+        return TimeAxis.read_by(explicit, size, rate)
+    columns = {
+        key: dataset_at(file, f"{path}/{key}")[:] for key in ("first", "start_s", "period_s")
+    }
     vague = attribute(place, "rate_error") if "rate_error" in place.attrs else 0.0
-    _refuse(path, (not 0.0 <= vague <= 1.0, f"has a rate_error of {vague:g}", "a share"))
-    return TimeAxis(int(size), rate, first, start, period, rate_error=vague)
+    return TimeAxis(size, rate, **columns, rate_error=vague)
 
 
-def _rises(times_s: np.ndarray, last_s: float = -LATEST_S) -> bool:
-    """Whether times [s], shape (n,), are finite and none is before another or `last_s`."""
-    steps = np.diff(times_s, prepend=last_s)
-    return bool((steps >= 0.0).all() and (np.abs(times_s) <= LATEST_S).all())
-
-
-def flags_at(file: h5py.File, name: str, size: int, foreign: set[str]) -> tuple[Doubt, ...]:
-    """The flags of a channel of `size` samples.
+def flags_at(file: h5py.File, name: str, foreign: set[str]) -> tuple[Doubt, ...]:
+    """The flags of a channel.
 
     A word that is not of the register comes to `foreign`, and is a foreign doubt.
     """
-    path = f"flags/{name}"
     if "flags" not in file or name not in walk(file, "flags"):
         return ()
-    kinds = {"start": "iu", "stop": "iu", "word": "S"}
-    start, stop, words = (dataset_at(file, f"{path}/{key}", kind) for key, kind in kinds.items())
-    same = start.size == stop.size == words.size <= LARGEST
-    _refuse(path, (not same, "has flags of several sizes", "one size"))
-    texts = [word.decode("utf-8") for word in words[:]]
+    keys = ("start", "stop", "word")
+    start, stop, words = (dataset_at(file, f"flags/{name}/{key}")[:].tolist() for key in keys)
+    texts = [word.decode("utf-8") for word in words]
     foreign |= {text for text in texts if flag_of(text) is None}
-    found = tuple(
-        (int(a), int(b), flag_of(text) or Quality.FOREIGN_DOUBT)
-        for a, b, text in zip(start[:], stop[:], texts, strict=True)
+    return tuple(
+        (a, b, flag_of(text) or Quality.FOREIGN_DOUBT)
+        for a, b, text in zip(start, stop, texts, strict=True)
     )
-    outside = any(not 0 <= a <= b <= size for a, b, _ in found)
-    _refuse(path, (outside, f"has flags outside of the {size} samples", "flags of samples"))
-    return found
 
 
 # ---- digests -------------------------------------------------------------------------------------
@@ -657,49 +575,13 @@ def contents_digest(file: h5py.File) -> str:
 
 
 def is_long(path: str) -> bool:
-    """True for samples and explicit times, which have digests of their own."""
+    """True for samples and explicit times, which are not read when a run is opened."""
     return path.startswith("channels/") or path.endswith("/time_s")
 
 
-def _objects(file: h5py.File) -> Iterator[tuple[str, Any]]:
-    """(path, object) of all that a file holds, in the order of their paths.
-
-    ReadError: a link that is no plain one.
-    """
-    todo: list[tuple[str, Any]] = [("", file["/"])]
-    seen = 0
-    while todo:
-        path, item = todo.pop()
-        yield path, item
-        seen += 1
-        if isinstance(item, h5py.Group):
-            names = sorted(item, reverse=True)
-            many = seen + len(todo) + len(names) > MOST_OBJECTS
-            _refuse("/", (many, "holds too many objects", f"{MOST_OBJECTS}"))
-            for name in names:
-                away = not isinstance(item.get(name, getlink=True), h5py.HardLink)
-                _refuse(f"{path}/{name}", (away, "is a link to elsewhere", "data inside the run"))
-            todo += [(f"{path}/{name}".lstrip("/"), item[name]) for name in names]
-
-
-def digest_of(parts: Iterable[np.ndarray]) -> str:
-    """sha256 of the numbers of a long column, part by part, little-endian, in their order."""
-    found = hashlib.sha256()
-    for part in parts:
-        found.update(part.astype(part.dtype.newbyteorder("<"), copy=False).tobytes())
-    return found.hexdigest()
-
-
-def check_columns(file: h5py.File) -> list[str]:
-    """Names of the long columns that are not what was written, each read whole."""
-    wrong = []
-    for path, item in _objects(file):
-        if isinstance(item, h5py.Dataset) and is_long(path):
-            column, starts = _checked(path, item), range(0, item.size, 4 * CHUNK)
-            try:
-                digest = digest_of(column[start : start + 4 * CHUNK] for start in starts)
-            except OSError:
-                digest = "damaged"
-            if digest != text_in(item, COLUMN_DIGEST):
-                wrong.append(path.removeprefix("channels/"))
-    return wrong
+def _objects(file: h5py.File) -> list[tuple[str, Any]]:
+    """(path, object) of all that a file holds, in the order of their paths; links are none."""
+    found: dict[str, Any] = {}
+    file.visititems(found.__setitem__)  # which returns None, or the visit would end
+    paths = sorted(found, key=lambda path: path.split("/"))
+    return [("", file["/"]), *((path, found[path]) for path in paths)]

@@ -27,7 +27,6 @@ from tirelog.data.setup import LogConditions, parse_setup
 from tirelog.errors import UsageError
 from tirelog.simulation.scenario.schema import SOURCE_UNITS, Scenario, TrueConditions
 from tirelog.simulation.sensors.sampling import (
-    coupled,
     flanks,
     in_source_units,
     moments_of,
@@ -80,7 +79,7 @@ def simulate(scenario: Scenario) -> Simulated:
     drive = drive_of(true, streams[0])
     length = float(drive.distance_at(drive.time_s[-1]))
     roughness = roughness_of(true, length, streams[1])
-    stamps, moments = moments_of(true, streams[2])
+    stamps, moments = moments_of(true)
     if scenario.truth == "coupled_ring":
         from tirelog.simulation.rolling.world import (
             RolledWorld,  # brings the compiler
@@ -99,7 +98,7 @@ def simulate(scenario: Scenario) -> Simulated:
         time, values = moments[name], clean.get(name)
         if values is None:
             values = vehicle_values(world, sensor, time, tables.get(name))
-        told = in_source_units(world, sensor, time, coupled(sensor, values))
+        told = in_source_units(world, sensor, time, values)
         if sensor.road_noise:  # an acceleration of the road's height, that is passed at v
             share = (world.drive.speed_at(time) / 20.0) ** 2
             told = told + sensor.road_noise * share * random.standard_normal(time.size)
@@ -154,12 +153,6 @@ _CONDITION_KEYS = tuple(
 )
 
 
-def _toml(value: object) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return f'"{value}"' if isinstance(value, str) else repr(value)
-
-
 def setup_text(scenario: Scenario, sources: dict[str, str], time: str | None = None) -> str:
     """The setup file of a scenario's log, with a test engineer's knowledge.
 
@@ -167,19 +160,19 @@ def setup_text(scenario: Scenario, sources: dict[str, str], time: str | None = N
     """
     lines = ["[tire]"]
     lines += [
-        f"{key} = {_toml(value)}"
+        f"{key} = {json.dumps(value)}"
         for key in _TIRE_KEYS
         if (value := getattr(scenario.tire, key)) is not None
     ]
     lines += ["", "[conditions]"]
-    lines += [f"{key} = {_toml(getattr(scenario.conditions, key))}" for key in _CONDITION_KEYS]
+    lines += [f"{key} = {json.dumps(getattr(scenario.conditions, key))}" for key in _CONDITION_KEYS]
     if scenario.road.kind != "flat":
         # the place of the obstacle is for the log to show
         road = {key: getattr(scenario.road, key) for key in _ROAD_KEYS}
         lines += [
             "",
             "[road]",
-            *(f"{key} = {_toml(value)}" for key, value in road.items() if value is not None),
+            *(f"{key} = {json.dumps(value)}" for key, value in road.items() if value is not None),
         ]
     several = sum(sensor.kind in STRAIN_KINDS for sensor in scenario.channels.values()) > 1
     for name, sensor in scenario.channels.items():
@@ -188,7 +181,9 @@ def setup_text(scenario: Scenario, sources: dict[str, str], time: str | None = N
         known = {key: getattr(sensor, key) for key in _CHANNEL_KEYS.get(sensor.kind, ())}
         known |= {"gauge_length_m": sensor.gauge_length_m or None}
         known |= {"lateral_m": sensor.lateral_m or None}
-        lines += [f"{key} = {_toml(value)}" for key, value in known.items() if value is not None]
+        lines += [
+            f"{key} = {json.dumps(value)}" for key, value in known.items() if value is not None
+        ]
         if several and sensor.kind in STRAIN_KINDS:  # of one nobody asks where it is
             lines.append(f"angle_deg = {sensor.angle_deg!r}")
     if time is not None:

@@ -1,1 +1,1 @@
-"""Bytes on discs and in buckets: files that appear whole or not at all, addresses, documents."""
+"""Bytes on discs: files that appear whole or not at all, and documents."""

@@ -28,11 +28,12 @@ import tomllib
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
+from io import BufferedReader
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, cast
 
 from tirelog.errors import OUTSIDE_LOG, OutputError, TirelogError, UsageError
-from tirelog.storage.remote import address, object_of, open_input, upload
+from tirelog.runtime import noticed_wait
 
 _ADVICE = {
     errno.ENOENT: "the folder has to exist; make it or give another path",
@@ -59,7 +60,7 @@ _NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
 
 #: folders that this command has swept
 _swept: set[tuple[Path, re.Pattern[str]]] = set()
-_inputs: dict[tuple[int | str, int | str], str] | None = None
+_inputs: dict[tuple[int, int], str] | None = None
 _batch: list[tuple[Path, Path]] | None = None
 #: folders that `make_folder` made for this batch, those inside others first
 _new_folders: list[Path] = []
@@ -113,21 +114,11 @@ def _machine() -> str:
 def _started(pid: int) -> int | None:
     """When the process began [ticks since the machine did], None if it has ended, 0 if unknown."""
     try:
-        state, *others = (
-            Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()
-        )
-        return None if state in "ZX" else int(others[18])
-    except (OSError, ValueError, IndexError):
-        pass
-    if sys.platform == "win32":  # there a signal 0 would end the process
-        return 0
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return None
-    except (OSError, OverflowError):
-        pass
-    return 0
+        text = Path(f"/proc/{pid}/stat").read_text(errors="replace")
+    except OSError:
+        return None if os.path.exists("/proc/self/stat") else 0
+    state, *others = text.rpartition(")")[2].split()
+    return None if state in "ZX" else int(others[18])
 
 
 def _owner() -> str:
@@ -201,6 +192,37 @@ def temporary_folder() -> Iterator[Path]:
 # ---- inputs --------------------------------------------------------------------------------------
 
 
+#: the beginning of an address; a `Path` keeps one of the two slashes
+_ADDRESS = re.compile(r"(file:(?=/)|[a-z][a-z0-9+.-]+:(?=/{1,2}[^/]))", re.IGNORECASE)
+_PIPED_IN = "pipe it, as in: aws s3 cp s3://bucket/log.csv - | tirelog speed - --setup SETUP"
+
+
+def refuse_address(path: Path | str, do: str = "write it here and copy it then") -> None:
+    """UsageError if `path` is an address such as s3://bucket/log.csv, and what to `do` then."""
+    if address := _ADDRESS.match(str(path)):  # what follows may hold a password
+        raise UsageError(
+            "is an address", allowed="allowed is a path", do=do, file=address[1] + "//..."
+        )
+
+
+def open_input(path: Path | str) -> BinaryIO:
+    """The bytes of a file, opened to be read.
+
+    "-" is standard input. It and a pipe are waited for until something writes to them, with a
+    notice after two seconds.
+    OSError, ValueError: there is none. UsageError: it is an address.
+    """
+    refuse_address(path, _PIPED_IN)
+    named = Path(path)
+    if path != "-" and not named.is_fifo():
+        return named.open("rb")
+    pipe = "standard input: is silent" if path == "-" else f"{path}: is a pipe"
+    with noticed_wait(f"{pipe}; waiting for what writes to it"):
+        stream = cast(BufferedReader, sys.stdin.buffer) if path == "-" else named.open("rb")
+        stream.peek(1)  # until there are bytes, or whoever opened it has left
+        return stream
+
+
 @contextmanager
 def inputs_kept() -> Iterator[None]:
     """While open (for one command), `whole_file` refuses the inputs of `taken_as_input`.
@@ -216,13 +238,10 @@ def inputs_kept() -> Iterator[None]:
         _inputs = before
 
 
-def _identity(place: Path | str | int) -> tuple[int | str, int | str] | None:
+def _identity(place: Path | str | int) -> tuple[int, int] | None:
     """What two names of one object share; None for what is not there, or is no regular file."""
-    url = None if isinstance(place, int) else address(place)
-    if url is not None and not url.startswith("file:"):
-        return object_of(url)
     with suppress(OSError, ValueError):
-        about = os.stat(place if url is None else url.removeprefix("file://"))
+        about = os.stat(place)
         return (about.st_dev, about.st_ino) if stat.S_ISREG(about.st_mode) else None
     return None
 
@@ -230,7 +249,7 @@ def _identity(place: Path | str | int) -> tuple[int | str, int | str] | None:
 def taken_as_input(
     place: Path | str | int, name: str | None = None, *, edited: bool = False
 ) -> None:
-    """Remember a regular file, by path or descriptor, or an address as an input of this command.
+    """Remember a regular file, by path or descriptor, as an input of this command.
 
     An `edited` one may be replaced by the command's output, unless it was taken as another input.
     """
@@ -256,10 +275,9 @@ def refuse_one_for_two(*outputs: Path | str) -> None:
     """UsageError if two outputs of a command, through links too, are one file."""
     seen: set[str] = set()
     for output in outputs:
-        if address(output) is None and _streams(Path(output)):
+        if _streams(Path(output)):
             continue
-        url = address(output)
-        place = os.path.realpath(output) if url is None else str(object_of(url))
+        place = os.path.realpath(output)
         if place in seen:
             raise UsageError(
                 "is given for two outputs",
@@ -268,6 +286,11 @@ def refuse_one_for_two(*outputs: Path | str) -> None:
                 file=output,
             )
         seen.add(place)
+
+
+def shown(path: Path | str) -> str:
+    """A log's path as a table may show it: bytes that are no UTF-8 are escaped, as \\xff."""
+    return str(path).encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 # ---- outputs -------------------------------------------------------------------------------------
@@ -279,12 +302,12 @@ def whole_file(path: Path | str) -> Iterator[Path]:
 
     It takes the name when the block ends well, and is removed when it does not.
 
-    A link is followed; a device or pipe is opened now and written through at the end; a remote
-    address is uploaded to at the end.
-    UsageError: it is an input.  OutputError: folder missing or read-only, disk full.
+    A link is followed; a device or pipe is opened now and written through at the end.
+    UsageError: it is an input, or an address.  OutputError: folder missing or read-only, disk full.
     """
+    refuse_address(path)
     refuse_inputs(path)
-    if address(path) is not None or _streams(Path(path)):
+    if _streams(Path(path)):
         with _delivered(path) as local:
             yield local
         return
@@ -327,8 +350,7 @@ def whole_file(path: Path | str) -> Iterator[Path]:
 def all_or_none() -> Iterator[None]:
     """What `whole_file` finishes inside takes its name when the whole block has ended well.
 
-    When it does not, all of them are removed. What goes to a pipe or an address is out when its own
-    block ends.
+    When it does not, all of them are removed. What goes to a pipe is out when its own block ends.
     """
     global _batch
     before, finished = _batch, list[tuple[Path, Path]]()
@@ -367,25 +389,20 @@ def _streams(path: Path) -> bool:
 
 @contextmanager
 def _delivered(path: Path | str) -> Iterator[Path]:
-    """A temporary path whose bytes go to the address, device or pipe `path` at the end.
+    """A temporary path whose bytes go to the device or pipe `path` at the end.
 
-    A device or pipe is opened now, so that its reader sees an end also if nothing comes.
+    It is opened now, so that its reader sees an end also if nothing comes.
     """
-    url, own = address(path), _stream_of(Path(path))
+    own = _stream_of(Path(path))
     with ExitStack() as leaving:
-        if url is None:
-            with failed_writes(path):
-                refuse_inputs(path if own is None else own, name=str(path))
-                flags = os.O_WRONLY | getattr(os, "O_NOCTTY", 0)
-                opened = os.open(path, flags) if own is None else os.dup(own)
-                stream = leaving.enter_context(os.fdopen(opened, "wb", buffering=0))
+        with failed_writes(path):
+            refuse_inputs(path if own is None else own, name=str(path))
+            flags = os.O_WRONLY | getattr(os, "O_NOCTTY", 0)
+            opened = os.open(path, flags) if own is None else os.dup(own)
+            stream = leaving.enter_context(os.fdopen(opened, "wb", buffering=0))
         local = leaving.enter_context(temporary_folder()) / (_cut(Path(path).name) or "result")
         local.touch()
         yield local
-        if url is not None:
-            refuse_inputs(path)  # a log that a pattern matched is known once it is read
-            upload(local, url)
-            return
         with failed_writes(path), local.open("rb") as made:
             if own is not None and sys.stdout is not None:
                 sys.stdout.flush()
@@ -395,15 +412,15 @@ def _delivered(path: Path | str) -> Iterator[Path]:
 
 
 def make_folder(path: Path | str) -> None:
-    """The folder for several output files, made if it is missing; a remote address needs none.
+    """The folder for several output files, made if it is missing.
 
     OutputError: it cannot be made.
     """
-    if address(path) is None:
-        folder = Path(path)
-        _new_folders.extend(one for one in (folder, *folder.parents) if not one.exists())
-        with failed_writes(path):
-            folder.mkdir(parents=True, exist_ok=True)
+    refuse_address(path)
+    folder = Path(path)
+    _new_folders.extend(one for one in (folder, *folder.parents) if not one.exists())
+    with failed_writes(path):
+        folder.mkdir(parents=True, exist_ok=True)
 
 
 # ---- TOML and JSON text to plain tables.

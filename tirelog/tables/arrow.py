@@ -93,22 +93,15 @@ def _rounded(values: np.ndarray, digits: int) -> np.ndarray:
     return np.where(np.isfinite(rounded), rounded, values)
 
 
-def _plain(type: pa.DataType, known: np.ndarray, *data: Any) -> pa.Array:
-    """Numbers, packed bits, or offsets and letters as an arrow array, null if not `known` (n,)."""
+def _plain(type: pa.DataType, known: np.ndarray, data: np.ndarray) -> pa.Array:
+    """Numbers or packed bits as an arrow array, null if not `known` (n,)."""
     lost = known.size - int(np.count_nonzero(known))
     valid = pa.py_buffer(np.packbits(known, bitorder="little")) if lost else None
-    return pa.Array.from_buffers(type, known.size, [valid, *map(pa.py_buffer, data)], lost)
+    return pa.Array.from_buffers(type, known.size, [valid, pa.py_buffer(data)], lost)
 
 
 def _texts(values: Sequence[Any]) -> pa.Array:
     """Texts as an arrow array, null if None."""
-    texts = {
-        value: b"" if value is None else str(value).encode() for value in dict.fromkeys(values)
-    }
-    parts = [texts[value] for value in values]
-    offsets = np.zeros(len(parts) + 1, np.int32)
-    np.cumsum(np.fromiter(map(len, parts), np.int32, len(parts)), out=offsets[1:])
-    known = np.ones(len(parts), bool)
-    if None in texts:
-        known = np.array([value is not None for value in values], bool)
-    return _plain(pa.string(), known, offsets, b"".join(parts))
+    builder = pa.lib.StringBuilder()
+    builder.append_values([None if value is None else str(value) for value in values])
+    return builder.finish()

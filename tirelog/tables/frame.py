@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from tirelog.errors import ReadError, UsageError
-from tirelog.storage.remote import open_input
+from tirelog.storage.whole import open_input
 from tirelog.tables.writer import table_format
 from tirelog.vocabulary.columns import COLUMNS, OPTIONAL, TABLES, TableColumn
 

@@ -53,11 +53,7 @@ _MODEL_TABLES = ("predict-all", "predict-numbers", "forces", "passage", "modes")
 
 #: every column; a test holds that none is there twice
 ALL = [
-    _text(
-        "log",
-        "the log's path as given ('-' for standard input; an address without user, password or "
-        "values of its query)",
-    ),
+    _text("log", "the log's path as given ('-' for standard input)"),
     _text("channel", "the channel's name in the setup"),
     _integer(
         "revolution", "ordinal of the patch passage in the log, the same in all tables of a channel"

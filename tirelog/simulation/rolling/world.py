@@ -2,7 +2,7 @@
 
 The drive as impulses on the hub, the belt stepped through the log, and what sensors read of it.
 
-    Drive, [[load_steps]], roughness --> distance, acceleration, load, torque at every step
+    Drive, roughness --> distance, acceleration, load, torque at every step
         --RollingTire--> Motion on its own clock
     Motion --a sensor's place, second differences, lag, bandwidth--> its clean series
         --spline in time--> values at the moments of sampling
@@ -21,7 +21,7 @@ drive:
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -342,15 +342,6 @@ class RolledWorld(World):
 
     # ---- conditions ------------------------------------------------------------------------------
 
-    def load(self, time_s: FloatArray) -> FloatArray:
-        """Load [N] without the road's roughness: as of other truths, with the scenario's steps."""
-        load, steps = super().load(time_s), self.scenario.load_steps
-        ordered = np.full(np.shape(time_s), self.scenario.conditions.load_N)
-        for step in steps:
-            share = np.clip((time_s - step.time_s) / step.rise_s, 0.0, 1.0)
-            ordered = ordered + (step.load_N - ordered) * (0.5 - 0.5 * np.cos(np.pi * share))
-        return np.asarray(load * ordered / self.scenario.conditions.load_N)
-
     def distance(self, time_s: FloatArray) -> FloatArray:
         """The hub's way forward from the log's start [m]."""
         return np.asarray(self._way.angle_at(time_s) * self._way.radius_m, float)
@@ -384,9 +375,8 @@ class RolledWorld(World):
         """The motion from just before the log to just behind it, and every riding sensor's."""
         scenario, step = self.scenario, self.scenario.step_s
         riding = {name: s for name, s in scenario.channels.items() if s.kind in RIDING}
-        early = max((scenario.late_s(s) + 8.0 * s.jitter_s for s in riding.values()), default=0.0)
+        early = max((scenario.late_s(s) for s in riding.values()), default=0.0)
         before = np.ceil((early + _MARGIN_S) / step) * step
-        behind = max((8.0 * s.jitter_s for s in riding.values()), default=0.0) + _MARGIN_S
         start = float(-before - SETTLING_S)
         speed = float(self._way.speed_at(np.array(start)))
         tire = RollingTire(
@@ -402,7 +392,7 @@ class RolledWorld(World):
         riders = tuple(self._rider(s, -zero - np.radians(s.angle_deg)) for s in riding.values())
         fastest = max(s.sampling_rate_Hz for s in scenario.channels.values())
         every = max(1, int(1.0 / (_ROWS * fastest * step)))
-        steps = int((before + scenario.duration_s + behind) / step / every + 1) * every
+        steps = int((before + scenario.duration_s + _MARGIN_S) / step / every + 1) * every
         block = _BLOCK // every * every or every
         moments = np.empty(steps // every, MOMENT)
         read = np.empty((moments.size, sum(rider.shape[0] for rider in riders)))
@@ -541,7 +531,6 @@ def truth_of_rolled(world: RolledWorld, pitch_rad: Mapping[str, FloatArray]) -> 
     truth = steady_truth(world, pitch_rad, partial(_passages, world))
     return {
         **truth,
-        "load_steps": [asdict(step) for step in world.scenario.load_steps],
         "coupled_ring": moving(world),
     }
 
@@ -631,30 +620,14 @@ def moving(world: RolledWorld) -> dict[str, Any]:
 
 
 def _obstacles(world: RolledWorld) -> list[dict[str, float | None]]:
-    """Each cleat or step, as it was met."""
+    """Each cleat or step that the axle passed over, and when."""
     road = world.scenario.road
     if road.kind not in ("step", "cleat"):
         return []
     driven = float(world.distance(np.array([world.scenario.duration_s]))[0])
-    return [_met(world, float(place)) for place in begins(road, driven) if place < driven]
-
-
-def _met(world: RolledWorld, place_m: float) -> dict[str, float | None]:
-    """Times of an obstacle's first touch, passing of the axle and end; largest force."""
-    motion, road = world.motion, world.scenario.road
-    corner = world.profile.corner_m
-    length = float((road.length_m or 0.0) if road.kind == "cleat" else corner[1] - corner[0])
     way = world.distance(world.time_s)
-    met = (way - motion.entry_m > place_m) & (way - motion.exit_m < place_m + length)
-    rows = np.flatnonzero(met)
-    over = way[-1] > place_m > way[0]
-    out: dict[str, float | None] = {
-        "position_m": place_m,
-        "touched_s": float(world.time_s[rows[0]]) if rows.size else None,
-        "under_axle_s": float(np.interp(place_m, way, world.time_s)) if over else None,
-        "left_s": float(world.time_s[rows[-1]])
-        if rows.size and rows[-1] < world.time_s.size - 1
-        else None,
-        "largest_force_N": float(motion.force_z_N[rows].max()) if rows.size else None,
-    }
-    return {key: value if value is None else float(f"{value:.10g}") for key, value in out.items()}
+    places = [float(place) for place in begins(road, driven) if place < driven]
+    return [
+        {"position_m": place, "under_axle_s": float(np.interp(place, way, world.time_s))}
+        for place in places
+    ]

@@ -301,18 +301,6 @@ Road = _record(
 )
 
 
-LoadStep = _record(
-    "LoadStep",
-    """A step of the load, from [[load_steps]] (coupled ring only).
-
-    From `time_s` on the wheel carries `load_N`, reached within `rise_s`.
-    """,
-    time_s=(number(0.0, 1e5), 0.0),
-    load_N=(number(1.0, 1e6), 3434.0),
-    rise_s=(number(1e-3, 1e3), 0.02),
-)
-
-
 #: harmonics of the wheel that run-out and force variation may have
 WHEEL_HARMONICS = 3
 
@@ -425,12 +413,8 @@ Sensor = _record(
     `angle_deg` is the place on the wheel, `lateral_m` that across the tread. `lost_fraction` of the
     samples is blank, in runs of `lost_run` on average; a grating also loses the share
     `lost_at_flanks` of the samples at which strain changes along the tread by more than half of the
-    most. `jitter_s` moves the moment of sampling about its stamp; `delay_s` is the telemetry's;
-    `range` and `bits` clip and digitise. `coupling_Hz` is the high-pass of an AC-coupled instrument
-    (first order; 0: none).
-    Encoder:
-    `steps`, `signal`, `amplitude`, `offset`, `pitch_error_deg` (drawn by `pitch_seed`),
-    `missing_teeth`, `extra_teeth`.
+    most. `delay_s` is the telemetry's; `range` and `bits` clip and digitise.
+    Encoder: `steps`, `signal`, `amplitude`, `offset`, `pitch_error_deg` (drawn by `pitch_seed`).
     """,
     kind=(words(*SOURCE_UNITS), ""),
     source=(TEXT, ""),
@@ -447,12 +431,10 @@ Sensor = _record(
     lost_fraction=(number(0.0, 0.9), 0.0),
     lost_run=(number(1.0, 1e4), 1.0),
     lost_at_flanks=(number(0.0, 0.9), 0.0),
-    jitter_s=(number(0.0, 0.1), 0.0),
     gauge_length_m=(number(0.0, 0.2), 0.0),
     lag_s=(number(0.0, 1.0), 0.0),
     delay_s=(number(0.0, 1.0), 0.0),
     bandwidth_Hz=(number(1.0, 1e6), None),
-    coupling_Hz=(number(0.0, 100.0), 0.0),
     baseline=(number(-0.1, 0.1), 0.0),
     reference_wavelength_nm=(number(100.0, 1e5), 1550.0),
     strain_gain=(number(0.1, 100.0), 1.27),
@@ -467,8 +449,6 @@ Sensor = _record(
     offset=(number(-1e3, 1e3), 0.0),
     pitch_error_deg=(number(0.0, 5.0), 0.0),
     pitch_seed=(number(0, 2**31, whole=True), 0),
-    missing_teeth=(numbers(0, whole=True), ()),
-    extra_teeth=(numbers(0, whole=True), ()),
     lateral_m=(number(-0.5, 0.5), 0.0),
 )
 
@@ -545,7 +525,6 @@ class Scenario:
     step_s: float = key(number(1e-7, 1e-2), 2.5e-5)
     rounding_s: float = key(number(0.05, 5.0), 0.5)
     ramp: Record | None = key(table_of(Ramp))
-    load_steps: tuple[Record, ...] = key(Entries(table_of(LoadStep)), ())
 
     def planted(self, name: str) -> Planted | None:
         """The planted effect of that name, or None."""
@@ -609,8 +588,7 @@ def scenario_of(
         # a profile lies beside its scenario
         profile = Path(str(document.file or "")).parent / road.file
         road = replace(road, file=str(profile.resolve()))
-    steps = sorted(scenario.load_steps, key=lambda step: float(step.time_s))
-    scenario = replace(scenario, road=road, load_steps=tuple(steps))
+    scenario = replace(scenario, road=road)
     _check(scenario, place)
     return scenario
 
@@ -621,7 +599,6 @@ def _check(scenario: Scenario, place: FilePlace) -> None:
     names = [effect.name for effect in scenario.effects]
     twice = next((name for name in names if names.count(name) > 1), None)
     coupled = scenario.truth == "coupled_ring"
-    moving = "[[load_steps]]" if scenario.load_steps else f'[road] kind = "{scenario.road.kind}"'
     place.refuse(
         (
             scenario.grid_points % 2,
@@ -651,9 +628,9 @@ def _check(scenario: Scenario, place: FilePlace) -> None:
         _check_coupled(scenario, place)
     place.refuse(
         (
-            not coupled and (scenario.load_steps or scenario.road.kind != "flat"),
-            "load_steps" if scenario.load_steps else "road",
-            f"{moving} needs a tire that moves",
+            not coupled and scenario.road.kind != "flat",
+            "road",
+            f'[road] kind = "{scenario.road.kind}" needs a tire that moves',
             'allowed is truth = "coupled_ring"',
             "set it",
         )

@@ -110,8 +110,7 @@ def encoder_signal(
     """The encoder's voltage (n,).
 
     A sinusoid per tooth, amplitude growing with speed and varying by 15 % over the turn; or square
-    pulses; or a count of steps. A missing tooth leaves the offset; an extra one doubles the
-    frequency over its pitch.
+    pulses; or a count of steps.
     """
     angle = world.drive.angle_at(time_s)
     turn = angle % (2 * np.pi)
@@ -122,9 +121,6 @@ def encoder_signal(
     numbers = np.arange(-3, sensor.steps + 4)
     tooth = CubicSpline(extended, numbers)(turn)
     wave = np.sin(2 * np.pi * tooth)
-    index = np.floor(tooth).astype(int) % sensor.steps
-    wave = np.where(np.isin(index, sensor.extra_teeth), np.sin(4 * np.pi * tooth), wave)
-    wave = np.where(np.isin(index, sensor.missing_teeth), 0.0, wave)
     if sensor.signal == "counter":
         return np.asarray(
             np.floor(tooth + sensor.steps * np.round((angle - turn) / (2 * np.pi))), float
@@ -193,18 +189,16 @@ def read_tables(
     return value
 
 
-def moments_of(scenario: Scenario, random: np.random.Generator) -> tuple[Times, Times]:
+def moments_of(scenario: Scenario) -> tuple[Times, Times]:
     """(stamps, moments at which the values were true) of every channel [s], (n,) each.
 
-    Jitter and delay part them.
+    A delay parts them.
     """
     stamps, moments = {}, {}
     for name, sensor in scenario.channels.items():
-        stamp = np.arange(round(scenario.duration_s * sensor.sampling_rate_Hz))
-        stamps[name] = moment = stamp / sensor.sampling_rate_Hz
-        if sensor.jitter_s:
-            moment = moment + sensor.jitter_s * random.standard_normal(stamp.size)
-        moments[name] = moment - scenario.late_s(sensor)
+        count = round(scenario.duration_s * sensor.sampling_rate_Hz)
+        stamps[name] = np.arange(count) / sensor.sampling_rate_Hz
+        moments[name] = stamps[name] - scenario.late_s(sensor)
     return stamps, moments
 
 
@@ -313,21 +307,6 @@ def in_source_units(
     if sensor.kind == "temperature":
         return clean + 20.0
     return clean * PER_SI.get(sensor.kind, 1.0)
-
-
-def coupled(sensor: Record, values: FloatArray) -> FloatArray:
-    """Values (n,) behind the high-pass of an AC-coupled instrument: a charge that leaks away.
-
-    The charge follows the value with the time constant; at the log's start it has followed it
-    for long.
-    """
-    cut, rate = sensor.coupling_Hz, sensor.sampling_rate_Hz
-    if not cut or not values.size:
-        return values
-    kept = np.exp(-2.0 * np.pi * cut / rate)
-    settled = values[: max(1, round(rate / cut))].mean()
-    charge, _ = lfilter([1.0 - kept], [1.0, -kept], values, zi=np.array([kept * settled]))
-    return np.asarray(values - charge, float)
 
 
 def flanks(world: World, sensor: Record, time_s: FloatArray, told: FloatArray) -> NDArray[np.bool_]:
