@@ -304,7 +304,7 @@ def make(folder: Path) -> None:
             file.create_dataset(f"/wheel/{name}", data=values).attrs["sampling_rate_Hz"] = 5000.0
     (folder / "encoder.toml").write_text(ENCODER_SETUP)
     (folder / "scenario.toml").write_text(SCENARIO)
-    (folder / "m.ladder.json").write_text(json.dumps({"ladders": [LADDER]}))
+    (folder / "m.ladder.json").write_text(json.dumps(LADDER))
     (folder / "campaign.toml").write_text(CAMPAIGN)
     (folder / "conditions.csv").write_text("log,load_N,driver\na.csv,3300,ben\nb.csv,3400,anna\n")
     plain_log, setup = str(folder / "plain.csv"), str(folder / "plain.toml")

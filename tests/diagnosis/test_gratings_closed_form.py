@@ -10,7 +10,7 @@ from tests.diagnosis.toy import stack_of
 from tirelog.data.recording import Channel, Conditions, Recording, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.compare import comparison_of, measured_pieces, start_from
-from tirelog.diagnosis.fitted import FitOfLogs, fit_channels_measured
+from tirelog.diagnosis.fitted import FitOfLogs, fit_of_logs
 from tirelog.diagnosis.gratings import (
     MOST_SEARCHED,
     ROAD,
@@ -125,7 +125,9 @@ def test_each_grating_has_its_own_lever_arm():
     assert ratio_of(MODEL, "") == 1.0  # of what is no grating
     assert "." not in ratio_name("belt.1")
     # and so does `model fit`
-    found, _ = fit_channels_measured([stacks], MODEL)
+    found, said = fit_of_logs(stacks, MODEL)
+    assert said[0].startswith("3 channels are fitted together")
+    assert "true errors are up to 1.7 times larger" in said[0]
     assert found.reduced_chi2 < 1.15
     answer = FitOfLogs(without_ratios(found.model), found).to_json()["parameters"]
     for number, ratio in enumerate(RATIOS[1:], start=2):

@@ -91,13 +91,11 @@ from tirelog.diagnosis.gratings import Gathered, GratingsFound, gathered
 from tirelog.diagnosis.residual_structure import (
     Leftover,
     Suspect,
-    check_sentences,
     describe,
-    posterior_checks,
     scattered,
     suspects,
 )
-from tirelog.diagnosis.results import Candidate, Check, Comparison
+from tirelog.diagnosis.results import Candidate, Comparison
 from tirelog.diagnosis.rules import (
     BEYOND_DOUBT_P,
     CLAIMING,
@@ -140,7 +138,6 @@ class Diagnosis(AnswerRecord):
     separating_manoeuvres: tuple[Mapping[str, Any], ...]
     unexplained: Mapping[str, Any]
     nuisances: tuple[NuisanceFound, ...]
-    checks: tuple[Check, ...]
     suspects: tuple[Suspect, ...]
     not_tested: Mapping[str, str]
     rmse_heldout_before: float | None
@@ -318,7 +315,7 @@ def conclude(found: SearchResult, stacks: Revolutions, asked: Gathered | None = 
     ranking = ranking_of(found, selected, decision["repeats"], floor, decision["share"])
     scatter = scattered(before, floor) if verdict == "scatter" else None
     unexplained = _unexplained(decision, ranking, manoeuvres) | {"scatter": scatter}
-    beside, checks = nuisances_found(result), posterior_checks(result)
+    beside = nuisances_found(result)
     suspected = suspects(result) if unnamed or scatter else ()
     advice, notes = _advice(found, verdict)
     gratings = None if asked is None else asked.with_strengths(result, selected)
@@ -330,7 +327,6 @@ def conclude(found: SearchResult, stacks: Revolutions, asked: Gathered | None = 
         *nuisance_sentences(beside, result, fails=unnamed),
         *scatter_sentences(result),
         *alike_sentences(found.alike, selected, stayed, result),
-        *(check_sentences(checks) if unnamed or scatter else ()),
         *of_rounding(before),
         not_varied(before.cells.conditions, candidate_effects(before.model)),
         *(f"{said}." for said in out_of_range(result) if said not in left_before),
@@ -367,7 +363,6 @@ def conclude(found: SearchResult, stacks: Revolutions, asked: Gathered | None = 
         separating_manoeuvres=tuple(advice),
         unexplained=unexplained,
         nuisances=beside,
-        checks=checks,
         suspects=suspected,
         not_tested={k: v for k, v in found.steps[0].reasons.items() if k not in ranked}
         | (not_among_candidates(result) if unnamed else {}),

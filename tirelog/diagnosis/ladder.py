@@ -9,7 +9,8 @@ The error falls to the floor on the way.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -35,14 +36,11 @@ from tirelog.diagnosis.compare import (
     untouched,
 )
 from tirelog.diagnosis.gratings import gathered
-from tirelog.diagnosis.history import outcome_of
 from tirelog.diagnosis.propose.propose import propose
 from tirelog.diagnosis.results import Ladder, LadderStep
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base
-from tirelog.inference.cells.joint import linearised, of_all
-from tirelog.inference.metric import Normal
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 
@@ -108,7 +106,7 @@ def ladder(
             f"the last step. The errors of the steps are those on the other "
             f"{base.cells.manoeuvres}: `compare`, which uses all, differs somewhat"
         )
-    left_before, held = out_of_range(found.before), [effect.id for effect in after.model.effects]
+    left_before = out_of_range(found.before)
     observable, unit = observed(after)
     return Ladder(
         observable=observable,
@@ -118,9 +116,6 @@ def ladder(
         verdict=verdict,
         rmse_untouched=on_locked[0],
         floor_untouched=on_locked[1],
-        strengths_by_log=tuple(
-            row for name in found.named if name in held for row in strengths_by_log(after, name)
-        ),
         revolutions=int(after.cells.revolutions.sum()),
         manoeuvres=after.cells.manoeuvres,
         logs=after.cells.log_names,
@@ -194,7 +189,7 @@ def _row(
         noise_floor=floor,
         excess_heldout=None if held is None else excess_of(held, floor),
         p_adjusted=p,
-        outcome=outcome_of(decision),
+        outcome=re.split(r" \(|:", decision)[0].replace(" ", "_"),
         decision=decision,
         sentence=sentence,
         parameters=_parameters(base.model, last.model if last else None),
@@ -210,43 +205,4 @@ def _parameters(model: Model, before: Model | None) -> dict[str, dict[str, Any]]
             sigma = np.hypot(p.se or 0.0, old.se or 0.0)
             shift = (p.value - old.value) / sigma if sigma > 0 and np.isfinite(sigma) else None
         rows[name] = {"value": p.value, "se": p.se, "unit": p.unit, "shift_sigma": shift}
-    return rows
-
-
-def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
-    """The effect's strengths fitted on each log alone, everything else held.
-
-    One row per log and strength.
-    """
-    own = next(e for e in base.model.effects if e.id == effect)
-    names = [f"{effect}.{name}" for name in own.effect.strength]
-    slopes = of_all(
-        base.cells, [linearised(base.model, one.cells, names, {})[1] for one in base.blocks]
-    )
-    columns = np.concatenate([slopes, np.ones_like(base.cells.phi)[..., None]], axis=-1)
-    residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside)
-    normal = Normal.of(base.white(columns), base.white(residual), base.cells.log)
-    step, variance = normal.solved()
-    rows: list[Mapping[str, Any]] = []
-    for log in np.unique(base.cells.log).tolist():
-        of, logname = {}, base.cells.logs[log]
-        if base.cells.parts:
-            part = base.cells.parts[log // len(base.cells.log_names)]
-            of = {"observable": part.observable}
-            if part.member:
-                of["grating"] = part.member
-            if not normal.gram[log, : len(names), : len(names)].any():
-                continue
-        se = np.sqrt(np.maximum(variance[log], 0.0)).tolist()
-        known = base.cells.conditions.take(np.flatnonzero(base.cells.log == log))
-        for i, name in enumerate(names):
-            visible = normal.gram[log, i, i] > 1e-6 * normal.gram[:, i, i].max()
-            p = base.model.parameters[name]
-            rows.append(of | {
-                "log": logname, "parameter": name, "unit": p.unit,
-                "value": p.value + float(step[log, i]) if visible else None,
-                "se": se[i] if visible else None,
-                "distance_km": float(np.mean(known.distance_km)),
-                "load_N": float(np.mean(known.load_N)),
-            })  # fmt: skip
     return rows

@@ -39,6 +39,8 @@ from tirelog.inference.fit.cells import NULL, errors_of
 from tirelog.inference.floor import scatter_columns
 from tirelog.inference.metric import Offsets
 from tirelog.physics.model.model import Model
+from tirelog.storage.remote import open_input
+from tirelog.storage.whole import json_of
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import shown
 from tirelog.vocabulary.tables import BY_OBSTACLE, ERRORS_BY
@@ -51,9 +53,8 @@ _STEP_ERRORS = ("rmse_fit", "rmse_heldout", "noise_floor", "excess_heldout")
 _ABOVE = "above scatter"
 
 
-#: captions of the two tables that say how wrong a model is
+#: caption of the table that says how wrong a model is
 _EXTRA = "Least error beside the noise floor at which model and data agree, each by itself"
-_CHECKS = "Residuals beside noise"
 
 
 @dataclass(frozen=True)
@@ -88,27 +89,6 @@ class Map:
     residual: FloatArray
     whitened: FloatArray
     begins: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True)
-class Check:
-    """A number of the residual beside the range in which noise alone leaves it."""
-
-    name: str
-    measured: float
-    low: float
-    high: float
-    also: ClassVar = ("never",)
-
-    @property
-    def never(self) -> bool:
-        """Noise never leaves this."""
-        return not self.low <= self.measured <= self.high
-
-    @property
-    def noise_gives(self) -> str:
-        """The range of noise in words."""
-        return f"{self.low:.3g} to {self.high:.3g}"
 
 
 def _size_or_more(own: Mapping[str, Any]) -> float:
@@ -160,9 +140,9 @@ class Comparison(AnswerRecord):
     what each contributes, `agreement` whether they contradict each other. Waveforms and maps are
     those of the first.
 
-    `extra_errors`: how much error beside the noise makes model and data agree; `checks`: how far
-    the residuals are from noise; `ranking`: the model among others on the same logs; `learnt`: what
-    a residual that is learnt would gain, if asked. All are empty in what `comparison_of` makes.
+    `extra_errors`: how much error beside the noise makes model and data agree; `ranking`: the model
+    among others on the same logs; `learnt`: what a residual that is learnt would gain, if asked.
+    All are empty in what `comparison_of` makes.
 
     `obstacles`: errors hit by hit, None without a [road] or with a model that does not move;
     `aside`: remarks on what was not compared.
@@ -207,7 +187,6 @@ class Comparison(AnswerRecord):
     obstacles: TransientComparison | None = None
     aside: tuple[str, ...] = ()
     extra_errors: tuple[Mapping[str, Any], ...] = ()
-    checks: tuple[Check, ...] = ()
     ranking: tuple[Mapping[str, Any], ...] = ()
     learnt: tuple[Mapping[str, Any], ...] = ()
 
@@ -243,7 +222,7 @@ class Comparison(AnswerRecord):
         return [errors, self.parameters_table(), *self.wrongness()], [*said, *self.notes]
 
     def wrongness(self) -> list[AnswerTable]:
-        """How wrong the model is: its rank among others, extra errors, residuals beside noise."""
+        """How wrong the model is: its rank, extra errors, what a learnt residual gains."""
         factor, unit = shown(self.observable, self.unit)
         ranks = [
             [r["model"], in_unit(r["rmse_heldout"], factor), r["above_scatter"] * factor]
@@ -251,7 +230,6 @@ class Comparison(AnswerRecord):
             for r in self.ranking
         ]
         extra = [_extra_row(own) for own in self._worst_errors() if own["size"] != 0.0]
-        residuals = [[c.name, c.measured, c.noise_gives] for c in self.checks]
         learnt = [
             [r["learns"], in_unit(r["rmse_heldout"], shown(r["observable"], "")[0])]
             + [percent(r["excess_removed"]), r["sigmas"], r["weights"]]
@@ -261,7 +239,6 @@ class Comparison(AnswerRecord):
         tables = (
             AnswerTable(f"Models on the same logs, best first [{unit}]", names, ranks),
             AnswerTable(_EXTRA, ["", "at least", "unit"], extra),
-            AnswerTable(_CHECKS, ["residuals", "measured", "noise gives"], residuals),
             AnswerTable(
                 f"What a learnt residual gains [{unit}]; it names no effect",
                 ["learns over", "held out", "excess removed", "sigma better", "weights"],
@@ -323,7 +300,7 @@ class Comparison(AnswerRecord):
                 allowed=f"allowed here are {', '.join(steady)}",
                 do="choose one, or add the [road]",
             )
-        return iter([self.obstacles.tables[name]])
+        return iter([self.obstacles.rows()])
 
     def _rows(self, name: str) -> Iterator[Rows]:
         """A table, of several observables under each other, each row with its name and unit."""
@@ -519,7 +496,6 @@ class Ladder(AnswerRecord):
     verdict: str
     rmse_untouched: float | None
     floor_untouched: float | None
-    strengths_by_log: tuple[Mapping[str, Any], ...]
     revolutions: int
     manoeuvres: int
     logs: tuple[str, ...]
@@ -567,6 +543,51 @@ def steps_table(climbed: Mapping[str, Any]) -> AnswerTable:
     errors = [f"{name} [{unit}]" for name in ("fitted", "held out", "floor", "excess")]
     names = ["step", "effect", *errors, "p, adjusted", "decision", "its parameters"]
     return AnswerTable("Steps of the ladder", names, rows)
+
+
+#: what every step of a ladder's JSON has, as `json_of` takes it
+_STEP: dict[str, Any] = {
+    "step": int,
+    "effect": str,
+    "rmse_fit": float,
+    "rmse_heldout": float | None,
+    "noise_floor": float,
+    "excess_heldout": float | None,
+    "p_adjusted": float | None,
+    "outcome": str,
+    "decision": str,
+    "sentence": str,
+    "parameters": {str: {"value": float, "se": float | None, "unit": str}},
+}
+_LADDER: dict[str, Any] = {
+    "steps": [_STEP],
+    "observable": str,
+    "unit": str,
+    "verdict?": str,
+    "logs?": [str],
+    "remarks?": [str],
+    "manoeuvres?": int,
+    "manoeuvres_locked?": int,
+    "rmse_untouched?": float | None,
+    "floor_untouched?": float | None,
+}
+
+
+def read_ladder(path: Path) -> dict[str, Any]:
+    """A ladder's JSON as `ladder -o FILE.json` writes it.  UsageError: the file is none."""
+    try:
+        with open_input(path) as stream:
+            climbed = json_of(stream.read(), _LADDER)
+        if not climbed["steps"]:
+            raise ValueError("it has no steps")
+    except (OSError, ValueError) as problem:
+        raise UsageError(
+            f"is no ladder ({problem})",
+            allowed="`tirelog ladder LOG --model M -o FILE.json` writes one",
+            do="give that",
+            file=path,
+        ) from None
+    return climbed
 
 
 # ---- What each effect of a fitted model adds, as a curve beside what the measurement leaves for

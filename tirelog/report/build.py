@@ -27,9 +27,8 @@ from tirelog.data.recording import Recording
 from tirelog.diagnosis.answer import AnswerTable, plain_fields
 from tirelog.diagnosis.compare import Measured, compare, comparison_of, measured_pieces, start_from
 from tirelog.diagnosis.diagnose import Diagnosis, diagnose
-from tirelog.diagnosis.history import read_ladder
 from tirelog.diagnosis.obstacles import compare_transients
-from tirelog.diagnosis.results import Comparison, effect_curves
+from tirelog.diagnosis.results import Comparison, effect_curves, read_ladder
 from tirelog.errors import ModelError, TirelogError, UsageError, nearest, or_refusal
 from tirelog.inference.measured import TransientLog, measured_for
 from tirelog.inference.shared_samples import once_each
@@ -200,10 +199,10 @@ def _models(
     seen: Sequence[tuple[str, str]],
 ) -> list[Section]:
     """The answer, comparison, diagnosis and ladder; or why there are none."""
-    climb = asked.command("ladder", model=True)
+    climb = asked.command("ladder", "-o", "FILE.json", model=True)
     ladder = [] if climbed is None else [models.ladder_section(climbed, climb)]
     if climbed is None:
-        absent = "the ladder, the error falling to the floor (then --ladder M.ladder.json)"
+        absent = "the ladder, the error falling to the floor (then --ladder FILE.json)"
         report.missing.append((absent, climb))
     if model is None:
         absent = "the model against the measurement, the diagnosis (then --model M)"
