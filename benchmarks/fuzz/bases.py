@@ -233,7 +233,7 @@ def _extra_logs(folder: Path, t: NDArray, strain: NDArray, twin: NDArray) -> Non
             (folder / name).with_suffix(".toml").write_text(setup)
 
 
-_PARAMETER = {"value": 4.0, "se": 0.1, "unit": "1", "shift_sigma": None}
+_PARAMETER = {"value": 4.0, "se": 0.1, "unit": "1"}
 _STEP = {"rmse_fit": 2e-6, "rmse_heldout": 2e-6, "noise_floor": 2e-6, "excess_heldout": 5e-7}
 #: a ladder as its command keeps it
 LADDER = {

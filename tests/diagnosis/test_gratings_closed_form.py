@@ -18,10 +18,8 @@ from tirelog.diagnosis.gratings import (
     Frame,
     frames_of,
     gathered,
-    members_held,
     members_of,
     spread_out,
-    strengths_of,
 )
 from tirelog.errors import UsageError
 from tirelog.inference.base import JointBase
@@ -193,29 +191,6 @@ def test_a_grating_that_no_other_agrees_with_is_left_out():
     assert "nothing tells which is right" in " ".join(asked.found.sentences())
 
 
-def test_strengths_by_grating_and_whether_they_differ():
-    name = "pressure_offset"
-    model = MODEL.with_effect(name, offset=0.05)
-    alike = (TRUTH.with_effect(name, offset=0.1),) * 3
-    base = fitted(three(truths=alike), model)
-    (same,) = strengths_of(members_of(base), base, [name])
-    assert same.parameter == f"{name}.offset"
-    for value, error in zip(same.values, same.errors, strict=True):
-        assert abs(value - 0.1) < 4.0 * error < 0.01
-    assert same.freedom == 2
-    assert not same.contradicts
-    apart = (*alike[:2], TRUTH.with_effect(name, offset=0.16))
-    other = fitted(three(truths=apart), model)
-    (differ,) = strengths_of(members_of(other), other, [name])
-    assert differ.contradicts
-    assert differ.q > 10.0 * max(same.q, 1.0)
-    assert differ.values[2] - differ.values[0] == pytest.approx(0.06, abs=0.02)
-    # gratings that took no part in the fit say the same of what it found
-    pieces = measured_pieces(three(truths=alike))
-    (held,) = strengths_of(members_held(pieces, base), base, [name])
-    np.testing.assert_allclose(held.values, same.values, atol=4.0 * max(same.errors))
-
-
 def test_of_many_gratings_those_at_the_most_distant_angles_are_searched():
     angles = np.radians(np.arange(8) * 45.0)
     some = spread_out(measured_pieces([[grating(i, place=at)] for i, at in enumerate(angles)]))
@@ -308,6 +283,6 @@ def test_what_a_grating_showed_alone_is_asked_again_beside_a_named_effect():
         asked = gathered(pieces[::2], model)
         frame = Frame("g2", float(np.var(bump(-1.5)(PHI, 0.0, RATIOS[1]))) / NOISE**2, 1e-3)
         showed = replace(asked.found, frames=(frame,), names=("g1", "g2", "g3"))
-        told = replace(asked, every=pieces, found=showed).with_strengths(asked.base, [name])
+        told = replace(asked, every=pieces, found=showed).beside(asked.base, [name])
         assert told.alone == alone
         assert ("beside what is named" in " ".join(told.sentences())) == (alone == ())

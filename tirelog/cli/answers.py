@@ -183,7 +183,7 @@ def diagnose(
 def form(asked: Question) -> None:
     """Contact pressure and stiffness of the tire from its logs, with standard errors."""
     with asked.answered("fitting the form", api.answers.tire_form) as result:
-        asked.show(result, result.notes)
+        asked.show(result, [result.headline])
         write_answer(asked.session, "form", result)
 
 

@@ -230,11 +230,6 @@ class TireForm(AnswerRecord):
         return self.reduced_chi2 > QUIET_CHI2
 
     @property
-    def notes(self) -> tuple[str, ...]:
-        """The same, beside the picture."""
-        return (self.headline,)
-
-    @property
     def headline(self) -> str:
         """The half length, or that the form holds more than the tire's own."""
         if self.doubtful:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -87,11 +86,11 @@ def ladder(
             sentence = f"{name} added, written down from what was left: {proposal.sentence}"
             p = max((term.p for term in proposal.terms), default=None)
             steps = [step for step in steps if step.outcome != "not_added"]
-            steps.append(_row(top, after, name, "added: proposed", sentence, p))
+            steps.append(_row(top, name, "added: proposed", sentence, p))
             after, dropped = without_needless(top, [*found.named, *proposal.written])
             if dropped:
                 after = after.with_scatter_estimated
-                steps.append(_removed(after, top, dropped))
+                steps.append(_removed(after, dropped))
             verdict = _reached(found.before, after)
     on_locked = untouched(after, locked) if locked else (None, None)
     fails = verdict != "at_the_floor" and not at_noise_floor(after, after.floor.square)
@@ -140,7 +139,7 @@ def _reached(first: Base, last: Base) -> str:
 def _steps(found: SearchResult) -> Iterable[LadderStep]:
     """The base's row, a row for each effect that came in, and one for the first that did not."""
     last, later = found.before, [*(step.before for step in found.steps[1:]), found.after]
-    yield _row(last, None, "base", "start", "The model as given.")
+    yield _row(last, "base", "start", "The model as given.")
     for step, base in zip(found.steps, later, strict=True):
         if (named := step.named) is None:
             break
@@ -148,10 +147,10 @@ def _steps(found: SearchResult) -> Iterable[LadderStep]:
         decision = f"added (or {', '.join(others)})" if others else "added"
         noise = probability(named.p, base.cells.manoeuvres)
         sentence = f"{named.id} added: the improvement has probability {noise} of being noise."
-        yield _row(base, last, named.id, decision, sentence, named.p)
+        yield _row(base, named.id, decision, sentence, named.p)
         last = base
     if found.dropped:
-        yield _removed(found.after, last, found.dropped)
+        yield _removed(found.after, found.dropped)
         last = found.after
     final = found.steps[-1]
     if final.named is None and final.assessed:
@@ -166,20 +165,20 @@ def _steps(found: SearchResult) -> Iterable[LadderStep]:
             f"An improvement by {best.id} has probability {noise} of being noise; it is not added "
             f"({reason})."
         )
-        yield _row(last, last, best.id, f"not added: {reason}", sentence, best.p)
+        yield _row(last, best.id, f"not added: {reason}", sentence, best.p)
 
 
-def _removed(base: Base, last: Base, names: Sequence[str]) -> LadderStep:
+def _removed(base: Base, names: Sequence[str]) -> LadderStep:
     """The step on which effects went that later ones had made needless."""
     every = ", ".join(names)
     said = f"{every} removed: what came later has made it needless."
-    return _row(base, last, every, "removed", said)
+    return _row(base, every, "removed", said)
 
 
 def _row(
-    base: Base, last: Base | None, effect: str, decision: str, sentence: str, p: float | None = None
+    base: Base, effect: str, decision: str, sentence: str, p_adjusted: float | None = None
 ) -> LadderStep:
-    """A step from the base `last`; steps are numbered once all are known."""
+    """A step that ends at the base; steps are numbered once all are known."""
     held, floor = base.rmse_held, float(np.sqrt(base.floor.square))
     return LadderStep(
         step=0,
@@ -188,21 +187,13 @@ def _row(
         rmse_heldout=held,
         noise_floor=floor,
         excess_heldout=None if held is None else excess_of(held, floor),
-        p_adjusted=p,
+        p_adjusted=p_adjusted,
         outcome=re.split(r" \(|:", decision)[0].replace(" ", "_"),
         decision=decision,
         sentence=sentence,
-        parameters=_parameters(base.model, last.model if last else None),
+        parameters={
+            name: {"value": p.value, "se": p.se, "unit": p.unit}
+            for name, p in base.model.parameters.items()
+            if p.free
+        },
     )
-
-
-def _parameters(model: Model, before: Model | None) -> dict[str, dict[str, Any]]:
-    """Free parameters with errors, and how far each moved, in sigma of both."""
-    rows, known = {}, before.parameters if before else {}
-    for name, p in ((name, p) for name, p in model.parameters.items() if p.free):
-        shift = None
-        if (old := known.get(name)) is not None:
-            sigma = np.hypot(p.se or 0.0, old.se or 0.0)
-            shift = (p.value - old.value) / sigma if sigma > 0 and np.isfinite(sigma) else None
-        rows[name] = {"value": p.value, "se": p.se, "unit": p.unit, "shift_sigma": shift}
-    return rows

@@ -28,7 +28,7 @@ from tirelog.diagnosis.answer import AnswerTable, plain_fields
 from tirelog.diagnosis.compare import Measured, compare, comparison_of, measured_pieces, start_from
 from tirelog.diagnosis.diagnose import Diagnosis, diagnose
 from tirelog.diagnosis.obstacles import compare_transients
-from tirelog.diagnosis.results import Comparison, effect_curves, read_ladder
+from tirelog.diagnosis.results import Comparison, read_ladder
 from tirelog.errors import ModelError, TirelogError, UsageError, nearest, or_refusal
 from tirelog.inference.measured import TransientLog, measured_for
 from tirelog.inference.shared_samples import once_each
@@ -333,11 +333,7 @@ def story_of(
             missing.append((f"the ladder's last model: {problem.message}", command("ladder")))
     elif found is not None and added:
         best = found.after
-    curves = []
-    if found is not None:
-        drawn = found.selected or [effect.id for effect in found.model.effects]
-        curves = effect_curves(found.found.after if found.selected else found.found.before, drawn)
-    given = models.AnswerSection(compared, found, best, added, climbed, curves, catalogue)
+    given = models.AnswerSection(compared, found, best, added, climbed, catalogue)
     asked = "compare" if found is None else "diagnose"
     follows = next_command or (command("diagnose") if found is None else found.next_command)
     told = [models.answer(given, follows, command(asked), colours)]
