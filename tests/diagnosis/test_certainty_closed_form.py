@@ -2,7 +2,6 @@
 
 import math
 import tomllib
-from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
@@ -10,11 +9,8 @@ import pytest
 import tomlkit
 from scipy.stats import binom
 
-from benchmarks.calibration import is_right, rows_of, table
-from benchmarks.nuisances import Row
+from benchmarks.calibration import rows_of, table
 from tirelog.diagnosis.candidates.separation import (
-    ALLOWED,
-    drive_sentences,
     expected_gain,
     probability_after,
 )
@@ -30,17 +26,6 @@ NAME = {
 TABLE = {"date": "2026-11-22", "name": NAME}
 
 
-def row(seed, status="missing", planted="wear", named="wear", sets="[]", rest=1.0, **more):
-    known = {
-        "world": "control", "seed": seed, "carcass": "beam", "planted": planted, "size": "drawn",
-        "strength": 1.0, "planted_excess": math.nan, "status": status, "named": named,
-        "sets": sets, "share": 1.0, "heldout_before": 2.0, "heldout_after": rest,
-        "chi2_before": 9.0, "chi2_after": 1.0, "excess": 3.0, "excess_left": 0.0,
-        "manoeuvres": 22, "cpu_s": 1.0, "sentence": "",
-    }  # fmt: skip
-    return Row(**{**known, **more})
-
-
 @pytest.mark.parametrize(("right", "cases"), [(49, 49), (32, 40), (1, 9), (0, 5)])
 def test_the_bound_is_the_share_with_which_so_many_right_ones_are_one_in_forty(right, cases):
     # Clopper and Pearson (1934): at the lower limit P(right or more) is half of 5 %
@@ -49,20 +34,6 @@ def test_the_bound_is_the_share_with_which_so_many_right_ones_are_one_in_forty(r
     assert beyond == pytest.approx(0.025, rel=1e-9)
     assert least <= right / cases
     assert least_share(cases, cases) == pytest.approx(0.025 ** (1.0 / cases), rel=1e-12)
-
-
-def test_what_no_case_had_is_listed_and_a_drive_counts_once():
-    def made(rows):
-        return table(rows, date(2026, 11, 22)).unwrap()["name"]
-
-    rows = [row(i, rest=1.0 + 0.01 * (i % 5)) for i in range(10)]
-    assert made(rows)["lacking"] == ["effect that no catalogue has"]
-    twice = [replace(r, world=world) for r in rows for world in ("control", "run_out_3")]
-    assert made(twice)["cases"] == 10
-    many = [replace(r, seed=100 * k + r.seed) for k in range(3) for r in rows]
-    assert made(many)["cases"] == made(many)["right"] == 30
-    many += [row(9000 + i, status="unknown", planted="splice", named="") for i in range(9)]
-    assert made(many)["lacking"] == []
 
 
 @pytest.mark.parametrize(
@@ -101,29 +72,6 @@ def test_what_was_asked_otherwise_than_any_case_is_said(model, selected, grating
     assert bool(why) == bool(said)
 
 
-@pytest.mark.parametrize(
-    ("given", "right"),
-    [
-        (row(1), True),
-        (row(1, named="hysteresis"), False),
-        (row(1, named="wear+hysteresis"), False),
-        (row(1, status="ambiguous", named="hysteresis", sets='[["hysteresis", "wear"]]'), True),
-        (row(1, planted="", named="wear"), False),
-        (row(1, status="nothing_missing", planted="", named=""), True),
-        (row(1, status="nothing_missing", named="", planted_excess=2.0), False),
-        (row(1, status="scatter", named="", planted_excess=0.1), True),
-        (row(1, status="unknown", planted="splice", named=""), True),
-        (row(1, status="unknown", named=""), False),
-        (row(1, status="partial", planted="splice", named="wear"), False),
-        (row(1, planted="wear+traction", named="traction+wear"), True),
-        (row(1, planted="wear+traction", named="wear"), False),
-        (row(1, status="partial", planted="wear+traction", named="wear"), True),
-    ],
-)
-def test_what_is_right(given, right):
-    assert is_right(given) is right
-
-
 def test_the_table_of_the_package_is_that_of_the_rows_that_are_kept():
     rows = rows_of(Path(__file__).parents[2] / "benchmarks" / "rows" / "calibration.csv")
     known = shipped()
@@ -134,9 +82,6 @@ def test_the_table_of_the_package_is_that_of_the_rows_that_are_kept():
     for verdict in ("missing", "nothing_missing"):
         found = certainty_of(**{**KIND, "verdict": verdict}, table=known)
         assert 0.5 < found.probability < found.right / found.cases <= 1.0
-
-
-BY_NAME = {manoeuvre.name: manoeuvre for manoeuvre in ALLOWED}
 
 
 def test_of_two_as_likely_the_right_one_is_told_as_two_normals_part():
@@ -154,25 +99,3 @@ def test_a_gain_is_the_share_of_the_two():
     assert expected_gain(0.45, 0.45, 2.0) == pytest.approx(0.9 * 0.841345 - 0.45, abs=1e-5)
     assert expected_gain(0.9, 0.05, 0.0) == pytest.approx(0.0, abs=1e-12)
     assert expected_gain(0.9, 0.0, 5.0) == 0.0
-
-
-def test_minutes_of_a_stretch():
-    turn = 2.0 * math.pi * 0.3  # m
-    assert BY_NAME["cruise at 15 m/s"].minutes(0.3) == pytest.approx((20 + 40 * turn / 15) / 60)
-    assert BY_NAME["cruise at 15 m/s"].minutes(0.3, 3) == pytest.approx((20 + 40 * turn / 15) / 20)
-    assert BY_NAME["coast down 25 to 9 m/s"].minutes(0.3) == pytest.approx((20 + 32) / 60)
-    loaded = BY_NAME["cruise at 15 m/s with 40 % more load"]
-    assert loaded.minutes(0.3) == pytest.approx((600 + 20 + 40 * turn / 15) / 60)
-
-
-def test_a_row_as_a_sentence():
-    row = {
-        "manoeuvre": "cruise at 8 m/s", "repeats": 2, "minutes": 1.25, "gain": 0.25,
-        "gain_per_minute": 0.2, "separates": [["wear", "traction"], ["wear", "drift"]],
-        "calibrated": False,
-    }  # fmt: skip
-    assert drive_sentences([row]) == [
-        "To be surer, drive: cruise at 8 m/s, 2 times (1.2 min). It tells wear from traction; wear "
-        "from drift; of 100 such verdicts 25.0 more would be right (20 per minute, counted from "
-        "even odds)."
-    ]

@@ -41,38 +41,26 @@ def waves():
     return np.stack([exact_strain(speed) for speed in SPEEDS])
 
 
-def measured(waves, seed, *, noise=5e-6, surface="outer", offset=2e-5, log=0, repeats=8):
+def measured(waves, seed, *, noise=5e-6, offset=2e-5, log=0, repeats=8):
     rng = np.random.default_rng(seed)
     which = np.repeat(np.arange(SPEEDS.size), repeats)
     n = which.size
     count = rng.integers(0, 4, (n, M))
-    values = waves[which] * (1.0 if surface == "outer" else -1.0) + offset
+    values = waves[which] + offset
     values = values + noise * rng.standard_normal((n, M)) / np.sqrt(np.maximum(count, 1))
     return stack_of(
         channel="s",
-        surface=surface,
         radius_m=R,
         values=np.where(count > 0, values, np.nan),
         phi_mean=np.where(count > 0, PHI, np.nan),
         count=count,
         noise=noise,
-        conditions=drive(which, SPEEDS),
+        conditions=Conditions.of(
+            n, speed_m_s=SPEEDS[which], acceleration_m_s2=0.0, time_s=np.arange(n) * 0.1, load_N=F
+        ),
         log=np.full(n, log),
         manoeuvre=np.zeros(n, int),
         logs=("a.csv", "b.csv"),
-    )
-
-
-def drive(which, speeds, accelerations=0.0):
-    """What revolutions are driven under, a tenth of a second apart: the speeds of `which`."""
-    accelerations = np.broadcast_to(accelerations, speeds.shape)[which]
-    n = which.size
-    return Conditions.of(
-        n,
-        speed_m_s=speeds[which],
-        acceleration_m_s2=accelerations,
-        time_s=np.arange(n) * 0.1,
-        load_N=F,
     )
 
 

@@ -1,36 +1,12 @@
-"""Closed form: what forms are worth beside a base, how laws are written, what hats interpolate."""
+"""Closed form: how laws are written, and what hats interpolate."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tests.diagnosis.planted import MODEL, since_exit, stack
 from tirelog.diagnosis.candidates.assessment import hats_on
-from tirelog.diagnosis.compare import start
-from tirelog.diagnosis.propose.formulas import polished, scan, strengths
 from tirelog.diagnosis.propose.grammar import LAWS
-from tirelog.diagnosis.propose.ground import Ground, measured_shapes
-
-
-def bump(xi, speed):
-    """3e-5 (v/20)^2 at 2 rad of the wheel, 0.3 rad wide."""
-    off = np.angle(np.exp(1j * (xi / 0.3 - 2.0)))
-    return 3e-5 * (speed / 20.0) ** 2 * np.exp(-0.5 * (off / 0.3) ** 2)
-
-
-def test_polishing_finds_the_law_and_the_size_of_a_planted_bump():
-    """What is proposed of a ringing, fitted and by command: `test_propose_property.py`."""
-    ground = Ground(start([stack(bump, m=64)], MODEL))
-    scanned = scan(ground)
-    best = polished(ground, scanned.atoms)[0]
-    assert best.law.text == "(speed / 20) ** n"
-    assert best.law.numbers["n"] == pytest.approx(2.0, abs=0.15)
-    size, explained = strengths(ground, best)
-    assert size[0] == pytest.approx(3e-5, rel=0.05)
-    assert explained > 0.9 * (ground.square - np.count_nonzero(ground.base.white.inverse_sd))
-    before = next(atom for atom in scanned.atoms if atom.form_key == best.form_key)
-    assert best.explained > strengths(ground, before)[1]
 
 
 @pytest.mark.parametrize(
@@ -61,17 +37,3 @@ def test_hats_interpolate_straight_lines_and_close_on_themselves():
     round_nodes = np.append(nodes, 1.5)
     found = hats_on(x, round_nodes, 1.5) @ np.append(values, values[0])
     np.testing.assert_allclose(found, np.interp(x, nodes, values, period=1.5), atol=1e-12)
-
-
-def test_a_measured_shape_stands_still_in_its_frame_and_follows_its_law():
-    def recovery(xi, speed):
-        return 4e-5 * speed / 20.0 * np.exp(-0.5 * ((since_exit(xi) / speed - 0.01) / 0.002) ** 2)
-
-    ground = Ground(start([stack(recovery, m=96)], MODEL))
-    best = measured_shapes(ground, ground)[0]
-    assert (best.frame, best.acts_on, best.law) == ("time_since_exit", "strain", "(speed / 20)")
-    wanted = 4e-5 * np.exp(-0.5 * ((best.nodes - 0.01) / 0.002) ** 2)
-    seen = best.nodes < 0.025
-    assert np.all(np.abs(best.values - wanted)[seen] < 4.0 * best.band[seen] + 1e-6)
-    assert np.median(best.band[seen]) < 4e-6
-    assert best.removed == pytest.approx(ground.base.excess, rel=0.1)

@@ -4,7 +4,6 @@ import json
 
 import pytest
 
-from tirelog.api import answers
 from tirelog.cli import run
 from tirelog.simulation import scenario_of, simulate, write_log
 
@@ -40,23 +39,6 @@ def scenario(**road):
 
 
 pytestmark = pytest.mark.xdist_group("cleat")  # one worker makes the log and the answer
-
-
-@pytest.fixture(scope="module", autouse=True)
-def one_fit():
-    """The hits are fitted once for all commands that are given the same log and the same model."""
-    fitted, fit = {}, answers.compare_transients
-
-    def once(logs, model, *, unit):
-        key = (*(log.log for log in logs), *model.values.items())
-        if key not in fitted:
-            fitted[key] = fit(logs, model, unit=unit)
-        return fitted[key]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(answers, "compare_transients", once)
-        yield
-    assert len(fitted) == 1
 
 
 @pytest.fixture(scope="module")
