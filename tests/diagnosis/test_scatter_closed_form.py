@@ -3,7 +3,7 @@
 import numpy as np
 
 from tirelog.inference.floor import Scatter, _deviations, agreement
-from tirelog.inference.metric import RANK, solve_scaled
+from tirelog.inference.metric import RANK, LeaveOneOut, Normal, solve_scaled
 
 
 def hat_of(columns):
@@ -37,6 +37,22 @@ def test_scatter_weighs_each_cell_with_its_own_deviation():
     columns = np.ones((2, 3, 2)) * np.array([2.0, 0.5])
     wanted = [[4e-4] * 3, [3.6e-3 + 1.0] * 3]
     np.testing.assert_allclose(scatter.square(columns), wanted, rtol=1e-12)
+
+
+def test_errors_of_parameters_add_the_trace_of_their_covariance():
+    random = np.random.default_rng(5)
+    manoeuvre, log = np.repeat(np.arange(5), 2), np.zeros(5, int)
+    residual, none = random.standard_normal((10, 4)), np.zeros(3)
+    white, plain = (random.standard_normal((10, 4, 4)) for _ in range(2))
+    white[..., 0] = plain[..., 0] = 0.0  # no offset
+    fitted, judged = (
+        LeaveOneOut(Normal.of(columns, residual, manoeuvre), log, (none, none))
+        for columns in (white, plain)
+    )
+    for m, added in enumerate(fitted.of_errors(judged)):
+        others, own = white[manoeuvre != m, :, 1:], plain[manoeuvre == m, :, 1:]
+        covariance = np.linalg.inv(np.einsum("cmi,cmj->ij", others, others))
+        np.testing.assert_allclose(added, np.einsum("cmi,ij,cmj->", own, covariance, own))
 
 
 def test_equations_are_solved_on_the_directions_that_have_support():

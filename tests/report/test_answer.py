@@ -308,7 +308,7 @@ def test_obstacles_are_told_hit_by_hit() -> None:
         "covered": 0.98, "quality": "ok",
     }  # fmt: skip
     total = {**row, "nuisance_parameters": 20, "hits": [row]}
-    told = {"hits": (row,) * 5, "remarks": ("mind",), "tables": {"hit": [row] * 5}}
+    told = {"hits": (row,) * 5, "remarks": ("mind",), "rows": lambda: [row] * 5}
     result = SimpleNamespace(observable="strain", unit="1", to_json=lambda: total, **told)
     result.hits_table = partial(TransientComparison.hits_table, result)
     section = models.obstacles(result, "tirelog compare")
