@@ -9,7 +9,8 @@ import pytest
 import tomlkit
 from scipy.stats import binom
 
-from benchmarks.calibration import rows_of, table
+from benchmarks.calibration import is_right, rows_of, table
+from benchmarks.nuisances import Row
 from tirelog.diagnosis.candidates.separation import (
     expected_gain,
     probability_after,
@@ -24,6 +25,17 @@ NAME = {
     "manoeuvres": [20, 24], "lacking": [],
 }  # fmt: skip
 TABLE = {"date": "2026-11-22", "name": NAME}
+
+
+def row(seed, status="missing", planted="wear", named="wear", sets="[]", rest=1.0, **more):
+    known = {
+        "world": "control", "seed": seed, "carcass": "beam", "planted": planted, "size": "drawn",
+        "strength": 1.0, "planted_excess": math.nan, "status": status, "named": named,
+        "sets": sets, "share": 1.0, "heldout_before": 2.0, "heldout_after": rest,
+        "chi2_before": 9.0, "chi2_after": 1.0, "excess": 3.0, "excess_left": 0.0,
+        "manoeuvres": 22, "cpu_s": 1.0, "sentence": "",
+    }  # fmt: skip
+    return Row(**{**known, **more})
 
 
 @pytest.mark.parametrize(("right", "cases"), [(49, 49), (32, 40), (1, 9), (0, 5)])
@@ -70,6 +82,29 @@ def test_what_was_asked_otherwise_than_any_case_is_said(model, selected, grating
     why = unlike_cases(model, selected, gratings)
     assert said in why
     assert bool(why) == bool(said)
+
+
+@pytest.mark.parametrize(
+    ("given", "right"),
+    [
+        (row(1), True),
+        (row(1, named="hysteresis"), False),
+        (row(1, named="wear+hysteresis"), False),
+        (row(1, status="ambiguous", named="hysteresis", sets='[["hysteresis", "wear"]]'), True),
+        (row(1, planted="", named="wear"), False),
+        (row(1, status="nothing_missing", planted="", named=""), True),
+        (row(1, status="nothing_missing", named="", planted_excess=2.0), False),
+        (row(1, status="scatter", named="", planted_excess=0.1), True),
+        (row(1, status="unknown", planted="splice", named=""), True),
+        (row(1, status="unknown", named=""), False),
+        (row(1, status="partial", planted="splice", named="wear"), False),
+        (row(1, planted="wear+traction", named="traction+wear"), True),
+        (row(1, planted="wear+traction", named="wear"), False),
+        (row(1, status="partial", planted="wear+traction", named="wear"), True),
+    ],
+)
+def test_what_is_right(given, right):
+    assert is_right(given) is right
 
 
 def test_the_table_of_the_package_is_that_of_the_rows_that_are_kept():

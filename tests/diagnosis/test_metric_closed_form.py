@@ -1,11 +1,13 @@
 """Closed form: whitening and held-out solutions against dense linear algebra."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from tests.diagnosis.toy import make_cells, stack
+from tirelog.diagnosis.candidates.assessment import Variant, flip_test, scores_of
 from tirelog.inference.cells.cells import SharedEffects
 from tirelog.inference.metric import (
     LeaveOneOut,
@@ -102,6 +104,23 @@ def test_shared_effects_shrink_as_their_covariance_says():
     np.testing.assert_allclose(turn @ (basis.T @ left), sized, rtol=1e-7)
     ones = white(np.ones_like(x))
     np.testing.assert_allclose(offsets.of_logs(x), (ones * x).sum() / (ones**2).sum(), rtol=1e-9)
+
+
+def test_a_strength_that_does_what_the_model_does_adds_nothing_to_the_evidence():
+    random = np.random.default_rng(9)
+    cells = make_cells(stack(5, manoeuvres=4, m=32))
+    slopes, column = random.standard_normal((2, *cells.phi.shape, 1))
+    fit = SimpleNamespace(moving=slopes, prediction=np.zeros(cells.phi.shape))
+    base = SimpleNamespace(cells=cells, white=whitener(cells), fit=fit)
+    both = np.concatenate([column, 3.0 * slopes], axis=-1)
+    of_both, alone = (
+        Variant(SimpleNamespace(id="wear"), ("a", "b")[: x.shape[-1]], {}, x, False)
+        for x in (both, column)
+    )
+    _, (scores, wanted), _ = scores_of(base, [of_both, alone])
+    np.testing.assert_allclose(scores.step(), [wanted.step()[0], 0.0], rtol=1e-9, atol=1e-12)
+    found, expected = flip_test([scores], 4), flip_test([wanted], 4)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
 def test_what_is_known_before_holds_an_effect_that_no_manoeuvre_shows():
