@@ -1,12 +1,36 @@
-"""Closed form: how laws are written, and what hats interpolate."""
+"""Closed form: what forms are worth beside a base, how laws are written, what hats interpolate."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from tests.diagnosis.planted import MODEL, stack
 from tirelog.diagnosis.candidates.assessment import hats_on
+from tirelog.diagnosis.compare import start
+from tirelog.diagnosis.propose.formulas import polished, scan, strengths
 from tirelog.diagnosis.propose.grammar import LAWS
+from tirelog.diagnosis.propose.ground import Ground
+
+
+def bump(xi, speed):
+    """3e-5 (v/20)^2 at 2 rad of the wheel, 0.3 rad wide."""
+    off = np.angle(np.exp(1j * (xi / 0.3 - 2.0)))
+    return 3e-5 * (speed / 20.0) ** 2 * np.exp(-0.5 * (off / 0.3) ** 2)
+
+
+def test_polishing_finds_the_law_and_the_size_of_a_planted_bump():
+    """What is proposed of a ringing, fitted and by command: `test_propose_property.py`."""
+    ground = Ground(start([stack(bump, m=64)], MODEL))
+    scanned = scan(ground)
+    best = polished(ground, scanned.atoms)[0]
+    assert best.law.text == "(speed / 20) ** n"
+    assert best.law.numbers["n"] == pytest.approx(2.0, abs=0.15)
+    size, explained = strengths(ground, best)
+    assert size[0] == pytest.approx(3e-5, rel=0.05)
+    assert explained > 0.9 * (ground.square - np.count_nonzero(ground.base.white.inverse_sd))
+    before = next(atom for atom in scanned.atoms if atom.form_key == best.form_key)
+    assert best.explained > strengths(ground, before)[1]
 
 
 @pytest.mark.parametrize(
