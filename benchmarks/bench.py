@@ -205,7 +205,7 @@ def strain(folder: Path, sizes: Sizes) -> None:
 def model(folder: Path, sizes: Sizes) -> None:
     """Predictions of 2,000 revolutions at 256 angles, and a fit to 400 of them."""
     from tirelog.data.recording import Conditions, Stack
-    from tirelog.diagnosis.fitted import fit_channels_measured
+    from tirelog.diagnosis.fitted import fit_of_logs
     from tirelog.physics import Model
 
     def conditions(n: int) -> Conditions:
@@ -245,7 +245,7 @@ def model(folder: Path, sizes: Sizes) -> None:
         grid, phi[:n], variance[:n], np.ones((n, angles), int), np.full(n, noise), drive,
         np.zeros(n, np.int64), np.arange(n) // 40, np.arange(n), np.full(n, "cruise"), ("log",),
     )  # fmt: skip
-    say(f"fit to {n}", cpu(lambda: fit_channels_measured([[stack]], start)), "5 s")
+    say(f"fit to {n}", cpu(lambda: fit_of_logs([stack], start)), "5 s")
 
 
 def coupled(folder: Path, sizes: Sizes) -> None:

@@ -65,7 +65,6 @@ class Row:
     bad: str
     alone: str
     left_out: str
-    q: str
     reduced_chi2: float
     seconds: float
 
@@ -127,7 +126,6 @@ def run(kind: str, seed: int) -> Row:
         bad,
         "+".join(told.alone),
         "+".join(told.set_apart),
-        " ".join(f"{s.q:.3g}/{s.freedom}{'!' if s.contradicts else ''}" for s in told.strengths),
         found.reduced_chi2_after,
         seconds,
     )

@@ -101,7 +101,7 @@ def hidden() -> None:
     name = _diagnosed(logs)
     tirelog("model", "add", "beam.toml", name, "-o", "better.toml")
     tirelog("compare", *logs, "--model", "better.toml", "--plot", "better.png", show=8)
-    tirelog("ladder", *logs, "--model", "beam.toml", "-o", "ladder.csv", "--plot", "ladder.png")
+    tirelog("ladder", *logs, "--model", "beam.toml", "-o", "ladder.json", "--plot", "ladder.png")
     _reveal(HIDDEN[0])
 
 
@@ -149,7 +149,7 @@ def main() -> None:
     unknown()
     title("One page to send to a colleague")
     logs = [sample(name) for name in HIDDEN]
-    known = ["--model", "beam.toml", "--ladder", "beam.ladder.json"]
+    known = ["--model", "beam.toml", "--ladder", "ladder.json"]
     tirelog("report", *logs, *known, "-o", "report.html")
     print(f"\nWritten to {OUTPUT.name}/:")
     print("  report.html                       open it in a browser: it needs nothing else")

@@ -233,7 +233,7 @@ def _extra_logs(folder: Path, t: NDArray, strain: NDArray, twin: NDArray) -> Non
             (folder / name).with_suffix(".toml").write_text(setup)
 
 
-_PARAMETER = {"value": 4.0, "se": 0.1, "unit": "1", "shift_sigma": None}
+_PARAMETER = {"value": 4.0, "se": 0.1, "unit": "1"}
 _STEP = {"rmse_fit": 2e-6, "rmse_heldout": 2e-6, "noise_floor": 2e-6, "excess_heldout": 5e-7}
 #: a ladder as its command keeps it
 LADDER = {
@@ -304,7 +304,7 @@ def make(folder: Path) -> None:
             file.create_dataset(f"/wheel/{name}", data=values).attrs["sampling_rate_Hz"] = 5000.0
     (folder / "encoder.toml").write_text(ENCODER_SETUP)
     (folder / "scenario.toml").write_text(SCENARIO)
-    (folder / "m.ladder.json").write_text(json.dumps({"ladders": [LADDER]}))
+    (folder / "m.ladder.json").write_text(json.dumps(LADDER))
     (folder / "campaign.toml").write_text(CAMPAIGN)
     (folder / "conditions.csv").write_text("log,load_N,driver\na.csv,3300,ben\nb.csv,3400,anna\n")
     plain_log, setup = str(folder / "plain.csv"), str(folder / "plain.toml")

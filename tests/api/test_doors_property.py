@@ -1,6 +1,5 @@
 """Property: what a command does a notebook does in one call, with the same result."""
 
-import json
 from pathlib import Path
 
 import pandas as pd
@@ -90,15 +89,6 @@ def test_a_report_is_written_or_refused(folder: Path) -> None:
     ):
         with pytest.raises(tirelog.TirelogError, match=says):
             tirelog.write_report(**given)
-
-
-def test_a_ladder_is_kept_beside_its_model(folder: Path) -> None:
-    model = tirelog.Model.new("beam", "patch_length")
-    measured = tirelog.measure("log.csv", model)
-    tirelog.ladder(measured, model, keep="m.toml")
-    kept = json.loads((folder / "m.ladder.json").read_text())["ladders"]
-    assert len(kept) == 1
-    assert kept[0]["steps"]
 
 
 def test_tables_that_differ_are_told(folder: Path, command: Command) -> None:

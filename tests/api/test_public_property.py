@@ -158,7 +158,7 @@ def test_contributions_sum_to_the_whole():
         (lambda: tirelog.measure("log.csv", "strian"), "nearest: strain"),
         (lambda: tirelog.measure(7, "strain"), "int is no log"),  # type: ignore[arg-type]
         (lambda: tirelog.compare("log.csv", BEAM), "measure first"),  # type: ignore[arg-type]
-        (lambda: tirelog.fit([], BEAM), "nothing measured"),
+        (lambda: tirelog.fit([], BEAM), "holds no measured revolutions"),
         (lambda: tirelog.speed("none.csv"), "none.csv: cannot be read"),
         (lambda: tirelog.footprint("log.csv", cutoff="fast"), "400Hz"),
         (lambda: tirelog.dissipation("log.csv", steady_step_m_s=0), "^steady_step_m_s 0; allowed"),

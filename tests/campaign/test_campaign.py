@@ -129,7 +129,7 @@ def test_models_that_come_later_change_no_table(manifest, tmp_path, capfd, in_th
     assert summary["rows"].notna().all()
 
 
-def test_each_log_is_diagnosed_alone_and_left_out(tmp_path, capfd, in_this_process):
+def test_each_log_is_left_out_in_turn(tmp_path, capfd, in_this_process):
     manifest = make_campaign(tmp_path, logs=2)
     model, setup = tmp_path / "lengths.toml", tmp_path / "setup.toml"
     new = ("model", "new", "--observable", "patch_length", "--setup", setup, "-o", model)
@@ -139,10 +139,9 @@ def test_each_log_is_diagnosed_alone_and_left_out(tmp_path, capfd, in_this_proce
     results = tmp_path / "results" / "models" / "lengths" / "diagnose.json"
     manifest.write_text(f'{asked}each = "log"\n')
     assert call("campaign", "run", manifest) == 0
-    assert "No log alone has manoeuvres enough for a test." in capfd.readouterr().err
+    assert "Whether the verdict hangs on single logs is not known." in capfd.readouterr().err
     found = json.loads(results.read_text())
     names = [f"logs_run_{i}.csv" for i in range(2)]
-    assert [row["group"] for row in found["each"]["each"]] == names
     assert [row["logs"] for row in found["stability"]["without"]] == [names[1:], names[:1]]
     assert found["stability"]["sentence"] in found["note"]
     manifest.write_text(f'{asked}each = "wheel"\n')

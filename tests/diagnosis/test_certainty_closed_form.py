@@ -2,7 +2,6 @@
 
 import math
 import tomllib
-from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
@@ -13,8 +12,6 @@ from scipy.stats import binom
 from benchmarks.calibration import is_right, rows_of, table
 from benchmarks.nuisances import Row
 from tirelog.diagnosis.candidates.separation import (
-    ALLOWED,
-    drive_sentences,
     expected_gain,
     probability_after,
 )
@@ -49,20 +46,6 @@ def test_the_bound_is_the_share_with_which_so_many_right_ones_are_one_in_forty(r
     assert beyond == pytest.approx(0.025, rel=1e-9)
     assert least <= right / cases
     assert least_share(cases, cases) == pytest.approx(0.025 ** (1.0 / cases), rel=1e-12)
-
-
-def test_what_no_case_had_is_listed_and_a_drive_counts_once():
-    def made(rows):
-        return table(rows, date(2026, 11, 22)).unwrap()["name"]
-
-    rows = [row(i, rest=1.0 + 0.01 * (i % 5)) for i in range(10)]
-    assert made(rows)["lacking"] == ["effect that no catalogue has"]
-    twice = [replace(r, world=world) for r in rows for world in ("control", "run_out_3")]
-    assert made(twice)["cases"] == 10
-    many = [replace(r, seed=100 * k + r.seed) for k in range(3) for r in rows]
-    assert made(many)["cases"] == made(many)["right"] == 30
-    many += [row(9000 + i, status="unknown", planted="splice", named="") for i in range(9)]
-    assert made(many)["lacking"] == []
 
 
 @pytest.mark.parametrize(
@@ -136,9 +119,6 @@ def test_the_table_of_the_package_is_that_of_the_rows_that_are_kept():
         assert 0.5 < found.probability < found.right / found.cases <= 1.0
 
 
-BY_NAME = {manoeuvre.name: manoeuvre for manoeuvre in ALLOWED}
-
-
 def test_of_two_as_likely_the_right_one_is_told_as_two_normals_part():
     for sigma, p in ((0.0, 0.5), (2.0, 0.841345), (6.0, 0.998650)):
         assert probability_after(0.0, sigma) == pytest.approx(p, abs=1e-6)
@@ -154,25 +134,3 @@ def test_a_gain_is_the_share_of_the_two():
     assert expected_gain(0.45, 0.45, 2.0) == pytest.approx(0.9 * 0.841345 - 0.45, abs=1e-5)
     assert expected_gain(0.9, 0.05, 0.0) == pytest.approx(0.0, abs=1e-12)
     assert expected_gain(0.9, 0.0, 5.0) == 0.0
-
-
-def test_minutes_of_a_stretch():
-    turn = 2.0 * math.pi * 0.3  # m
-    assert BY_NAME["cruise at 15 m/s"].minutes(0.3) == pytest.approx((20 + 40 * turn / 15) / 60)
-    assert BY_NAME["cruise at 15 m/s"].minutes(0.3, 3) == pytest.approx((20 + 40 * turn / 15) / 20)
-    assert BY_NAME["coast down 25 to 9 m/s"].minutes(0.3) == pytest.approx((20 + 32) / 60)
-    loaded = BY_NAME["cruise at 15 m/s with 40 % more load"]
-    assert loaded.minutes(0.3) == pytest.approx((600 + 20 + 40 * turn / 15) / 60)
-
-
-def test_a_row_as_a_sentence():
-    row = {
-        "manoeuvre": "cruise at 8 m/s", "repeats": 2, "minutes": 1.25, "gain": 0.25,
-        "gain_per_minute": 0.2, "separates": [["wear", "traction"], ["wear", "drift"]],
-        "calibrated": False,
-    }  # fmt: skip
-    assert drive_sentences([row]) == [
-        "To be surer, drive: cruise at 8 m/s, 2 times (1.2 min). It tells wear from traction; wear "
-        "from drift; of 100 such verdicts 25.0 more would be right (20 per minute, counted from "
-        "even odds)."
-    ]

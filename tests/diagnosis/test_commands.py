@@ -3,7 +3,6 @@
 import csv
 import errno
 import io
-import json
 
 import pytest
 
@@ -49,26 +48,19 @@ def test_tables_and_picture_of_compare(folder, capfd):
     assert "nearest: regime" in capfd.readouterr().err
 
 
-def test_ladder_keeps_its_history_beside_the_model(folder, capfd):
+def test_a_ladder_adds_the_hidden_effect_and_saves_the_model_with_it(folder, capfd):
     files = ("--plot", str(folder / "ladder.png"), "--save", str(folder / "top.toml"))
     assert command(folder, "ladder", *files) == 0
     steps = rows(capfd)
     assert [step["effect"] for step in steps[:2]] == ["base", "water_film"]
     assert float(steps[1]["excess_heldout"]) < 0.5 * float(steps[0]["excess_heldout"])
     assert "water_film" in (folder / "top.toml").read_text()
-    kept = json.loads((folder / "beam.ladder.json").read_text())["ladders"]
-    assert [step["effect"] for step in kept[-1]["steps"]] == [row["effect"] for row in steps]
 
 
 def length(folder, name, *more):
     """The status of a command on the patch lengths of one log."""
     model = str(folder / "length.toml")
     return run([name, str(folder / "log_0.csv"), "--model", model, "--quiet", *more])
-
-
-def test_strengths_by_log_of_a_ladder_that_added_nothing_are_an_empty_table(folder, capfd):
-    assert length(folder, "ladder", "--by-log") == 0
-    assert capfd.readouterr().out == "log,parameter,unit,value,se,distance_km,load_N\n"
 
 
 def test_of_one_log_none_can_be_left_out(folder, capfd):

@@ -9,15 +9,9 @@ import tirelog
 from tests.diagnosis.planted import MODEL, stack
 from tests.diagnosis.test_together_closed_form import F, R, several
 from tirelog.cli.pages import print_answer
-from tirelog.diagnosis.compare import compare, start
-from tirelog.diagnosis.results import effect_curves
+from tirelog.diagnosis.compare import compare
 from tirelog.inference.measured import MeasuredLogs
 from tirelog.physics.model.model import Model
-from tirelog.physics.model.user_effects import effect_by_expression
-from tirelog.physics.spectral import Parameter
-
-SIZE = 3e-5
-
 
 LENGTH = MODEL.parameters["patch_half_length_m"]
 WRONG = MODEL.with_parameters({LENGTH.name: replace(LENGTH, value=1.3 * LENGTH.value).fixed()})
@@ -81,47 +75,3 @@ def test_a_start_beyond_its_critical_speed_is_fitted():
     soft = MODEL.with_parameters(free).with_values(dict(zip(names, (0.1, 1e5), strict=True)))
     found = tirelog.compare(measured(), soft)
     assert found.rmse == pytest.approx(found.noise_floor, rel=0.05)
-
-
-def hump(xi, speed):
-    return (speed / 20.0) * np.exp(-(((xi - 0.1) / 0.02) ** 2))
-
-
-def planted(*names, size=SIZE):
-    """A fit of humps to a log with one planted."""
-    text = "A * (speed / 20) * exp(-((xi - 0.1) / 0.02) * ((xi - 0.1) / 0.02))"
-    model, number = MODEL, Parameter("A", "1", "size", 1e-5, -1e-3, 1e-3, 1e-5)
-    for name in names:
-        model = model.with_effect(effect_by_expression(name, "strain", text, (number,)))
-    return start([stack(lambda xi, v: size * hump(xi, v), manoeuvres=9, m=96)], model)
-
-
-def test_the_curve_is_the_form_times_its_size_and_the_band_its_error():
-    base = planted("hump")
-    (curve,) = effect_curves(base, ["hump"])
-    fitted = base.model.parameters["hump.A"]
-    fastest = int(np.argmax(base.cells.conditions.speed_m_s))
-    speed = base.cells.conditions.speed_m_s[fastest]
-    form = hump(0.3 * base.cells.phi[fastest], speed)
-    assert curve.label == f"{speed:.1f} m/s, cruise, made"
-    assert fitted.value == pytest.approx(SIZE, abs=5.0 * fitted.se)
-    # a mean of samples at several speeds and angles is a little off the form at their mean
-    tolerance = 1e-3 * np.abs(form).max()
-    np.testing.assert_allclose(curve.added / fitted.value, form, atol=tolerance)
-    np.testing.assert_allclose(curve.error / fitted.se, np.abs(form), atol=tolerance)
-    left = curve.measured - curve.added
-    assert np.sqrt(np.mean((left / curve.floor) ** 2)) < 1.5
-    assert np.abs(curve.measured).max() == pytest.approx(SIZE * form.max(), rel=0.1)
-
-
-def test_what_the_data_do_not_tell_has_no_band():
-    base = planted("hump", "twin")
-    curves = effect_curves(base, ["hump", "twin"])
-    assert [curve.effect for curve in curves] == ["hump", "twin"]
-    assert all(np.isnan(curve.error).all() for curve in curves)
-
-
-def test_a_model_without_it_that_cannot_be_computed_has_no_curve():
-    base = planted("hump", size=0.0)
-    lone = replace(base, fit=replace(base.fit, model=MODEL))
-    assert effect_curves(lone, ["hump"]) == []

@@ -73,7 +73,7 @@ def test_a_candidate_whose_fit_fails_is_reported_and_the_others_go_on(
 
     def refuse(base, candidate, tried):
         if candidate.id == asked[0]:
-            raise ModelError("the fit with it failed")
+            return ModelError("the fit with it failed")
         return refit(base, candidate, tried)
 
     refit = naming.refit_candidate

@@ -8,7 +8,7 @@ import pytest
 from tests.diagnosis.toy import stack_of
 from tests.physics.beam_roots import exact_displacement
 from tirelog.data.recording import Conditions
-from tirelog.diagnosis.fitted import fit_channels_measured
+from tirelog.diagnosis.fitted import fit_of_logs
 from tirelog.errors import ModelError, UsageError
 from tirelog.inference.fit import cells
 from tirelog.physics import Model
@@ -41,38 +41,26 @@ def waves():
     return np.stack([exact_strain(speed) for speed in SPEEDS])
 
 
-def measured(waves, seed, *, noise=5e-6, surface="outer", offset=2e-5, log=0, repeats=8):
+def measured(waves, seed, *, noise=5e-6, offset=2e-5, log=0, repeats=8):
     rng = np.random.default_rng(seed)
     which = np.repeat(np.arange(SPEEDS.size), repeats)
     n = which.size
     count = rng.integers(0, 4, (n, M))
-    values = waves[which] * (1.0 if surface == "outer" else -1.0) + offset
+    values = waves[which] + offset
     values = values + noise * rng.standard_normal((n, M)) / np.sqrt(np.maximum(count, 1))
     return stack_of(
         channel="s",
-        surface=surface,
         radius_m=R,
         values=np.where(count > 0, values, np.nan),
         phi_mean=np.where(count > 0, PHI, np.nan),
         count=count,
         noise=noise,
-        conditions=drive(which, SPEEDS),
+        conditions=Conditions.of(
+            n, speed_m_s=SPEEDS[which], acceleration_m_s2=0.0, time_s=np.arange(n) * 0.1, load_N=F
+        ),
         log=np.full(n, log),
         manoeuvre=np.zeros(n, int),
         logs=("a.csv", "b.csv"),
-    )
-
-
-def drive(which, speeds, accelerations=0.0):
-    """What revolutions are driven under, a tenth of a second apart: the speeds of `which`."""
-    accelerations = np.broadcast_to(accelerations, speeds.shape)[which]
-    n = which.size
-    return Conditions.of(
-        n,
-        speed_m_s=speeds[which],
-        acceleration_m_s2=accelerations,
-        time_s=np.arange(n) * 0.1,
-        load_N=F,
     )
 
 
@@ -81,9 +69,9 @@ START = Model.new("beam", radius_m=R).with_nuisance("form", "off").with_effect("
 TRUE = np.array(list(TRUTH.values()))
 
 
-def fit(model, stacks, nuisances=("shift",)):
-    """The fit of stacks that are a channel each."""
-    return fit_channels_measured([[stack] for stack in stacks], model, nuisances)[0]
+def fit(model, stacks):
+    """The fit of the stacks of one channel."""
+    return fit_of_logs(stacks, model)[0]
 
 
 def pulls(result):
@@ -117,20 +105,17 @@ def test_a_fit_is_that_of_its_best_start_whatever_was_tried_beside_it(waves, mon
     found = []
     for tried in (begins, begins[::-1], begins[1:] + begins[:1]):
         monkeypatch.setattr(cells, "_promising", lambda channels, names, _, some=tried: some)
-        found.append(fit_channels_measured([[stack]], START)[0])
+        found.append(fit(START, [stack]))
     for other in found[1:]:
         np.testing.assert_array_equal(other.values, found[0].values)
         assert other.reduced_chi2 == found[0].reduced_chi2
 
 
-@pytest.mark.parametrize("one_channel", [True, False])
-def test_logs_and_channels_have_their_own_offsets_and_surfaces(waves, one_channel):
-    first, log = measured(waves, 1102), int(one_channel)
-    surface = "outer" if one_channel else "inner"
-    other = measured(waves, 1103, surface=surface, offset=-4e-4, log=log)
-    other = replace(other, manoeuvre=np.full(40, log))
-    channels = [[first, other]] if one_channel else [[first], [other]]
-    result, alone = fit_channels_measured(channels, START)[0], fit(START, [first])
+def test_logs_have_their_own_offsets(waves):
+    first = measured(waves, 1102)
+    other = measured(waves, 1103, offset=-4e-4, log=1)
+    other = replace(other, manoeuvre=np.ones(40, int))
+    result, alone = fit(START, [first, other]), fit(START, [first])
     assert np.all(np.abs(pulls(result)) < 4.0)
     assert abs(result.reduced_chi2 - 1.0) < 0.15
     assert np.all(result.se < alone.se)
@@ -142,23 +127,12 @@ def wobble(speed):
     return np.sin(7.0 * speed)[:, None]
 
 
-@pytest.mark.parametrize("kind", ["offset", "amplitude", "shift"])
-def test_a_nuisance_that_scatters_is_taken_out(waves, kind):
-    """Offsets, gains or passage times that differ from cell to cell leave the parameters alone."""
+def test_passages_that_are_off_by_another_time_in_each_cell_leave_the_parameters_alone(waves):
     clean = measured(waves, 1104)
-    by = wobble(clean.conditions.speed_m_s)
-    moved = {
-        "offset": replace(clean, values=clean.values + 1e-4 * by),
-        "amplitude": replace(clean, values=2e-5 + (clean.values - 2e-5) * (1.0 + 0.05 * by)),
-        "shift": replace(clean, phi_mean=clean.phi_mean + 0.01 * by),
-    }[kind]
-    others = tuple({"shift"} - {kind})
-    plain, cleared = fit(START, [moved], others), fit(START, [moved], (*others, kind))
-    assert plain.reduced_chi2 > 5.0
-    assert abs(cleared.reduced_chi2 - 1.0) < 0.15
-    assert np.all(np.abs(pulls(cleared)) < 4.0)
-    if kind == "amplitude":  # of which the lever arm is one
-        assert 0.02 < cleared.se[3] / TRUE[3] < 0.1
+    moved = replace(clean, phi_mean=clean.phi_mean + 0.01 * wobble(clean.conditions.speed_m_s))
+    found = fit(START, [moved])
+    assert abs(found.reduced_chi2 - 1.0) < 0.15
+    assert np.all(np.abs(pulls(found)) < 4.0)
 
 
 def test_correlations_bounds_and_the_shared_scale_are_said(waves):
@@ -198,16 +172,15 @@ def test_fits_that_cannot_be(waves):
     stack, all_names = measured(waves, 1109, repeats=1), START.parameters.items()
     held = START.with_parameters({name: p.fixed() for name, p in all_names})
     with pytest.raises(UsageError, match="no stack"):
-        fit_channels_measured([[]], START)
+        fit(START, [])
     with pytest.raises(UsageError, match="predicts patch_length"):
         fit(Model.new("beam", "patch_length"), [stack])
-    for model, nuisances, why in (
-        (held, "shift", "no free parameter"),
-        (START.with_effect("water_film"), "shift", "needs water_depth_mm"),
-        (START, "gain", "unknown nuisance 'gain'; allowed are offset, amplitude"),
+    for model, why in (
+        (held, "no free parameter"),
+        (START.with_effect("water_film"), "needs water_depth_mm"),
     ):
         with pytest.raises(ModelError, match=why):
-            fit(model, [stack], (nuisances,))
+            fit(model, [stack])
 
 
 @pytest.mark.slow

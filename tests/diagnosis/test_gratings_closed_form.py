@@ -10,7 +10,7 @@ from tests.diagnosis.toy import stack_of
 from tirelog.data.recording import Channel, Conditions, Recording, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.compare import comparison_of, measured_pieces, start_from
-from tirelog.diagnosis.fitted import FitOfLogs, fit_channels_measured
+from tirelog.diagnosis.fitted import FitOfLogs, fit_of_logs
 from tirelog.diagnosis.gratings import (
     MOST_SEARCHED,
     ROAD,
@@ -18,10 +18,8 @@ from tirelog.diagnosis.gratings import (
     Frame,
     frames_of,
     gathered,
-    members_held,
     members_of,
     spread_out,
-    strengths_of,
 )
 from tirelog.errors import UsageError
 from tirelog.inference.base import JointBase
@@ -124,7 +122,9 @@ def test_each_grating_has_its_own_lever_arm():
     assert list(shown.to_json()["gratings"]) == ["g1", "g2", "g3"]
     assert "." not in ratio_name("belt.1")
     # and so does `model fit`
-    found, _ = fit_channels_measured([stacks], MODEL)
+    found, said = fit_of_logs(stacks, MODEL)
+    assert said[0].startswith("3 channels are fitted together")
+    assert "true errors are up to 1.7 times larger" in said[0]
     assert found.reduced_chi2 < 1.15
     answer = FitOfLogs(without_ratios(found.model), found).to_json()["parameters"]
     for number, ratio in enumerate(RATIOS[1:], start=2):
@@ -188,29 +188,6 @@ def test_a_grating_that_no_other_agrees_with_is_left_out():
     asked = gathered(pieces[:2], MODEL)
     assert asked.found.set_apart == ()
     assert "nothing tells which is right" in " ".join(asked.found.sentences())
-
-
-def test_strengths_by_grating_and_whether_they_differ():
-    name = "pressure_offset"
-    model = MODEL.with_effect(name, offset=0.05)
-    alike = (TRUTH.with_effect(name, offset=0.1),) * 3
-    base = fitted(three(truths=alike), model)
-    (same,) = strengths_of(members_of(base), base, [name])
-    assert same.parameter == f"{name}.offset"
-    for value, error in zip(same.values, same.errors, strict=True):
-        assert abs(value - 0.1) < 4.0 * error < 0.01
-    assert same.freedom == 2
-    assert not same.contradicts
-    apart = (*alike[:2], TRUTH.with_effect(name, offset=0.16))
-    other = fitted(three(truths=apart), model)
-    (differ,) = strengths_of(members_of(other), other, [name])
-    assert differ.contradicts
-    assert differ.q > 10.0 * max(same.q, 1.0)
-    assert differ.values[2] - differ.values[0] == pytest.approx(0.06, abs=0.02)
-    # gratings that took no part in the fit say the same of what it found
-    pieces = measured_pieces(three(truths=alike))
-    (held,) = strengths_of(members_held(pieces, base), base, [name])
-    np.testing.assert_allclose(held.values, same.values, atol=4.0 * max(same.errors))
 
 
 def test_of_many_gratings_those_at_the_most_distant_angles_are_searched():
@@ -305,6 +282,6 @@ def test_what_a_grating_showed_alone_is_asked_again_beside_a_named_effect():
         asked = gathered(pieces[::2], model)
         frame = Frame("g2", float(np.var(bump(-1.5)(PHI, 0.0, RATIOS[1]))) / NOISE**2, 1e-3)
         showed = replace(asked.found, frames=(frame,), names=("g1", "g2", "g3"))
-        told = replace(asked, every=pieces, found=showed).with_strengths(asked.base, [name])
+        told = replace(asked, every=pieces, found=showed).beside(asked.base, [name])
         assert told.alone == alone
         assert ("beside what is named" in " ".join(told.sentences())) == (alone == ())

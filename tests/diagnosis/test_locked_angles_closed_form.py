@@ -124,29 +124,3 @@ def test_speeds_at_either_side_of_a_bin_leave_the_waveform_of_the_mean_speed():
     both = cells.phi_variance[0, full] > 2e-5  # a sample of either cruise in the bin
     assert both.sum() > 40
     assert np.abs(left[both]).max() < 2e-5 * np.ptp(values[count > 0])
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_samples_at_the_edges_of_bins_make_no_slope_of_noise(seed):
-    """256 samples a turn, of which some fall now into one bin and now into the next."""
-    bins, turns, random = 256, 6, np.random.default_rng(seed)
-    even = (np.arange(bins) + 1.0) / bins * 2.0 * np.pi - np.pi
-    off = 0.3 * np.sin(even + random.uniform(0.0, 2.0 * np.pi))
-    off = (
-        off
-        + 0.005 * random.standard_normal((turns, 1))
-        + 0.0015 * random.standard_normal((turns, bins))
-    )
-    angle = even + off * 2.0 * np.pi / bins
-    strain = 1.0 / (1.0 + (angle / 0.2) ** 2) + 0.01 * random.standard_normal(angle.shape)
-    place = np.clip(np.floor((angle + np.pi) / (2.0 * np.pi) * bins).astype(int), 0, bins - 1)
-    count, total, angles = (
-        np.stack([np.bincount(*row, minlength=bins) for row in zip(place, *more, strict=True)])
-        for more in ((), (strain,), (angle,))
-    )
-    with np.errstate(invalid="ignore"):
-        means = total / count, angles / count
-    made = one_waveform(*means, np.zeros(count.shape), count * 1.0, 10.0 + 0.1 * np.arange(turns))
-    seen = made["phi"][made["count"] > 0]
-    slope = 2.0 * seen / 0.04 / (1.0 + (seen / 0.2) ** 2) ** 2
-    assert np.abs(made["shift"][made["count"] > 0] - slope).max() < 1.0

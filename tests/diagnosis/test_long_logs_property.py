@@ -189,17 +189,6 @@ def test_a_revolution_of_an_unused_manoeuvre_has_the_piece_nearest_in_speed_of_i
         assert abs(there[pieces.cell[i]] - speed[i]) == pytest.approx(off)
 
 
-def test_a_comparison_of_some_manoeuvres_finds_the_same_excess(recordings, model, whole):
-    stacks = stacks_from_logs(recordings)
-    pieces = pieces_of_all(stacks)
-    few = pieces_of_all(stacks, len(pieces) * 2 // 5)
-    assert len(few) < 0.9 * len(pieces)
-    some = compare(few, model)
-    assert some.revolutions < whole.revolutions
-    assert some.excess_heldout == pytest.approx(whole.excess_heldout, rel=0.03)
-    assert some.noise_floor == pytest.approx(whole.noise_floor, rel=0.03)
-
-
 @pytest.mark.slow
 def test_an_obstacle_is_found_in_a_log_of_several_stretches():
     met = to_recording(simulate(scenario()), "cleat.csv")

@@ -1,6 +1,5 @@
 """Property: every command gives the same number by one door, and says what was set apart."""
 
-import gzip
 import json
 import shutil
 from dataclasses import replace
@@ -16,13 +15,13 @@ from tirelog.campaign.ledger import pieces_bytes
 from tirelog.campaign.runner import make_tables, pieces_name
 from tirelog.cli import run
 from tirelog.diagnosis.compare import compare
-from tirelog.diagnosis.fitted import fit_channels_measured
+from tirelog.diagnosis.fitted import fit_of_logs
 from tirelog.diagnosis.ladder import ladder
 from tirelog.inference.cells import pieces
 from tirelog.inference.cells.pieces import pieces_of_all, pieces_of_logs
 from tirelog.inference.measured import measured
 from tirelog.inference.stacks.cut import Stacks
-from tirelog.physics.model.file import load_model, save_model
+from tirelog.physics.model.file import save_model
 from tirelog.physics.model.model import Model
 from tirelog.report.build import model_story
 from tirelog.report.page import ReportRequest
@@ -111,37 +110,12 @@ def test_obstacles_are_set_apart_from_numbers_per_revolution_too(cleat):
 
 
 def test_fit_and_compare_are_one_fit(cleat, beam, compared):
-    result, remarks = fit_channels_measured([measured([cleat]).stacks], beam)
+    result, remarks = fit_of_logs(measured([cleat]).stacks, beam)
     for name, value, error in zip(result.names, result.values, result.se, strict=True):
         assert value == pytest.approx(compared.parameters[name]["value"], rel=1e-12)
         assert error == pytest.approx(compared.parameters[name]["se"], rel=1e-12)
     assert result.reduced_chi2 == compared.reduced_chi2
     assert remarks == compared.remarks
-
-
-def test_several_channels_are_fitted_together_by_command(cleat, beam, compared, tmp_path, capfd):
-    """The same strain twice: the parameters of one, and errors as if it were measured twice."""
-    lines = gzip.decompress((SAMPLES / "cleat.csv.gz").read_bytes()).decode().splitlines()
-    begin = next(i for i, line in enumerate(lines) if line.startswith("time_s"))
-    rows = [f"{line},{line.split(',')[1]}" for line in lines[begin + 1 :]]
-    log, setup = tmp_path / "two.csv", (SAMPLES / "cleat.toml").read_text()
-    log.write_text("\n".join([*lines[:begin], lines[begin] + ",CH2_FBG1", *rows]))
-    own = setup[setup.index("[channels.strain_1]") : setup.index("[channels.acceleration]")]
-    again = own.replace("strain_1", "strain_2").replace("CH1", "CH2")
-    log.with_suffix(".toml").write_text(f"{setup}\n{again}")
-    model, fitted = tmp_path / "m.toml", tmp_path / "f.toml"
-    save_model(beam, model)
-    words = ["model", "fit", str(log), "--model", str(model), "-o", str(fitted)]
-    assert run([*words, "--channel", "strain_1", "--channel", "strain_2"]) == 0
-    said = capfd.readouterr()
-    assert "14 revolutions" in said.out
-    assert "2 channels are fitted together" in said.err
-    assert "true errors are up to 1.4 times larger" in " ".join(said.err.split())
-    for name in ("patch_half_length_m", "lever_arm_m"):
-        p, alone = load_model(fitted).parameters[name], compared.parameters[name]
-        assert p.free
-        assert p.value == pytest.approx(alone["value"], rel=1e-4)
-        assert p.se * 2**0.5 == pytest.approx(alone["se"], rel=0.05)
 
 
 def test_one_manoeuvre_has_no_error_held_out_and_one_floor_within(cleat, beam, compared):

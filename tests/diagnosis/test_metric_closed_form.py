@@ -80,21 +80,6 @@ def test_whitened_values_have_the_covariance_one():
         np.testing.assert_allclose(own @ covariance @ own.T, np.eye(32), atol=1e-6)
 
 
-def test_random_effects_of_manoeuvres_shrink_along_them_against_the_dense_inverse():
-    random = np.random.default_rng(3)
-    cells = make_cells(stack(2, manoeuvres=3, m=32))
-    cells = replace(cells, manoeuvre=cells.manoeuvre // 2)  # two manoeuvres have cells in common
-    own, sd = whitener(cells), np.array([0.01, 0.03])
-    columns, x = (random.standard_normal((*cells.phi.shape, k)) for k in (2, 1))
-    white = own.with_manoeuvres(cells.manoeuvre, columns, sd)(x)
-    for number in range(cells.manoeuvres):
-        rows = cells.manoeuvre == number
-        effects, before = own(columns)[rows].reshape(-1, 2) * sd, own(x)[rows].ravel()
-        covariance = np.eye(before.size) + effects @ effects.T
-        square = before @ np.linalg.solve(covariance, before)
-        np.testing.assert_allclose((white[rows] ** 2).sum(), square, rtol=1e-9)
-
-
 def test_shared_effects_shrink_as_their_covariance_says():
     """x' (I + B S^2 B')^-1 x, offsets projected out, against the dense matrices."""
     random = np.random.default_rng(11)
@@ -119,14 +104,6 @@ def test_shared_effects_shrink_as_their_covariance_says():
     np.testing.assert_allclose(turn @ (basis.T @ left), sized, rtol=1e-7)
     ones = white(np.ones_like(x))
     np.testing.assert_allclose(offsets.of_logs(x), (ones * x).sum() / (ones**2).sum(), rtol=1e-9)
-
-
-def test_what_lies_in_the_span_of_columns_is_taken_out_beside_offsets():
-    cells = make_cells(stack(3, manoeuvres=2, m=32))
-    columns = np.random.default_rng(4).standard_normal((*cells.phi.shape, 2))
-    offsets = Offsets.of(cells, np.copy)
-    left = offsets.beside(columns.copy()).without(columns @ [2.0, -1.0] + 3.0)
-    np.testing.assert_allclose(left, 0.0, atol=1e-9)
 
 
 def test_a_strength_that_does_what_the_model_does_adds_nothing_to_the_evidence():

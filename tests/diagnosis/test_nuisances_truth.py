@@ -15,9 +15,8 @@ from tirelog.diagnosis.candidates.search import search_effects
 from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.diagnose import conclude
 from tirelog.diagnosis.residual_structure import describe
-from tirelog.inference.base import bends, prepare
-from tirelog.inference.cells.cells import SharedEffects
-from tirelog.inference.nuisances import relative_changes, shared_effects
+from tirelog.inference.base import prepare
+from tirelog.inference.nuisances import shared_effects
 from tirelog.physics.model.model import Model
 from tirelog.simulation.scenario.schema import (
     ForceVariation,
@@ -149,32 +148,6 @@ def test_two_at_once_come_in_together(microstrain):
     assert law.stayed
     assert law.parts[0].value == pytest.approx(exponent.value - 0.5)
     assert at_noise_floor(found.before, found.before.floor.square)
-
-
-def test_bends_and_columns_together_are_the_model_with_its_parameters_moved(wheel_null):
-    base = start(wheel_null, MODEL)
-    drift, rolling = (shared_effects(base.cells, base.fit, name) for name in ("drift", "rolling"))
-    shared = SharedEffects.joined([drift, rolling])
-    own = [i for i, name in enumerate(shared.names) if not name.startswith("baseline")]
-    amplitudes = np.zeros(len(shared))
-    amplitudes[own] = 0.02 * np.random.default_rng(7).standard_normal(len(own))
-    cells = replace(base.cells, shared=shared)
-    fit = replace(base.fit, amplitudes=amplitudes, cells=cells)
-    changes = relative_changes(cells, fit)
-    assert {"patch_half_length_m", "foundation_stiffness_N_m2", "radius_m"} <= set(changes)
-    together = base.fit.prediction + shared.columns @ amplitudes + bends(cells, fit)
-    for c in (0, len(cells) - 1):
-        model = base.model.with_values(
-            {name: base.model.values[name] * (1.0 + change[c]) for name, change in changes.items()}
-        )
-        faster = cells.conditions.speed_m_s * (1.0 + changes["radius_m"])
-        whole = model.predict(
-            replace(cells.conditions, speed_m_s=faster), surface=cells.surface, **cells.angles
-        )
-        np.testing.assert_allclose(together[c], whole[c], rtol=1e-9, atol=1e-12)
-    of_one = replace(shared, names=tuple(f"strain: {name}" for name in shared.names))
-    cells_of_one = replace(cells, shared=of_one)  # an observable's cells out of several
-    np.testing.assert_array_equal(bends(cells_of_one, fit), bends(cells, fit))
 
 
 def test_a_tire_that_drifts_far_on_a_wrong_radius_is_found_as_it_drifted(wheel_null):

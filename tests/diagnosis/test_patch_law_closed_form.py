@@ -9,7 +9,6 @@ from tests.diagnosis.toy import stack_of
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.compare import compare
 from tirelog.errors import ModelError
-from tirelog.inference.nuisances import asked_for, freed
 from tirelog.physics import Model
 from tirelog.physics.model.file import as_toml, parse_model
 
@@ -66,17 +65,6 @@ def test_an_unknown_pressure_is_that_of_the_reference():
         for given in ({"inflation_pressure_Pa": 2.0e5}, {})
     )
     assert known == unknown == pytest.approx(TRUE["patch_half_length_m"])
-
-
-def test_one_pressure_frees_no_law_of_it():
-    model = law().with_nuisance("pressure_law", "on")
-    one, two = (
-        Conditions.of(4, speed_m_s=15.0, load_N=3600.0, inflation_pressure_Pa=np.array(pressures))
-        for pressures in ([2.0e5] * 4, [2.0e5, 2.0e5, 1.6e5, 1.6e5])
-    )
-    assert asked_for(model, one) == []
-    assert asked_for(model, two) == ["pressure_law"]
-    assert freed(model, asked_for(model, two)).free == [*model.free, "patch_pressure_exponent"]
 
 
 def test_both_stand_in_a_model_file_with_bounds():

@@ -120,14 +120,6 @@ def test_waveforms_show_what_is_left_behind_the_exit():
     assert np.abs(first.y[first.x < np.degrees(0.2)]).max() < 1e-9
 
 
-def test_logs_one_after_the_other_are_parted():
-    axes = Figure().add_subplot()
-    map_ = replace(map_of(1.0), axis_name="time_s", begins=(12.0,))
-    draw_panel(axes, answers._map(map_, map_.residual, 1.0, "residual", "time [s]", 0.2))
-    assert axes.get_ylabel() == "time [s], logs one after the other"
-    assert [12.0, 12.0] in [list(line.get_ydata()) for line in axes.lines]
-
-
 def test_what_scatter_alone_leaves_is_about_one_standard_error():
     made = stack(seed=5)
     size = 1.0 + 0.01 * np.random.default_rng(6).standard_normal(15)  # each manoeuvre its own
@@ -138,15 +130,6 @@ def test_what_scatter_alone_leaves_is_about_one_standard_error():
     more = 3e-4 * np.exp(-((made.phi_mean - 0.3) ** 2) / 0.005)
     found = compare_logs([replace(made, values=made.values + more)], MODEL)
     assert np.nanmax(np.abs(found.by_speed.whitened)) > 10.0
-
-
-def test_a_comparison_s_page_has_the_residual_of_its_waveforms():
-    panel = answers.differences(with_waveforms())
-    bands, lines = panel.marks[:2], panel.marks[2:4]
-    for line in lines:
-        np.testing.assert_allclose(line.y, 5.0 * (PHI > 0.2), atol=1e-9)
-    for band in bands:
-        np.testing.assert_allclose([band.y[0], band.other[0]], [-2.0, 2.0])
 
 
 def test_the_least_probability_of_a_ladder_is_an_upper_limit():

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.diagnosis.planted import MODEL, since_exit, stack
+from tests.diagnosis.planted import MODEL, stack
 from tirelog.diagnosis.candidates.assessment import hats_on
 from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.propose.formulas import polished, scan, strengths
 from tirelog.diagnosis.propose.grammar import LAWS
-from tirelog.diagnosis.propose.ground import Ground, measured_shapes
+from tirelog.diagnosis.propose.ground import Ground
 
 
 def bump(xi, speed):
@@ -61,17 +61,3 @@ def test_hats_interpolate_straight_lines_and_close_on_themselves():
     round_nodes = np.append(nodes, 1.5)
     found = hats_on(x, round_nodes, 1.5) @ np.append(values, values[0])
     np.testing.assert_allclose(found, np.interp(x, nodes, values, period=1.5), atol=1e-12)
-
-
-def test_a_measured_shape_stands_still_in_its_frame_and_follows_its_law():
-    def recovery(xi, speed):
-        return 4e-5 * speed / 20.0 * np.exp(-0.5 * ((since_exit(xi) / speed - 0.01) / 0.002) ** 2)
-
-    ground = Ground(start([stack(recovery, m=96)], MODEL))
-    best = measured_shapes(ground, ground)[0]
-    assert (best.frame, best.acts_on, best.law) == ("time_since_exit", "strain", "(speed / 20)")
-    wanted = 4e-5 * np.exp(-0.5 * ((best.nodes - 0.01) / 0.002) ** 2)
-    seen = best.nodes < 0.025
-    assert np.all(np.abs(best.values - wanted)[seen] < 4.0 * best.band[seen] + 1e-6)
-    assert np.median(best.band[seen]) < 4e-6
-    assert best.removed == pytest.approx(ground.base.excess, rel=0.1)

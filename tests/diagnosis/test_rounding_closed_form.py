@@ -38,13 +38,6 @@ def test_means_of_locked_samples_have_the_error_that_is_said(noise):
     assert 0.8 < np.mean(ratio) < 1.25
 
 
-def test_a_level_between_two_steps_has_no_error_of_rounding_where_the_noise_tells_it():
-    revolutions, _ = locked(0.35, seed=1, level=0.0)
-    cells, blind = make_cells(revolutions), make_cells(replace(revolutions, step=0.0))
-    far = np.abs(revolutions.phi_rad) > 1.5
-    assert np.mean(cells.sd[:, far] ** 2) < 1.1 * np.mean(blind.sd[:, far] ** 2)
-
-
 def test_a_single_revolution_is_never_nearer_than_its_steps():
     revolutions, _ = locked(0.05, seed=2)
     cells = make_cells(revolutions)

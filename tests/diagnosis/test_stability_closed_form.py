@@ -1,21 +1,15 @@
-"""Closed form: what is said without each log, of each alone, and p over many tires."""
+"""Closed form: what is said without each log, or tire."""
 
 from dataclasses import dataclass, replace
 from functools import partial
 from types import SimpleNamespace
-from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from tests.diagnosis.planted import stack
 from tirelog.diagnosis import diagnose as diagnosing
-from tirelog.diagnosis.certainty import (
-    GroupVerdict,
-    benjamini_hochberg,
-    each_alone,
-    stability,
-)
+from tirelog.diagnosis.certainty import GroupVerdict, stability
 from tirelog.errors import ModelError, UsageError
 from tirelog.inference.cells.pieces import pieces_of_logs
 
@@ -24,20 +18,6 @@ WHOLE = GroupVerdict("", ("a", "b", "c"), "missing", ("wear",))
 
 def without(group, verdict="missing", selected=("wear",), **more):
     return GroupVerdict(group, (), verdict, selected, **more)
-
-
-def test_p_over_many_tires():
-    # the example of Benjamini and Hochberg (1995), section 3.2: four of fifteen at 5 %
-    p = [1, 4, 19, 95, 201, 278, 298, 344, 459, 3240, 4262, 5719, 6528, 7590, 10000]
-    p = 1e-4 * np.array(p)
-    random = np.random.default_rng(1).permutation(15)
-    adjusted = np.empty(15)
-    adjusted[random] = benjamini_hochberg(p[random])
-    assert adjusted[0] == pytest.approx(0.0015)
-    assert int((adjusted <= 0.05).sum()) == 4
-    assert (np.diff(adjusted) >= 0.0).all()
-    assert adjusted[-1] == 1.0
-    assert benjamini_hochberg([]).size == 0
 
 
 def test_a_verdict_that_hangs_on_one_log_says_on_which():
@@ -60,22 +40,6 @@ def test_a_verdict_that_hangs_on_one_log_says_on_which():
     assert stability("log", WHOLE, others[-1:])["sentence"].startswith(
         "Whether the verdict hangs on single logs is not known. Not known: "
     )
-
-
-def test_each_tire_alone_and_what_chance_does_among_so_many():
-    null = [without(f"t{i}", "nothing_missing", (), p=(i + 1) / 21) for i in range(20)]
-    worn = [without("w1", p=1e-4), without("w2", p=2e-4), without("x", p=0.02)]
-    found = each_alone("tire", [*null, *worn, without("few", "too_few", ())])
-    assert [row["group"] for row in found["each"] if row["lacking"]] == ["w1", "w2"]
-    assert found["inclusion"] == {"wear": pytest.approx(2 / 23)}
-    assert found["sentence"] == (
-        "Each tire alone: something is missing in 2 of 23, wear in 2 (at most 5 % of them by "
-        "chance); 1 more alarms, no more than chance does among 23; the tires do not say the "
-        "same: what is pooled is their mean."
-    )
-    assert found["each"][-1]["p_adjusted"] is None
-    few = each_alone("log", [without("a", "too_few", ())])
-    assert few["sentence"] == "No log alone has manoeuvres enough for a test."
 
 
 def several():
@@ -108,10 +72,7 @@ class Said:
     selected: tuple[str, ...]
     notes: tuple[str, ...] = ()
     stability: dict | None = None
-    each: dict | None = None
     ambiguous_groups = ()
-    effects = (SimpleNamespace(p_adjusted=0.001),)
-    unexplained: ClassVar = {"p": None}
     certainty = SimpleNamespace(probability=0.9)
 
 
@@ -137,11 +98,10 @@ def test_each_log_is_left_out_once_and_of_one_none_can_be(monkeypatch):
     ]
     assert result.notes == (result.stability["sentence"],)
     tires = {"old": ("a", "c"), "new": ("b",)}
-    result = diagnosing.with_groups(whole, tires, some, None, by="tire", alone=True)
-    assert [(row["group"], row["verdict"], row["p"]) for row in result.each["each"]] == [
-        ("old", "nothing_missing", 0.002),
-        ("new", "missing", 0.002),
+    result = diagnosing.with_groups(whole, tires, some, None, by="tire")
+    assert [(row["group"], row["verdict"]) for row in result.stability["without"]] == [
+        ("old", "missing"),
+        ("new", "nothing_missing"),
     ]
-    assert result.notes[-1] == result.each["sentence"]
     with pytest.raises(UsageError, match="one log alone: none can be left out"):
-        diagnosing.with_groups(whole, {"a": ("a",)}, some, None)
+        diagnosing.refuse_one({"a": ("a",)}, "log")

@@ -205,30 +205,6 @@ def test_held_out_means_left_out_of_all_observables():
     assert all(part.held_white.shape == (SPEEDS.size,) for part in by_all)
     whole = np.sum([part.held_white for part in by_all], axis=0)
     np.testing.assert_allclose(whole, base.held_white, rtol=1e-9)
-    # by hand: the manoeuvre out of all, the parameters fitted to the rest, the offsets as well
-    kept = base.cells.manoeuvre != 4
-    slopes = base.white(base.fit.moving)
-    columns = np.concatenate([slopes, base.white(level_of_each(base.cells))], axis=-1)
-    residual = base.white(np.nan_to_num(base.cells.values - base.fit.prediction))
-    flat = [x[kept].reshape(-1, *x.shape[2:]) for x in (columns, residual)]
-    scale = np.linalg.norm(flat[0], axis=0)
-    step = np.linalg.lstsq(flat[0] / scale, flat[1], rcond=1e-9)[0] / scale
-    left = residual[~kept] - columns[~kept] @ step
-    assert base.held_white[4] == pytest.approx(float((left**2).sum()), rel=1e-3)
-
-
-def test_what_errors_add_depends_on_no_order_of_observables():
-    added = []
-    for names in (ALL, ALL[::-1]):
-        model = Model.new("beam", names, radius_m=R, load_N=F).with_values(dict(TRUTH.values))
-        base = start_from(measured_pieces(several(9, *names)), model, several=False)
-        added.append(base.of_errors)
-    np.testing.assert_allclose(*added, rtol=5e-4)  # descents end within this
-
-
-def level_of_each(cells):
-    """A column for the offset of each waveform, (C, m, 2)."""
-    return np.stack([cells.level * (cells.part == i)[:, None] for i in (0, 1)], axis=-1)
 
 
 def test_one_observable_in_a_list_is_that_observable():

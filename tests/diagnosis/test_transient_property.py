@@ -1,4 +1,4 @@
-"""Property: bands on an obstacle add up; hits and masses are found within their errors."""
+"""Property: hits on an obstacle and masses are found within their errors."""
 
 from dataclasses import replace
 from functools import cache
@@ -96,12 +96,12 @@ def test_a_hit_that_was_put_in_is_found_with_the_error_that_is_said():
 def test_what_the_model_covers_and_the_floor():
     log = made(1.61, 11)
     result = compare_transients([log], MODEL, unit="1")
-    (row,) = result.tables["hit"]
+    (row,) = result.rows()
     assert row["covered"] > 0.97
     assert row["noise_floor"] == pytest.approx(NOISE, rel=0.1)
     assert row["rmse_steady"] == pytest.approx(NOISE, rel=0.15)
     other = MODEL.with_values({"tangential_stiffness_N_m2": 2.0e6, "radial_stiffness_N_m2": 1.2e6})
-    (worse,) = compare_transients([log], other, unit="1").tables["hit"]
+    (worse,) = compare_transients([log], other, unit="1").rows()
     assert worse["missed"] > 3.0 * row["missed"]
     assert worse["covered"] < row["covered"] - 0.2
 
@@ -115,7 +115,7 @@ def test_another_event_is_said_to_be_unlike():
     values = np.where(burst, quiet.values + 5e-5 * rng.normal(size=log.time_s.size), quiet.values)
     strange = around(replace(quiet, values=values, calm=log.calm, hits_s=np.array([1.55])), 1.55)
     result = compare_transients([strange], MODEL, unit="1")
-    assert result.tables["hit"][0]["quality"] == "unlike"
+    assert result.rows()[0]["quality"] == "unlike"
     assert "little of what happened at" in result.remarks[0]
 
 

@@ -1,13 +1,9 @@
 """Property: `compare` finds the hits in logs of a tire moved by finite elements."""
 
-import csv
-import io
 import json
 
-import numpy as np
 import pytest
 
-from tirelog.api import answers
 from tirelog.cli import run
 from tirelog.simulation import scenario_of, simulate, write_log
 
@@ -45,23 +41,6 @@ def scenario(**road):
 pytestmark = pytest.mark.xdist_group("cleat")  # one worker makes the log and the answer
 
 
-@pytest.fixture(scope="module", autouse=True)
-def one_fit():
-    """The hits are fitted once for all commands that are given the same log and the same model."""
-    fitted, fit = {}, answers.compare_transients
-
-    def once(logs, model, *, unit):
-        key = (*(log.log for log in logs), *model.values.items())
-        if key not in fitted:
-            fitted[key] = fit(logs, model, unit=unit)
-        return fitted[key]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(answers, "compare_transients", once)
-        yield
-    assert len(fitted) == 1
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("cleat")
@@ -97,31 +76,6 @@ def test_the_answer_is_covered_and_the_errors_stand_in_order(answer):
     )  # the revolutions on the obstacle are not among the steady ones
 
 
-def rows(folder, capfd, by):
-    capfd.readouterr()
-    assert status(f"compare log.csv --model m.toml --by {by}", folder) == 0
-    return list(csv.DictReader(io.StringIO(capfd.readouterr().out)))
-
-
-def test_tables_by_frequency_and_time_add_up_to_the_hit(folder, answer, capfd):
-    hit = answer["transients"]["hits"][0]
-    bands = [row for row in rows(folder, capfd, "frequency") if row["hit"] == "0"]
-    for name in ("rmse", "added", "missed"):
-        assert sum(float(row[name]) ** 2 for row in bands) == pytest.approx(
-            hit[name] ** 2, rel=0.02
-        )
-    assert [float(row["high_Hz"]) for row in bands[:-1]] == [
-        float(row["low_Hz"]) for row in bands[1:]
-    ]
-    assert float(bands[-1]["high_Hz"]) == 1250.0
-    time = [row for row in rows(folder, capfd, "time") if row["hit"] == "0"]
-    weight = np.array([int(row["samples"]) for row in time])
-    assert np.sum(
-        weight * [float(row["rmse"]) ** 2 for row in time]
-    ) / weight.sum() == pytest.approx(hit["rmse"] ** 2, rel=1e-6)
-    assert float(time[-1]["added"]) < 0.1 * float(time[1]["added"])  # it rings down
-
-
 def test_another_carcass_leaves_the_obstacle_alone(folder, capfd):
     assert status("model new --carcass ring --setup log.toml -o ring.toml", folder) == 0
     words = ["compare", str(folder / "log.csv"), "--model", str(folder / "ring.toml")]
@@ -130,5 +84,5 @@ def test_another_carcass_leaves_the_obstacle_alone(folder, capfd):
     assert "2 hits on an obstacle" in said.err
     assert 'carcass = "coupled_ring" does' in said.err
     assert "transients" not in json.loads(said.out)
-    assert run([*words, "--by", "frequency", "--quiet"]) == 2
-    assert "--by frequency is for a coupled_ring model" in capfd.readouterr().err
+    assert run([*words, "--by", "hit", "--quiet"]) == 2
+    assert "--by hit is for a coupled_ring model" in capfd.readouterr().err

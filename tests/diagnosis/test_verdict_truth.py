@@ -9,9 +9,9 @@ from benchmarks.cases import Case, case, planted
 from tests.diagnosis.planted import diagnosed, simulated
 from tests.diagnosis.toy import stack_of
 from tirelog.data.recording import Conditions
-from tirelog.diagnosis.answer import probability, rounding_sentences
+from tirelog.diagnosis.answer import rounding_sentences
 from tirelog.diagnosis.candidates import search, separation
-from tirelog.diagnosis.candidates.assessment import candidate_effects, least_p
+from tirelog.diagnosis.candidates.assessment import candidate_effects
 from tirelog.diagnosis.candidates.naming import Step
 from tirelog.diagnosis.candidates.nuisances import with_nuisance
 from tirelog.diagnosis.candidates.search import SearchResult, search_effects
@@ -282,23 +282,7 @@ def test_a_floor_that_is_mostly_rounding_is_said():
 
 
 @pytest.mark.slow
-def test_an_unknown_points_to_the_effect_that_no_search_tries():
-    log = case(("standing_wave",), seed=311, how=Case(plan="short", logs=2))
-    found = diagnosed(fitted(log, angles=96, model=MODEL.with_nuisance("form", "off")))
-    assert found.verdict == "unknown"
-    assert list(found.not_tested) == ["cornering", "standing_wave"]  # no lateral acceleration
-    assert "would remove" in found.not_tested["standing_wave"]
-
-
-@pytest.mark.slow
 def test_a_constant_effect_beside_another_is_not_given_to_the_form():
     effects = {"pressure_offset": {"offset": 0.3}, "aero_load": {}}
     found = diagnosed(fitted(case(effects, seed=313, how=Case(plan="short", logs=2)), angles=96))
     assert set(found.selected) == {"pressure_offset", "aero_load"}
-
-
-def test_a_probability_at_its_least_is_at_most_that():
-    assert least_p(8) == 2.0**-8
-    assert probability(2.0**-8, 8) == "<= 0.0039"
-    assert probability(1.0 / 16384, 40) == "<= 6.1e-05"
-    assert probability(0.02, 40) == "0.02"

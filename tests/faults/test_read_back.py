@@ -16,7 +16,8 @@ SAMPLES = Path(__file__).parents[2] / "sample_data"
 LOG = str(SAMPLES / "drive.csv.gz")
 STEP = {
     "step": 0, "effect": "base", "rmse_fit": 1e-6, "rmse_heldout": None, "noise_floor": 1e-6,
-    "excess_heldout": None, "p_adjusted": None, "decision": "start", "sentence": "s",
+    "excess_heldout": None, "p_adjusted": None, "decision": "start",
+    "outcome": "start", "sentence": "s",
     "parameters": {"k": {"value": 1.0, "se": None, "unit": "1"}},
 }  # fmt: skip
 
@@ -74,8 +75,8 @@ def test_a_damaged_page_of_parquet_is_said(tmp_path, capfd):
 )
 def test_a_ladder_of_other_types_is_none(tmp_path, capfd, where, value, said):
     ladder = {"observable": "strain", "unit": "1", "steps": [STEP | {where: value}]}
-    path = tmp_path / "m.ladder.json"
-    path.write_text(json.dumps({"ladders": [ladder]}))
+    path = tmp_path / "ladder.json"
+    path.write_text(json.dumps(ladder))
     refused(["--ladder", str(path)], 2, said, capfd, tmp_path)
 
 

@@ -68,13 +68,13 @@ def model_page(tmp_path_factory):
         _first_lines(SAMPLES / f"{name}.csv.gz", folder)
         logs.append(str(folder / f"{name}.csv.gz"))
     plain, model, page, climbed = (
-        str(folder / name) for name in ("plain.toml", "M.toml", "page.html", "M.ladder.json")
+        str(folder / name) for name in ("plain.toml", "M.toml", "page.html", "ladder.json")
     )
     with_model = [*logs, "--model", model, "--quiet", "-o"]
     for words in (
         ["model", "new", "--setup", str(folder / "hidden_1.toml"), "-o", plain],
         ["model", "add", plain, "viscous_damping", "-o", model],
-        ["ladder", *with_model, str(folder / "ladder.json")],
+        ["ladder", *with_model, climbed],
         ["report", *with_model, page, "--ladder", climbed],
     ):
         assert run(words) == 0

@@ -100,7 +100,7 @@ def test_the_answer_comes_first_with_verdict_evidence_and_next_command(model_pag
 
 
 def test_the_rungs_are_the_ladder_s(model_page: Path) -> None:
-    climbed = json.loads((model_page.parent / "M.ladder.json").read_text())["ladders"][-1]
+    climbed = json.loads((model_page.parent / "ladder.json").read_text())
     taken = [s for s in climbed["steps"] if s["outcome"] != "not_added"]
     rungs = re.findall(r"<li>(.*?)</li>", part(model_page, "answer"), re.S)
     assert len(rungs) == len(taken) >= 2
@@ -308,7 +308,7 @@ def test_obstacles_are_told_hit_by_hit() -> None:
         "covered": 0.98, "quality": "ok",
     }  # fmt: skip
     total = {**row, "nuisance_parameters": 20, "hits": [row]}
-    told = {"hits": (row,) * 5, "remarks": ("mind",), "tables": {"hit": [row] * 5}}
+    told = {"hits": (row,) * 5, "remarks": ("mind",), "rows": lambda: [row] * 5}
     result = SimpleNamespace(observable="strain", unit="1", to_json=lambda: total, **told)
     result.hits_table = partial(TransientComparison.hits_table, result)
     section = models.obstacles(result, "tirelog compare")

@@ -24,9 +24,8 @@ from tirelog.diagnosis import fitted as forming
 from tirelog.diagnosis import ladder as climbing
 from tirelog.diagnosis.answer import AnswerTable
 from tirelog.diagnosis.diagnose import Diagnosis
-from tirelog.diagnosis.fitted import FitOfLogs, TireForm, fit_channels_measured
+from tirelog.diagnosis.fitted import FitOfLogs, TireForm, fit_of_logs
 from tirelog.diagnosis.gratings import GratingsFound
-from tirelog.diagnosis.history import read_history, remember
 from tirelog.diagnosis.obstacles import (
     FittedMotion,
     TransientComparison,
@@ -46,8 +45,6 @@ from tirelog.report.page import ReportRequest
 from tirelog.storage.whole import whole_file
 from tirelog.vocabulary.observables import (
     OBSERVABLES,
-    WAVEFORMS,
-    waveform_of,
 )
 
 __all__ = [
@@ -69,7 +66,6 @@ __all__ = [
     "ladder",
     "make_report",
     "measure",
-    "observable_of",
     "propose",
     "report_page",
     "tire_form",
@@ -133,23 +129,14 @@ def measure(
     return measured_for(each_log(logs, setup), model.observables, channel, level=level)
 
 
-def observable_of(channel: str | None, recordings: Sequence[Recording], model: Model) -> str:
-    """What a named channel measures, else what the model predicts.
-
-    Strain and radial acceleration fit one tire together.
-    """
-    kinds = {c.kind for r in recordings for c in r.channels.values() if c.name == channel}
-    return waveform_of(kinds) if model.observable in WAVEFORMS and kinds else model.observable
-
-
-def fit(measured: MeasuredLogs | Sequence[MeasuredLogs], model: ModelLike) -> FitOfLogs:
+def fit(measured: MeasuredLogs, model: ModelLike) -> FitOfLogs:
     """The model's free parameters fitted to measured revolutions, as `compare` fits them.
 
     Parameters
     ----------
-    measured : MeasuredLogs or a list of them
-        What `measure` gave; of several channels several, each with a scatter of its own. Masses,
-        damping and bristles of a coupled ring are fitted to the obstacles, if the logs met some.
+    measured : MeasuredLogs
+        What `measure` gave. Masses, damping and bristles of a coupled ring are fitted to the
+        obstacles, if the logs met some.
     model : Model, str, os.PathLike or dict
         The start of the fit, as for `measure`; its bounds are kept.
 
@@ -166,20 +153,12 @@ def fit(measured: MeasuredLogs | Sequence[MeasuredLogs], model: ModelLike) -> Fi
     UsageError
         Model and revolutions do not fit together.
     """
-    model = as_model(model)
-    channels = [measured] if isinstance(measured, MeasuredLogs) else list(measured)
-    for one in channels:
-        _known(one)
-    if not channels:
-        raise UsageError(
-            "nothing measured", allowed="allowed are results of `measure`", do="give one at least"
-        )
-    found, remarks = fit_channels_measured([one.revolutions for one in channels], model)
+    model, given = as_model(model), _known(measured)
+    found, remarks = fit_of_logs(given.revolutions, model)
     notes = list(remarks)
     moving = motion_names(model)
     fitted = found.model.with_parameters({name: model.parameters[name] for name in moving})
-    obstacles = [log for one in channels for log in one.obstacles]
-    learned = learn_motion(obstacles, fitted) if obstacles and moving else None
+    learned = learn_motion(given.obstacles, fitted) if given.obstacles and moving else None
     if moving and learned is None:
         notes.append(
             f"{', '.join(moving)}: unchanged; only obstacles determine them, and no log has a "
@@ -350,7 +329,6 @@ def ladder(
     *,
     effects: Iterable[Effect] = (),
     propose: bool = False,
-    keep: Path | None = None,
     progress: Progress | None = None,
 ) -> Ladder:
     """Effects added one by one until nothing more is worth adding.
@@ -361,8 +339,6 @@ def ladder(
         As for `diagnose`.
     propose : bool
         If the effects end above the floor, the last step identifies what is unknown.
-    keep : str or os.PathLike, optional
-        The model's file: the ladder is kept beside it, as MODEL.ladder.json.
 
     Returns
     -------
@@ -378,18 +354,13 @@ def ladder(
     found, model = _known(measured), as_model(model)
     if propose:
         _one_grating(found, "propose", "leave --propose out, or measure one channel")
-    if keep is not None:
-        read_history(File(keep))  # a damaged one is refused before the work
-    climbed = climbing.ladder(
+    return climbing.ladder(
         found.revolutions,
         model,
         effects=_candidates(model, effects),
         proposing=propose,
         progress=progress or _silent,
     )
-    if keep is not None:
-        remember(climbed, File(keep))
-    return climbed
 
 
 def propose(
@@ -558,7 +529,7 @@ def write_report(
     model : Model, str, os.PathLike or dict, optional
         A model to compare with the logs. Commands on the page call one that is no path MODEL.toml.
     ladder : str or os.PathLike, optional
-        The steps that `ladder` kept beside the model.
+        The JSON of a `ladder`.
     channel, effects
         As for `measure` and `load_model`.
     progress : callable, optional

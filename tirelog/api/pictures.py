@@ -22,7 +22,7 @@ from tirelog.api.logs import Logs, Path, SetupLike, as_logs, each_log
 from tirelog.api.models import load_model
 from tirelog.api.parts import Part, parts_of, stretch_s
 from tirelog.data.recording import Recording
-from tirelog.diagnosis.history import read_ladder
+from tirelog.diagnosis.results import read_ladder
 from tirelog.errors import TirelogError, UsageError, refuse_unknown
 from tirelog.runs.ingest import is_file
 from tirelog.storage.whole import LARGEST_BYTES, bounded_input, json_value, open_input, toml_role
@@ -259,7 +259,7 @@ def _of_answer(path: File) -> Figure:
     """The picture of an answer's JSON.  UsageError: it is none that has a picture."""
     try:
         fields = json_value(bounded_input(path, 16 * LARGEST_BYTES))
-        if "ladders" in fields or "steps" in fields:
+        if "steps" in fields:
             fields = read_ladder(path)
         figure: Figure = resolve_name("tirelog.plots.answers:answer_picture")(fields)
     except (ValueError, KeyError, TypeError, AttributeError) as problem:

@@ -20,7 +20,7 @@ cutoff = "auto"                    # the command's own options
 [[models]]
 file = "beam.toml"
 commands = ["compare", "diagnose"]
-each = "tire"                      # optional: diagnose each tire, or "log", alone and without it
+each = "tire"                      # optional: diagnose without each tire, or "log", in turn
 ```
 """
 

@@ -115,7 +115,7 @@ def _run(
                 results[name] = replace(results[name], notes=(*results[name].notes, alone))
             else:
                 results[name] = with_groups(
-                    results[name], groups, some, read, by=model.each, effects=candidates, alone=True
+                    results[name], groups, some, read, by=model.each, effects=candidates
                 )
             said(results[name].notes[-1])
         found = [getattr(results[name], "verdict", ""), *getattr(results[name], "selected", ())]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -24,8 +24,6 @@ from tirelog.errors import ExitStatus, UsageError, printable, refuse_unknown
 from tirelog.vocabulary.tables import ERRORS_BY
 
 Answer = TypeVar("Answer")
-#: columns of `ladder --by-log`
-_BY_LOG = ("log", "parameter", "unit", "value", "se", "distance_km", "load_N")
 
 
 @dataclass(frozen=True)
@@ -96,16 +94,14 @@ def write_answer(
     name: str,
     answer: Any,
     page: Iterable[str | api.answers.AnswerTable] = (),
-    rows: Sequence[Mapping[str, Any]] | None = None,
-    empty: Sequence[str] = (),
 ) -> None:
-    """The answer as JSON, as a page if it has one, or as a table `name` of its rows, or others."""
+    """The answer as JSON, as a page if it has one, or as a table `name` of its rows."""
     if session.json:
         write_json(answer.to_json(), session.output)
     elif page and session.paged:
         pages.print_answer(page)
     else:
-        session.write_rows(name, [answer.rows() if rows is None else rows], empty)
+        session.write_rows(name, [answer.rows()])
 
 
 @with_question
@@ -116,7 +112,7 @@ def compare(
         typer.Option(
             "--by",
             help="A table of errors by revolution, angle, speed, regime or conditions; with a "
-            "[road] in the setup by hit, time or frequency.",
+            "[road] in the setup by hit.",
         ),
     ] = None,
     against: Annotated[
@@ -187,7 +183,7 @@ def diagnose(
 def form(asked: Question) -> None:
     """Contact pressure and stiffness of the tire from its logs, with standard errors."""
     with asked.answered("fitting the form", api.answers.tire_form) as result:
-        asked.show(result, result.notes)
+        asked.show(result, [result.headline])
         write_answer(asked.session, "form", result)
 
 
@@ -208,22 +204,18 @@ def ladder(
             "noise floor.",
         ),
     ] = False,
-    by_log: Annotated[
-        bool, typer.Option("--by-log", help="Fitted strengths log by log in place of the steps.")
-    ] = False,
 ) -> None:
     """Forward selection: effects are added one by one until none is worth adding."""
     if save is not None:
         api.models.refuse_another(save)
-    ask = partial(api.answers.ladder, propose=propose, keep=asked.model, progress=asked.session.say)
+    ask = partial(api.answers.ladder, propose=propose, progress=asked.session.say)
     with asked.answered("climbing", ask) as result:
         if not asked.quiet:
             pages.ladder_bars(result)
         asked.show(result, result.remarks)
         if save is not None:
             api.models.save_model(result.model, save)
-        rows = result.strengths_by_log if by_log else None
-        write_answer(asked.session, "ladder", result, rows=rows, empty=_BY_LOG)
+        write_answer(asked.session, "ladder", result)
 
 
 @with_question
@@ -294,9 +286,7 @@ def report(
     model: Annotated[
         Path | None, typer.Option("--model", help="Model file to compare with the logs.")
     ] = None,
-    ladder: Annotated[
-        Path | None, typer.Option("--ladder", help="The steps that `ladder` kept beside the model.")
-    ] = None,
+    ladder: Annotated[Path | None, typer.Option("--ladder", help="The JSON of a `ladder`.")] = None,
     channel: options.ChannelName = None,
     effects: options.EffectsFile = None,
     quiet: options.Quiet = False,

@@ -314,7 +314,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "report": (
         ("tirelog report drive.csv.gz --model model.toml -o report.html", "one offline page"),
         (
-            "tirelog report hidden_*.csv.gz --model model.toml --ladder model.ladder.json -o r.htm",
+            "tirelog report hidden_*.csv.gz --model model.toml --ladder ladder.json -o r.html",
             "with the ladder",
         ),
     ),

@@ -227,26 +227,19 @@ def fit(
     model: options.ModelFile,
     new_model: options.EditedModel,
     setup: options.SetupFile = None,
-    channel: Annotated[
-        list[str],
-        typer.Option(
-            help="Channel to fit, default the first that fits; repeat for several. Strain: several "
-            "gratings as NAME,NAME or all."
-        ),
-    ] = [],  # noqa: B006
+    channel: options.ChannelName = None,
     effects: options.EffectsFile = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Fit a model's free parameters to the logs, as `compare` does; values with standard errors.
 
-    Several channels are fitted at once, each with its own noise, scatter and offset of each log.
     Masses, damping and bristles of a coupled ring are fitted to the obstacles of logs whose setup
     has a [road].
     """
     api.models.refuse_another(new_model)
     start = api.models.load_model(model, effects=effects)
     with Session(setup, quiet) as session:
-        measured = _measured(session, logs, start, list(dict.fromkeys(channel)))
+        measured = api.answers.measure(session.recordings(logs), start, channel)
         with session.working_on("fitting the model"):
             result = api.answers.fit(measured, start)
         session.note(*result.remarks)
@@ -254,24 +247,6 @@ def fit(
         api.models.save_model(result.model, new_model)
         if not quiet:
             typer.echo(pages.fit_page(result))
-
-
-def _measured(
-    session: Session, logs: list[str], model: api.models.Model, channels: list[str]
-) -> list[api.answers.MeasuredLogs]:
-    """The measured revolutions of each channel; by default of the first that fits.
-
-    One channel's logs are read one after the other.
-    """
-    if len(channels) < 2:
-        return [
-            api.answers.measure(session.recordings(logs), model, channels[0] if channels else None)
-        ]
-    recordings = session.all_recordings(logs)
-    return [
-        api.answers.measure(recordings, api.answers.observable_of(name, recordings, model), name)
-        for name in channels
-    ]
 
 
 # ---- Predictions of a model alone.

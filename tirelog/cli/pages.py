@@ -166,19 +166,15 @@ def diagnosis_page(result: api.answers.Diagnosis) -> Iterator[str | api.answers.
 
 
 def _gratings(found: api.answers.GratingsFound) -> api.answers.AnswerTable:
-    """A row per grating: its angle, its size alone, and its strength of each named effect."""
+    """A row per grating: its angle, and its size alone."""
     own = {frame.frame: f"{frame.size:.3g}" for frame in found.frames}
-    rows = []
-    for name, angle in zip(found.names, found.angles_deg, strict=True):
-        i = found.asked.index(name) if name in found.asked else None
-        strengths = (
-            "left out" if i is None else f"{s.values[i]:.4g} +- {s.errors[i]:.2g}"
-            for s in found.strengths
-        )
-        rows.append([f"  {name}", f"{angle:.1f}", own.get(name, "-"), *strengths])
-    names = ("  grating", "angle [deg]", "alone [floors^2]")
-    named = (s.parameter for s in found.strengths)
-    return api.answers.AnswerTable("Gratings", [*names, *named], rows)
+    rows = [
+        [f"  {name}", f"{angle:.1f}", own.get(name, "-")]
+        for name, angle in zip(found.names, found.angles_deg, strict=True)
+    ]
+    return api.answers.AnswerTable(
+        "Gratings", ["  grating", "angle [deg]", "alone [floors^2]"], rows
+    )
 
 
 def ladder_bars(result: api.answers.Ladder) -> None:

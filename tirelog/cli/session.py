@@ -527,12 +527,9 @@ class Session:
         else:
             self.write(name, [columns])
 
-    def write_rows(
-        self, name: str, parts: Iterable[Sequence[Mapping[str, Any]]], empty: Sequence[str] = ()
-    ) -> None:
-        """A table of rows that come in parts; if there are none the columns `empty`."""
-        nothing: dict[str, list[Any]] = {name: [] for name in empty}
-        self.write(name, (columns_of_rows(rows) or nothing for rows in parts))
+    def write_rows(self, name: str, parts: Iterable[Sequence[Mapping[str, Any]]]) -> None:
+        """A table of rows that come in parts."""
+        self.write(name, map(columns_of_rows, parts))
 
     def __exit__(self, kind: Any, value: Any, trace: Any) -> None:
         self._resources.close()

@@ -18,19 +18,16 @@ table. A diagnosis of another kind than all cases gets no number, and a reason.
 from __future__ import annotations
 
 import tomllib
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from typing import Any, ClassVar
 
-import numpy as np
 from scipy.special import betaincinv
 
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import BY_NAME, FORM, Model
-from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import STRAIN
 
 TABLE = "calibration.toml"
@@ -169,22 +166,13 @@ def calibration() -> dict[str, Any]:
     return tomllib.loads((resources.files("tirelog.diagnosis") / TABLE).read_text("utf-8"))
 
 
-# ---- Does the verdict stand if one log, or one tire, is left out?  And what does each say alone?
+# ---- Does the verdict stand if one log, or one tire, is left out?
 #
 #     verdicts without each log, or tire -> where the verdict is another one
-#     verdicts of each alone             -> verdicts and names counted, p adjusted over them
 #
 # `diagnose.with_groups` asks for them.
-#
-# What is pooled says one thing of tires that may differ; each alone says whether they do. Over many
-# tires some alarm by chance: the adjusted p (Benjamini and Hochberg 1995) holds the share of false
-# ones among those that are reported to lack something at `FALSE_DISCOVERIES`.
 
 
-#: share of false ones among tires that are reported to lack something; doubled, twice as many
-FALSE_DISCOVERIES = 0.05
-#: verdicts that say that something is missing
-_LACKS = ("missing", "ambiguous", "partial", "unknown")
 #: groups that a sentence names; of more their number
 _TOLD = 4
 
@@ -193,8 +181,8 @@ _TOLD = 4
 class GroupVerdict:
     """The verdict on some of the logs.
 
-    `group`: the log or tire that was left out, or alone; `verdict` "" if it could not be asked,
-    `problem` why. `p`: how likely chance alone is to look so; None if nothing was tested.
+    `group`: the log or tire that was left out; `verdict` "" if it could not be asked, and the
+    `problem`.
     """
 
     group: str
@@ -202,7 +190,6 @@ class GroupVerdict:
     verdict: str
     selected: tuple[str, ...] = ()
     ambiguous_groups: tuple[tuple[str, ...], ...] = ()
-    p: float | None = None
     probability: float | None = None
     problem: str = ""
 
@@ -210,11 +197,6 @@ class GroupVerdict:
     def tested(self) -> bool:
         """Was anything tested: it could be asked, and there were manoeuvres enough?"""
         return self.verdict not in ("", "too_few")
-
-    @property
-    def alarms(self) -> bool:
-        """Does the verdict claim that something is missing?"""
-        return self.verdict in _LACKS
 
     @property
     def said(self) -> str:
@@ -253,44 +235,3 @@ def _some(parts: Sequence[str]) -> str:
     """The first of them, and how many more there are."""
     more = f"; and {len(parts) - _TOLD} more" if len(parts) > _TOLD else ""
     return "; ".join(parts[:_TOLD]) + more
-
-
-def each_alone(by: str, verdicts: Sequence[GroupVerdict]) -> dict[str, Any]:
-    """What each log, or tire (`by`), says alone, before anything is pooled, and a sentence.
-
-    `p_adjusted` over all of them; `lacking` says of which something is missing by it; `inclusion`
-    has of each effect that one of these names the share of those tested that do.
-    """
-    left = iter(benjamini_hochberg([a.p for a in verdicts if a.p is not None]).tolist())
-    adjusted = [None if a.p is None else next(left) for a in verdicts]
-    rows = [
-        vars(a)
-        | {"p_adjusted": q, "lacking": a.alarms and q is not None and q <= FALSE_DISCOVERIES}
-        for a, q in zip(verdicts, adjusted, strict=True)
-    ]
-    lacking, tested = [row for row in rows if row["lacking"]], [a for a in verdicts if a.tested]
-    named = Counter(name for row in lacking for name in row["selected"]).most_common()
-    said = f"No {by} alone has manoeuvres enough for a test"
-    if tested:
-        names = "".join(f", {name} in {n}" for name, n in named)
-        said = (
-            f"Each {by} alone: something is missing in {len(lacking)} of {len(tested)}{names} "
-            f"(at most {100.0 * FALSE_DISCOVERIES:.0f} % of them by chance)"
-        )
-    if (chance := sum(a.alarms for a in verdicts) - len(lacking)) > 0:
-        said += (
-            f"; {chance} more {'alarms' if chance == 1 else 'alarm'}, no more than chance does "
-            f"among {len(tested)}"
-        )
-    if len({(a.alarms, frozenset(a.selected)) for a in tested}) > 1:
-        said += f"; the {by}s do not say the same: what is pooled is their mean"
-    shares = {name: n / len(tested) for name, n in named}
-    return {"by": by, "sentence": f"{said}.", "inclusion": shares, "each": rows}
-
-
-def benjamini_hochberg(p: Sequence[float]) -> FloatArray:
-    """p adjusted so that those below q are false in a share of q at most, (n,)."""
-    given = np.asarray(p, dtype=np.float64)
-    order = np.argsort(given)[::-1]
-    by_rank = given[order] * given.size / np.arange(given.size, 0, -1)
-    return np.minimum(np.minimum.accumulate(by_rank), 1.0)[np.argsort(order)]

@@ -29,7 +29,6 @@ from tirelog.diagnosis.residual_structure import (
     extra_errors,
     half_angle,
     learnt_residual,
-    posterior_checks,
     zones,
 )
 from tirelog.diagnosis.results import (
@@ -67,7 +66,7 @@ from tirelog.inference.stacks.cut import Stacks
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.conditions import SETUP_KEYS
-from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, STRAIN, together
+from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, together
 from tirelog.vocabulary.quality import Quality, marked, quality_text
 
 #: the stacks of each observable or grating, none if only the pieces are left
@@ -155,7 +154,6 @@ def compare(
         parameters=parameters_of(with_form),
         with_nuisances=with_nuisances,
         extra_errors=extra_errors(base),
-        checks=posterior_checks(base),
         ranking=_ranking([base, *(start_from(pieces, other) for other in others)]),
         learnt=learnt_residual(base) if learn else (),
     )
@@ -293,16 +291,6 @@ def remarks_of(base: Base) -> list[str]:
             "one manoeuvre: none can be held out from the fit, so there is no held-out error; "
             "drive more of them"
         )
-    measured = np.nanmean(base.cells.values, axis=0)
-    good = measured[np.isfinite(measured + np.nanmean(base.fit.prediction, axis=0))]
-    if good.size > 8 and base.cells.observable == STRAIN:
-        skew = float(np.mean((good - good.mean()) ** 3))
-        place, word = ("a maximum", "inner") if skew > 0 else ("a minimum", "outer")
-        if word != base.cells.surface:
-            said.append(
-                f"the strain has {place} in the patch, as on the {word} surface, and the setup "
-                f'says {base.cells.surface}. Write surface = "{word}" if the grating is there'
-            )
     if not base.fit.settled:
         said.append("the fit did not settle; its parameters may be off; start from other values")
     own = {name: base.model.parameters[name] for name in base.fit.names if "." not in name}

@@ -19,7 +19,7 @@ The verdicts:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -74,7 +74,6 @@ from tirelog.diagnosis.certainty import (
     Certainty,
     GroupVerdict,
     certainty_of,
-    each_alone,
     stability,
     unlike_cases,
 )
@@ -91,13 +90,11 @@ from tirelog.diagnosis.gratings import Gathered, GratingsFound, gathered
 from tirelog.diagnosis.residual_structure import (
     Leftover,
     Suspect,
-    check_sentences,
     describe,
-    posterior_checks,
     scattered,
     suspects,
 )
-from tirelog.diagnosis.results import Candidate, Check, Comparison
+from tirelog.diagnosis.results import Candidate, Comparison
 from tirelog.diagnosis.rules import (
     BEYOND_DOUBT_P,
     CLAIMING,
@@ -140,7 +137,6 @@ class Diagnosis(AnswerRecord):
     separating_manoeuvres: tuple[Mapping[str, Any], ...]
     unexplained: Mapping[str, Any]
     nuisances: tuple[NuisanceFound, ...]
-    checks: tuple[Check, ...]
     suspects: tuple[Suspect, ...]
     not_tested: Mapping[str, str]
     rmse_heldout_before: float | None
@@ -157,7 +153,6 @@ class Diagnosis(AnswerRecord):
     stacks: Revolutions
     gratings: GratingsFound | None = None
     stability: Mapping[str, Any] | None = None
-    each: Mapping[str, Any] | None = None
 
     @property
     def model(self) -> Model:
@@ -192,7 +187,7 @@ class Diagnosis(AnswerRecord):
         return tuple(drive_next(self.found, self.verdict, self.certainty.probability))
 
     def to_json(self) -> dict[str, Any]:
-        later, found = ("gratings", "stability", "each"), self.found
+        later, found = ("gratings", "stability"), self.found
         more = {
             "note": " ".join(self.notes),
             "rmse_heldout_without_nuisances": (found.given or found.before).rmse_held,
@@ -318,10 +313,10 @@ def conclude(found: SearchResult, stacks: Revolutions, asked: Gathered | None = 
     ranking = ranking_of(found, selected, decision["repeats"], floor, decision["share"])
     scatter = scattered(before, floor) if verdict == "scatter" else None
     unexplained = _unexplained(decision, ranking, manoeuvres) | {"scatter": scatter}
-    beside, checks = nuisances_found(result), posterior_checks(result)
+    beside = nuisances_found(result)
     suspected = suspects(result) if unnamed or scatter else ()
     advice, notes = _advice(found, verdict)
-    gratings = None if asked is None else asked.with_strengths(result, selected)
+    gratings = None if asked is None else asked.beside(result, selected)
     notes += [] if gratings is None else gratings.sentences()
     stayed = tuple(n.nuisance for n in beside if n.stayed)
     left_before = out_of_range(before)
@@ -330,7 +325,6 @@ def conclude(found: SearchResult, stacks: Revolutions, asked: Gathered | None = 
         *nuisance_sentences(beside, result, fails=unnamed),
         *scatter_sentences(result),
         *alike_sentences(found.alike, selected, stayed, result),
-        *(check_sentences(checks) if unnamed or scatter else ()),
         *of_rounding(before),
         not_varied(before.cells.conditions, candidate_effects(before.model)),
         *(f"{said}." for said in out_of_range(result) if said not in left_before),
@@ -367,7 +361,6 @@ def conclude(found: SearchResult, stacks: Revolutions, asked: Gathered | None = 
         separating_manoeuvres=tuple(advice),
         unexplained=unexplained,
         nuisances=beside,
-        checks=checks,
         suspects=suspected,
         not_tested={k: v for k, v in found.steps[0].reasons.items() if k not in ranked}
         | (not_among_candidates(result) if unnamed else {}),
@@ -520,10 +513,10 @@ def _advice(found: SearchResult, verdict: str) -> tuple[list[dict[str, Any]], li
     return rows, notes + more
 
 
-# ---- A diagnosis asked again: without each log or tire, or of each alone.
+# ---- A diagnosis asked again, without each log or tire.
 #
-#     pieces of all logs, groups of logs -> the pieces without each group, or of it alone
-#         -> a diagnosis each -> `certainty.stability`, `certainty.each_alone`
+#     pieces of all logs, groups of logs -> the pieces without each group
+#         -> a diagnosis each -> `certainty.stability`
 #
 # It takes as many diagnoses as there are logs, or tires.
 
@@ -540,27 +533,24 @@ def with_groups(
     *,
     by: str = "log",
     effects: Iterable[Effect] = (),
-    alone: bool = False,
     progress: Progress = lambda text: None,
 ) -> Diagnosis:
     """The diagnosis, with whether it holds without each group of logs in turn.
 
     groups  name -> its logs: those of one tire, or one log each;  some  gives the pieces of logs
-    alone   also what each group says alone, with p adjusted over them
-    UsageError: there is but one group.
     """
-    refuse_one(groups, by)
     every = [log for logs in groups.values() for log in logs]
-    rest = {name: [log for log in every if log not in logs] for name, logs in groups.items()}
-    extra, more = tuple(effects), dict[str, Any]()
-    whole = verdict_of_group("", every, found)
-    if alone:
-        own = _verdicts(groups, some, model, extra, progress, "{group} alone")
-        more["each"] = each_alone(by, list(own))
-    without = _verdicts(rest, some, model, extra, progress, "once more without {group}")
-    more = {"stability": stability(by, whole, list(without)), **more}
-    notes = (*found.notes, *(answer["sentence"] for answer in more.values()))
-    return replace(found, **more, notes=notes)
+    extra, without = tuple(effects), list[GroupVerdict]()
+    for group, logs in groups.items():
+        rest = [log for log in every if log not in logs]
+        progress(f"once more without {group}")
+        try:
+            answer = diagnose(some(rest), model, effects=extra)
+            without.append(verdict_of_group(group, rest, answer))
+        except TirelogError as problem:
+            without.append(GroupVerdict(group, tuple(rest), "", problem=problem.message))
+    answer = stability(by, verdict_of_group("", every, found), without)
+    return replace(found, stability=answer, notes=(*found.notes, answer["sentence"]))
 
 
 def refuse_one(groups: Mapping[str, Sequence[str]], by: str) -> None:
@@ -573,39 +563,14 @@ def refuse_one(groups: Mapping[str, Sequence[str]], by: str) -> None:
         )
 
 
-def _verdicts(
-    asked: Mapping[str, Sequence[str]],
-    some: Some,
-    model: Model,
-    effects: tuple[Effect, ...],
-    progress: Progress,
-    words: str,
-) -> Iterator[GroupVerdict]:
-    """The verdict on some logs, by the name of each group; what cannot be asked says why.
-
-    `words` for `progress`, with {group}.
-    """
-    for group, logs in asked.items():
-        progress(words.format(group=group))
-        try:
-            yield verdict_of_group(group, logs, diagnose(some(logs), model, effects=effects))
-        except TirelogError as problem:
-            yield GroupVerdict(group, tuple(logs), "", problem=problem.message)
-
-
 def verdict_of_group(group: str, logs: Sequence[str], found: Diagnosis) -> GroupVerdict:
     """A diagnosis in few words."""
-    p, left = min((c.p_adjusted for c in found.effects), default=1.0), found.unexplained["p"]
-    if found.verdict == "unknown" and left is not None:
-        p = min(p, left)
     return GroupVerdict(
         group,
         tuple(logs),
         found.verdict,
         found.selected,
         found.ambiguous_groups,
-        # two questions are asked: of candidates, and of any shape
-        None if found.verdict == "too_few" else min(2.0 * p, 1.0),
         found.certainty.probability,
     )
 

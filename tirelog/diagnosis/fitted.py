@@ -6,7 +6,7 @@ measured revolutions of each channel, Model --cells--> `base.fit_together`
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,33 +25,20 @@ from tirelog.diagnosis.candidates.nuisances import (
 from tirelog.diagnosis.compare import (
     Measured,
     measured_pieces,
-    observables_of,
-    other_observable,
     remarks_of,
     start_from,
 )
 from tirelog.diagnosis.obstacles import FittedMotion
 from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import ModelError, UsageError
-from tirelog.inference.base import Base, FitResult, fit_together, result_of
-from tirelog.inference.cells.cells import (
-    cells_of,
-    model_of,
-    with_nuisances,
-    with_ratios,
-    without_ratios,
-)
-from tirelog.inference.cells.pieces import Pieces
+from tirelog.inference.base import Base, FitResult, result_of
+from tirelog.inference.cells.cells import model_of, without_ratios
 from tirelog.inference.fit.cells import Fit, bounds, inequalities
-from tirelog.inference.measured import without_motion_parameters
 from tirelog.inference.nuisances import FORM, bound, frees
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.observables import WAVEFORMS, shown
+from tirelog.vocabulary.observables import shown
 from tirelog.vocabulary.quality import Quality, marked, quality_text
-
-#: what a fit takes out of each mean of similar revolutions by default, as `compare` does
-AS_COMPARE = ("shift",)
 
 
 @dataclass(frozen=True, repr=False)
@@ -128,112 +115,62 @@ class FitOfLogs(AnswerRecord):
         return [fitted], [*bounds, *self.doubts, *self.remarks]
 
 
-def fit_channels_measured(
-    channels: Sequence[Measured], model: Model, nuisances: Sequence[str] = AS_COMPARE
-) -> tuple[FitResult, tuple[str, ...]]:
-    """The model's free parameters fitted to all channels at once, and remarks on the fit.
+def fit_of_logs(measured: Measured, model: Model) -> tuple[FitResult, tuple[str, ...]]:
+    """The model's free parameters fitted as `compare` fits them, and remarks on the fit.
 
-    channels    strain and radial acceleration of one tire may stand beside each other; each channel
-                has its own noise, scatter and offset per log
-    nuisances   taken out of each mean of similar revolutions: 'offset', 'amplitude' (by some 10 %),
-                'shift'. Beside free amplitudes little shows the lever arm, and its error says so
-    ModelError  nothing is free, a log does not know a condition that an effect of the model needs,
-                or an unknown nuisance
+    Of several observables or gratings each channel has a scatter of its own.
+    ModelError  nothing is free, or a log does not know a condition that an effect of the model
+                needs
     UsageError  there is nothing to fit, or it is not what the model predicts
     """
-    given, said = [measured_pieces(channel) for channel in channels], list[str]()
-    pieces = [part for one in given for part in one]
-    _refuse(pieces, model)
-    if len(pieces) > 1:
-        said.append(
-            f"{len(pieces)} channels are fitted together as if each had a scatter of its own. "
-            "Where one load moves all of them, true errors are up to "
-            f"{len(pieces) ** 0.5:.2g} times larger"
-        )
-    start = without_motion_parameters(model)
-    fitted: Sequence[Base] | None = None
-    if set(nuisances) == set(AS_COMPARE):
-        start, fitted, of_form = _with_form(given, start)
-        said += of_form
-    else:
-        said.append(
-            f"taken out of each mean of similar revolutions: {', '.join(nuisances) or 'nothing'}; "
-            "`compare` takes out the shift, so its parameters, errors and chi-square differ"
-        )
-    if fitted is None:
-        cells = [with_nuisances(cells_of(channel), nuisances) for channel in pieces]
-        start = with_ratios(start, cells)
-        if "amplitude" in nuisances:
-            # along the waveforms of the model fitted without free amplitudes: along the measured
-            # ones, noise and all, a model that predicts nothing would fit best
-            plain = [with_nuisances(c, [n for n in c.free if n != "amplitude"]) for c in cells]
-            begun = fit_together(plain, start)
-            waves = [f.fit.prediction[..., None] for f in begun]
-            cells = [
-                replace(c, random=np.concatenate([wave, c.random[..., 1:]], axis=-1))
-                for c, wave in zip(cells, waves, strict=True)
-            ]
-            start = begun[0].model
-        fitted = fit_together(cells, start, several="amplitude" not in nuisances)
-    for channel in fitted:
-        said += remarks_of(channel)
-    result = result_of(fitted, with_form_errors(fitted[0]))
-    found = result.model.parameters
-    free = {n: replace(found[n], free=p.free) for n, p in model.parameters.items() if n in found}
-    return replace(result, model=result.model.with_parameters(free)), tuple(dict.fromkeys(said))
-
-
-def _with_form(
-    channels: Sequence[Sequence[Pieces]], model: Model
-) -> tuple[Model, Sequence[Base] | None, list[str]]:
-    """The model, with the tire's form if that earns its place, and what to say of it.
-
-    Also the fit, where `compare` made the same.
-    """
-    of_model = [one for one in channels if observables_of(one) == model.observables]
-    auto = any(n.name == FORM and n.use == "auto" for n in model.nuisances)
-    if not (of_model and auto and frees(model, FORM)):
-        return model, None, []
-    base = start_from(of_model[0], model)
-    best = with_best_nuisances(base)
-    alone = base.blocks if len(channels) == 1 else None
-    if FORM not in groups_of(best) or FORM in groups_of(base):
-        return model, alone, []
-    factor, unit = shown(*observed(base))
-    with_it, without = (in_unit(own.rmse_held, factor) for own in (best, base))
-    errors = f"held-out error {with_it} {unit} with it, {without} without"
-    if not form_explains(best, base):
-        leaves = f"a form of the tire's own is not in the fit: {errors}, more than the noise floor"
-        return model, alone, [f"{leaves}; `tirelog diagnose` tells why"]
-    said = f'the fit includes a form of the tire\'s own: {errors}; [form] use = "off" leaves it out'
-    return without_ratios(best.model), None, [said]
-
-
-def _refuse(channels: Sequence[Pieces], model: Model) -> None:
-    """An error if there is nothing to fit, or to fit to."""
     if not model.free:
         raise ModelError(
             "the model has no free parameter",
             allowed="one with { value, min, max } is needed",
             do="free one in the model file",
         )
-    given = {pieces.observable for pieces in channels}
-    allowed = set(model.observables)
-    if given & allowed and model.observable in WAVEFORMS:
-        allowed |= set(WAVEFORMS)
-    for pieces in channels:
-        if pieces.observable not in allowed:
-            raise other_observable([pieces], model)
-        for log in np.unique(pieces.log):
-            known = pieces.conditions.take(pieces.log == log)
-            one = model_of(model, pieces.observable) if model.beside else model
-            for effect, lacking in one.missing_conditions(known).items():
-                raise ModelError(
-                    f"effect {effect!r} needs {', '.join(lacking)}, which {pieces.logs[log]} does "
-                    "not know",
-                    allowed="every log must know it",
-                    do="add it to the setup, or remove the effect",
-                )
+    pieces, said = measured_pieces(measured), list[str]()
+    for part in pieces:
+        missing = model_of(model, part.observable).missing_conditions(part.conditions)
+        for effect, fields in missing.items():
+            raise ModelError(
+                f"effect {effect!r} needs {', '.join(fields)}",
+                allowed="every log must know it",
+                do="add it to the setup, or remove the effect",
+            )
+    if len(pieces) > 1:
+        said.append(
+            f"{len(pieces)} channels are fitted together as if each had a scatter of its own. "
+            "Where one load moves all of them, true errors are up to "
+            f"{len(pieces) ** 0.5:.2g} times larger"
+        )
+    base = start_from(pieces, model)
+    with_form, of_form = _with_form(base)
+    if with_form is not None:
+        base = start_from(pieces, with_form)
+    result = result_of(base.blocks, with_form_errors(base.blocks[0]))
+    found = result.model.parameters
+    free = {n: replace(found[n], free=p.free) for n, p in model.parameters.items() if n in found}
+    remarks = tuple(dict.fromkeys([*said, *of_form, *remarks_of(base)]))
+    return replace(result, model=result.model.with_parameters(free)), remarks
+
+
+def _with_form(base: Base) -> tuple[Model | None, list[str]]:
+    """The model with the tire's form if that earns its place, and what to say of it."""
+    auto = any(n.name == FORM and n.use == "auto" for n in base.given.nuisances)
+    if not (auto and frees(base.given, FORM)):
+        return None, []
+    best = with_best_nuisances(base)
+    if FORM not in groups_of(best) or FORM in groups_of(base):
+        return None, []
+    factor, unit = shown(*observed(base))
+    with_it, without = (in_unit(own.rmse_held, factor) for own in (best, base))
+    errors = f"held-out error {with_it} {unit} with it, {without} without"
+    if not form_explains(best, base):
+        leaves = f"a form of the tire's own is not in the fit: {errors}, more than the noise floor"
+        return None, [f"{leaves}; `tirelog diagnose` tells why"]
+    said = f'the fit includes a form of the tire\'s own: {errors}; [form] use = "off" leaves it out'
+    return without_ratios(best.model), [said]
 
 
 # ---- The tire's form as a log shows it: contact pressure over the patch, stiffness over
@@ -291,11 +228,6 @@ class TireForm(AnswerRecord):
     def doubtful(self) -> bool:
         """Does the fit leave more than noise?"""
         return self.reduced_chi2 > QUIET_CHI2
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """The same, beside the picture."""
-        return (self.headline,)
 
     @property
     def headline(self) -> str:

@@ -4,8 +4,6 @@
         over the road's angle (0 at the patch) and the wheel's (that plus the grating's place)
         --> sign flips of manoeuvres with the maximum over {road, wheel, each grating alone}
         --> the largest comes in, and the rest is tested again: what each frame holds
-    the same with one strength of an effect for each grating --> its strengths, and whether they
-        differ by more than chance (Q, by the same flips)
 
 For one grating road and wheel are the same function of the angle; several at other places see a
 wheel's shape shifted and a road's not. What a single grating shows and no other does is not the
@@ -64,29 +62,6 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class Strengths:
-    """An effect's strength as each grating has it, everything else one to all.
-
-    values, errors (n,) of the gratings in `unit`;  q, freedom, p  of their differences
-    size  squared noise floors that strengths of their own take beyond one for all
-    """
-
-    parameter: str
-    unit: str
-    values: tuple[float, ...]
-    errors: tuple[float, ...]
-    q: float
-    freedom: int
-    p: float
-    size: float
-
-    @property
-    def contradicts(self) -> bool:
-        """Do the gratings differ, by more than chance does and enough to matter?"""
-        return self.p <= ALARM_P and self.size > LEAST_SHARE_OF_FLOOR
-
-
-@dataclass(frozen=True)
 class GratingsFound:
     """Which grating says what.
 
@@ -94,7 +69,6 @@ class GratingsFound:
     alone      gratings that show what no other does;  set_apart: those without which the rest was
                asked
     agreeing   gratings that showed what no other does until an effect was named
-    strengths  of each effect that was named, of the gratings in `asked`
     searched   those on which effects were searched, if not all that were asked
     """
 
@@ -104,7 +78,6 @@ class GratingsFound:
     set_apart: tuple[str, ...]
     asked: tuple[str, ...] = ()
     searched: tuple[str, ...] = ()
-    strengths: tuple[Strengths, ...] = ()
     agreeing: tuple[str, ...] = ()
 
     @property
@@ -116,25 +89,18 @@ class GratingsFound:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """Each grating by its name, the frames, and the effects' strengths."""
+        """Each grating by its name, and the frames."""
         alone = {f.frame: {"alone_size": f.size, "alone_p": f.p} for f in self.frames}
         nothing = {"alone_size": 0.0, "alone_p": None}
         gratings: dict[str, dict[str, Any]] = {
             name: {"angle_deg": angle}
             | alone.get(name, nothing)
             | {"contradicts": name in self.alone, "set_apart": name in self.set_apart}
-            | {"strengths": {}}
             for name, angle in zip(self.names, self.angles_deg, strict=True)
         }
-        for s in self.strengths:
-            for name, value, error in zip(self.asked, s.values, s.errors, strict=True):
-                own = {"value": value, "se": error, "unit": s.unit}
-                gratings[name]["strengths"][s.parameter] = own
-        parameters = ("parameter", "q", "freedom", "p", "size", "contradicts")
         return {
             "gratings": gratings,
             "frames": [vars(f) for f in self.frames],
-            "heterogeneity": [{n: getattr(s, n) for n in parameters} for s in self.strengths],
             "searched_on": list(self.searched or self.asked),
             "sentence": " ".join(self.sentences()),
         }
@@ -167,17 +133,6 @@ class GratingsFound:
                 f"Effects are searched on {', '.join(self.searched)}, on some of their revolutions "
                 "each; every grating is asked what it says."
             )
-        for s in self.strengths:
-            if s.contradicts:
-                told = ", ".join(
-                    f"{name} {value:.3g} ± {error:.2g}"
-                    for name, value, error in zip(self.asked, s.values, s.errors, strict=True)
-                )
-                unit = f" [{s.unit}]" if s.unit != "1" else ""
-                said.append(
-                    f"The gratings contradict each other on {s.parameter}{unit}: {told} (Q "
-                    f"{s.q:.3g} of {s.freedom})."
-                )
         return said
 
 
@@ -243,15 +198,15 @@ def members_held(pieces: Sequence[Pieces], fitted: JointBase) -> Iterator[Member
         yield replace(channel, fit=fit, cells=own), np.zeros((*own.phi.shape, 0)), WHEEL in groups
 
 
-# ---- Flips over normal equations by manoeuvre: in which frame something repeats, and how strongly.
+# ---- Flips over normal equations by manoeuvre: in which frame something repeats.
 #
-# Columns of each grating: those of the fit, an effect, free shapes over the road's angle and over
+# Columns of each grating: those of the fit, free shapes over the road's angle and over
 # the
 # wheel's, its lever arm. Blocks of them, tied across gratings or one's own, are asked beside
 # others.
 
 
-_BASE, _EFFECT, _LEVER = " base", " effect", " lever arm"
+_BASE, _LEVER = " base", " lever arm"
 
 
 @dataclass(frozen=True)
@@ -271,7 +226,7 @@ class _Part:
 
 def frames_of(members: Iterable[Member]) -> tuple[Frame, ...]:
     """What repeats beside a fitted model, by frame: all that matters, or the largest of nothing."""
-    parts, prior = _parts(members, shapes=True)
+    parts, prior = _parts(members)
     manoeuvres = max(len(part.gram) for part in parts) - 1
     every = [ROAD, WHEEL, *(part.name for part in parts)]
     found: list[Frame] = []
@@ -293,69 +248,33 @@ def frames_of(members: Iterable[Member]) -> tuple[Frame, ...]:
     return tuple(found)
 
 
-def strengths_of(
-    members: Iterable[Member], fitted: Base, effects: Sequence[str]
-) -> tuple[Strengths, ...]:
-    """The first strength of each of these effects of a fitted model, grating by grating."""
-    entries = {e.id: f"{e.id}.{e.effect.strength[0]}" for e in fitted.model.effects}
-    asked = [entries[e] for e in effects if e in entries and entries[e] in fitted.fit.names]
-    if not asked:
-        return ()
-    seen, found = list(members), []
-    for name in asked:
-        parts, prior = _parts(seen, effect=name)
-        own = [f"{_EFFECT} {part.name}" for part in parts]
-        each, _ = _evidence(parts, prior, [], own)
-        differing, size = _evidence(parts, prior, [_EFFECT], own[1:])
-        scale, parameter = max(1.0, fitted.fit.reduced_chi2), fitted.model.parameters[name]
-        errors = np.sqrt((each.root() ** 2).sum(axis=1) * scale)
-        statistic, p = flip_test([differing], len(each.scores))
-        found.append(
-            Strengths(
-                parameter=name,
-                unit=parameter.unit,
-                values=tuple((parameter.value + each.step()).tolist()),
-                errors=tuple(errors.tolist()),
-                q=float(statistic[0] ** 2) / scale,
-                freedom=len(own) - 1,
-                p=float(p[0]),
-                size=size,
-            )
-        )
-    return tuple(found)
-
-
-def _parts(
-    members: Iterable[Member], *, effect: str = "", shapes: bool = False
-) -> tuple[list[_Part], FloatArray]:
+def _parts(members: Iterable[Member]) -> tuple[list[_Part], FloatArray]:
     """The normal equations of each grating, and the prior precision of the base's columns."""
     found, prior, lever = [], np.zeros(0), 0.0
     for channel, shared, has_wheel in members:
         fit, cells = channel.fit, channel.cells
         number = {name: k for k, name in enumerate(fit.names)}
         of_levers = [n for n in number if n == LEVER or n.startswith(ratio_name(""))]
-        kept = [k for name, k in number.items() if name not in (effect, *of_levers)]
+        kept = [k for name, k in number.items() if name not in of_levers]
         prior = np.concatenate([np.zeros(len(kept)), np.ones(shared.shape[-1])])
         own = [number[n] for n in of_levers if n in (LEVER, ratio_name(cells.member))][:1]
         blocks: dict[str, list[FloatArray]] = {
             _BASE: [fit.moving[..., kept], shared],
-            _EFFECT: [fit.moving[..., [number[effect]]]] if effect else [],
             ROAD: [],
             WHEEL: [],
             _LEVER: [fit.moving[..., own]],
         }
-        if shapes:
-            lever = lever or fit.model.values.get(LEVER, 1.0)
-            ratio = fit.model.values.get(LEVER, 1.0) / lever
-            # shapes are asked as they are and growing with the speed, from this one on: what an
-            # effect of v^2, a lag or a bandwidth leaves at one speed is not what it leaves at
-            # another.  Another speed spans the same columns
-            faster = (cells.conditions.speed_m_s / 15.0 - 1.0)[:, None, None]
-            for block, angle in ((ROAD, cells.phi), (WHEEL, cells.phi + cells.place_rad)):
-                still = ratio * hats(angle)
-                blocks[block] += [still, still * faster]
-            wheel = None if has_wheel else shared_effects(cells, fit, WHEEL)
-            blocks[WHEEL] += [] if wheel is None else [wheel.columns * wheel.sd]
+        lever = lever or fit.model.values.get(LEVER, 1.0)
+        ratio = fit.model.values.get(LEVER, 1.0) / lever
+        # shapes are asked as they are and growing with the speed, from this one on: what an effect
+        # of v^2, a lag or a bandwidth leaves at one speed is not what it leaves at another.
+        # Another speed spans the same columns
+        faster = (cells.conditions.speed_m_s / 15.0 - 1.0)[:, None, None]
+        for block, angle in ((ROAD, cells.phi), (WHEEL, cells.phi + cells.place_rad)):
+            still = ratio * hats(angle)
+            blocks[block] += [still, still * faster]
+        wheel = None if has_wheel else shared_effects(cells, fit, WHEEL)
+        blocks[WHEEL] += [] if wheel is None else [wheel.columns * wheel.sd]
         found.append(_normal(channel, blocks))
     return found, prior
 
@@ -380,7 +299,7 @@ def _normal(channel: Base, blocks: Mapping[str, Sequence[FloatArray]]) -> _Part:
     )
     ends = np.cumsum([0, *(sum(x.shape[-1] for x in block) for block in blocks.values())])
     own = {block: np.arange(a, b) for block, (a, b) in zip(blocks, pairwise(ends), strict=True)}
-    own |= {name: own[ROAD], f"{_EFFECT} {name}": own[_EFFECT], f"{_LEVER} {name}": own[_LEVER]}
+    own |= {name: own[ROAD], f"{_LEVER} {name}": own[_LEVER]}
     return _Part(name, gram, right, channel.plain.weight, own)
 
 
@@ -449,25 +368,21 @@ class Gathered:
     base: Base
     found: GratingsFound | None = None
 
-    def with_strengths(self, result: Base, selected: Sequence[str]) -> GratingsFound | None:
-        """What was found, and each selected effect's strength as every grating has it.
+    def beside(self, result: Base, selected: Sequence[str]) -> GratingsFound | None:
+        """What was found, beside the selected effects.
 
         What one grating alone showed before anything was named may be what a free shape leaves of
         the effect: it is asked again beside it.
         """
         found = self.found
-        if found is None or not isinstance(result, JointBase) or not selected:
+        if found is None or not isinstance(result, JointBase) or not (selected and found.alone):
             return found
-        if found.alone:
-            # share of what a grating showed alone that stays with it beside a named effect: all of
-            # it if the grating is bad, a tenth if it is what a free shape left of the effect
-            before = {frame.frame: 0.5 * frame.size for frame in found.frames}
-            after = frames_of(members_held(self.every, result))
-            still = {f.frame for f in after if f.matters and f.size > before.get(f.frame, 0.0)}
-            found = replace(found, agreeing=tuple(n for n in found.alone if n not in still))
-        whole = self.searched is self.pieces
-        seen = members_of(result) if whole else members_held(self.pieces, result)
-        return replace(found, strengths=strengths_of(seen, result, selected))
+        # share of what a grating showed alone that stays with it beside a named effect: all of it
+        # if the grating is bad, a tenth if it is what a free shape left of the effect
+        before = {frame.frame: 0.5 * frame.size for frame in found.frames}
+        after = frames_of(members_held(self.every, result))
+        still = {f.frame for f in after if f.matters and f.size > before.get(f.frame, 0.0)}
+        return replace(found, agreeing=tuple(n for n in found.alone if n not in still))
 
 
 def gathered(pieces: list[Pieces], model: Model) -> Gathered:

@@ -9,9 +9,9 @@ The error falls to the floor on the way.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -35,14 +35,11 @@ from tirelog.diagnosis.compare import (
     untouched,
 )
 from tirelog.diagnosis.gratings import gathered
-from tirelog.diagnosis.history import outcome_of
 from tirelog.diagnosis.propose.propose import propose
 from tirelog.diagnosis.results import Ladder, LadderStep
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base
-from tirelog.inference.cells.cells import linearised, of_all
-from tirelog.inference.metric import Normal
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 
@@ -89,11 +86,11 @@ def ladder(
             sentence = f"{name} added, written down from what was left: {proposal.sentence}"
             p = max((term.p for term in proposal.terms), default=None)
             steps = [step for step in steps if step.outcome != "not_added"]
-            steps.append(_row(top, after, name, "added: proposed", sentence, p))
+            steps.append(_row(top, name, "added: proposed", sentence, p))
             after, dropped = without_needless(top, [*found.named, *proposal.written])
             if dropped:
                 after = after.with_scatter_estimated
-                steps.append(_removed(after, top, dropped))
+                steps.append(_removed(after, dropped))
             verdict = _reached(found.before, after)
     on_locked = untouched(after, locked) if locked else (None, None)
     fails = verdict != "at_the_floor" and not at_noise_floor(after, after.floor.square)
@@ -108,7 +105,7 @@ def ladder(
             f"the last step. The errors of the steps are those on the other "
             f"{base.cells.manoeuvres}: `compare`, which uses all, differs somewhat"
         )
-    left_before, held = out_of_range(found.before), [effect.id for effect in after.model.effects]
+    left_before = out_of_range(found.before)
     observable, unit = observed(after)
     return Ladder(
         observable=observable,
@@ -118,9 +115,6 @@ def ladder(
         verdict=verdict,
         rmse_untouched=on_locked[0],
         floor_untouched=on_locked[1],
-        strengths_by_log=tuple(
-            row for name in found.named if name in held for row in strengths_by_log(after, name)
-        ),
         revolutions=int(after.cells.revolutions.sum()),
         manoeuvres=after.cells.manoeuvres,
         logs=after.cells.log_names,
@@ -145,7 +139,7 @@ def _reached(first: Base, last: Base) -> str:
 def _steps(found: SearchResult) -> Iterable[LadderStep]:
     """The base's row, a row for each effect that came in, and one for the first that did not."""
     last, later = found.before, [*(step.before for step in found.steps[1:]), found.after]
-    yield _row(last, None, "base", "start", "The model as given.")
+    yield _row(last, "base", "start", "The model as given.")
     for step, base in zip(found.steps, later, strict=True):
         if (named := step.named) is None:
             break
@@ -153,10 +147,10 @@ def _steps(found: SearchResult) -> Iterable[LadderStep]:
         decision = f"added (or {', '.join(others)})" if others else "added"
         noise = probability(named.p, base.cells.manoeuvres)
         sentence = f"{named.id} added: the improvement has probability {noise} of being noise."
-        yield _row(base, last, named.id, decision, sentence, named.p)
+        yield _row(base, named.id, decision, sentence, named.p)
         last = base
     if found.dropped:
-        yield _removed(found.after, last, found.dropped)
+        yield _removed(found.after, found.dropped)
         last = found.after
     final = found.steps[-1]
     if final.named is None and final.assessed:
@@ -171,20 +165,20 @@ def _steps(found: SearchResult) -> Iterable[LadderStep]:
             f"An improvement by {best.id} has probability {noise} of being noise; it is not added "
             f"({reason})."
         )
-        yield _row(last, last, best.id, f"not added: {reason}", sentence, best.p)
+        yield _row(last, best.id, f"not added: {reason}", sentence, best.p)
 
 
-def _removed(base: Base, last: Base, names: Sequence[str]) -> LadderStep:
+def _removed(base: Base, names: Sequence[str]) -> LadderStep:
     """The step on which effects went that later ones had made needless."""
     every = ", ".join(names)
     said = f"{every} removed: what came later has made it needless."
-    return _row(base, last, every, "removed", said)
+    return _row(base, every, "removed", said)
 
 
 def _row(
-    base: Base, last: Base | None, effect: str, decision: str, sentence: str, p: float | None = None
+    base: Base, effect: str, decision: str, sentence: str, p_adjusted: float | None = None
 ) -> LadderStep:
-    """A step from the base `last`; steps are numbered once all are known."""
+    """A step that ends at the base; steps are numbered once all are known."""
     held, floor = base.rmse_held, float(np.sqrt(base.floor.square))
     return LadderStep(
         step=0,
@@ -193,60 +187,13 @@ def _row(
         rmse_heldout=held,
         noise_floor=floor,
         excess_heldout=None if held is None else excess_of(held, floor),
-        p_adjusted=p,
-        outcome=outcome_of(decision),
+        p_adjusted=p_adjusted,
+        outcome=re.split(r" \(|:", decision)[0].replace(" ", "_"),
         decision=decision,
         sentence=sentence,
-        parameters=_parameters(base.model, last.model if last else None),
+        parameters={
+            name: {"value": p.value, "se": p.se, "unit": p.unit}
+            for name, p in base.model.parameters.items()
+            if p.free
+        },
     )
-
-
-def _parameters(model: Model, before: Model | None) -> dict[str, dict[str, Any]]:
-    """Free parameters with errors, and how far each moved, in sigma of both."""
-    rows, known = {}, before.parameters if before else {}
-    for name, p in ((name, p) for name, p in model.parameters.items() if p.free):
-        shift = None
-        if (old := known.get(name)) is not None:
-            sigma = np.hypot(p.se or 0.0, old.se or 0.0)
-            shift = (p.value - old.value) / sigma if sigma > 0 and np.isfinite(sigma) else None
-        rows[name] = {"value": p.value, "se": p.se, "unit": p.unit, "shift_sigma": shift}
-    return rows
-
-
-def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
-    """The effect's strengths fitted on each log alone, everything else held.
-
-    One row per log and strength.
-    """
-    own = next(e for e in base.model.effects if e.id == effect)
-    names = [f"{effect}.{name}" for name in own.effect.strength]
-    slopes = of_all(
-        base.cells, [linearised(base.model, one.cells, names, {})[1] for one in base.blocks]
-    )
-    columns = np.concatenate([slopes, np.ones_like(base.cells.phi)[..., None]], axis=-1)
-    residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside)
-    normal = Normal.of(base.white(columns), base.white(residual), base.cells.log)
-    step, variance = normal.solved()
-    rows: list[Mapping[str, Any]] = []
-    for log in np.unique(base.cells.log).tolist():
-        of, logname = {}, base.cells.logs[log]
-        if base.cells.parts:
-            part = base.cells.parts[log // len(base.cells.log_names)]
-            of = {"observable": part.observable}
-            if part.member:
-                of["grating"] = part.member
-            if not normal.gram[log, : len(names), : len(names)].any():
-                continue
-        se = np.sqrt(np.maximum(variance[log], 0.0)).tolist()
-        known = base.cells.conditions.take(np.flatnonzero(base.cells.log == log))
-        for i, name in enumerate(names):
-            visible = normal.gram[log, i, i] > 1e-6 * normal.gram[:, i, i].max()
-            p = base.model.parameters[name]
-            rows.append(of | {
-                "log": logname, "parameter": name, "unit": p.unit,
-                "value": p.value + float(step[log, i]) if visible else None,
-                "se": se[i] if visible else None,
-                "distance_km": float(np.mean(known.distance_km)),
-                "load_N": float(np.mean(known.load_N)),
-            })  # fmt: skip
-    return rows

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -393,10 +392,10 @@ def _variance(left: FloatArray, fitted: int) -> float:
 
 # ---- `compare` on transients.
 #
-# A coupled ring model's answer to an obstacle against a log, in time and in frequency.
+# A coupled ring model's answer to an obstacle against a log.
 #
 #     TransientLogs, Model (fitted on the steady revolutions) --`fit_hit` each--> Hits
-#         --rows in time and frequency--> TransientComparison
+#         --a row per hit--> TransientComparison
 #
 # The model's own parameters are not touched here: what it says of an obstacle is a prediction,
 # with
@@ -405,42 +404,9 @@ def _variance(left: FloatArray, fitted: int) -> float:
 # the
 # repeatability of steady revolutions at the same wheel angles (`noise_floor`), what the obstacle
 # added as measured (`added`) and what of that the model does not cover (`missed`). Errors in the
-# observable's unit; squares of a band are mean squares, so that bands add up to the whole.
+# observable's unit.
 
 
-#: Rows of the table by time [s], and edges of the bands [Hz] of the table by frequency: thirds of
-#: an octave above 20 Hz. Twice as long rows show half as much of a hit's course, each with less
-#: scatter.
-BIN_S = 0.01
-BANDS_HZ = np.array(
-    [
-        0,
-        20,
-        25,
-        31.5,
-        40,
-        50,
-        63,
-        80,
-        100,
-        125,
-        160,
-        200,
-        250,
-        315,
-        400,
-        500,
-        630,
-        800,
-        1000,
-        1250,
-        1600,
-        2000,
-        2500,
-        4e3,
-        1e4,
-    ]
-)
 #: Angles over which errors off the obstacle are averaged. Twice as many leave half as many samples
 #: for each mean.
 _ANGLES = 128
@@ -455,16 +421,13 @@ _SQUARES = ("residual", "steady", "floor", "added", "missed")
 class HitResult:
     """A hit and its numbers, in the observable's unit but for times, phase and shares.
 
-    Of each of `_SQUARES`, charged for the nuisances: squares (m,) at the hit's times in `squares`,
-    mean squares (b,) of the bands between `edges_Hz` (b + 1,) in `bands`.
+    `squares` (m,) at the hit's times, of each of `_SQUARES`, charged for the nuisances.
     """
 
     log: TransientLog
     ordinal: int
     hit: Hit
     squares: Mapping[str, FloatArray]
-    edges_Hz: FloatArray
-    bands: Mapping[str, FloatArray]
 
     def row(self) -> dict[str, Any]:
         """One row of the table by hit."""
@@ -474,7 +437,9 @@ class HitResult:
         # obstacle. Twice as much marks also hits of which a third is explained.
         unlike = 0 if covered > 0.2 else Quality.UNLIKE
         return {
-            **self._name(),
+            "log": self.log.log,
+            "channel": self.log.channel,
+            "hit": self.ordinal,
             "time_s": hit.time_s,
             "time_se_s": hit.time_se_s,
             "speed_m_s": hit.speed_m_s,
@@ -494,34 +459,6 @@ class HitResult:
             "the obstacle's dimensions, the model, or another event are to be doubted"
         )
         return [*self.hit.remarks, *[doubt] * (self.row()["quality"] != OK)]
-
-    def time_rows(self) -> list[dict[str, Any]]:
-        """Rows of 10 ms after the hit."""
-        bins = (self.hit.since_s / BIN_S).astype(np.int64)
-        return [
-            {
-                **self._name(),
-                "since_s": (number + 0.5) * BIN_S,
-                "samples": int((bins == number).sum()),
-                **_errors({name: own[bins == number] for name, own in self.squares.items()}),
-            }
-            for number in np.unique(bins)
-        ]
-
-    def frequency_rows(self) -> list[dict[str, Any]]:
-        """Rows of bands up to half the sampling rate."""
-        return [
-            {
-                **self._name(),
-                "low_Hz": float(low),
-                "high_Hz": float(high),
-                **_errors({name: own[[i]] for name, own in self.bands.items()}),
-            }
-            for i, (low, high) in enumerate(pairwise(self.edges_Hz))
-        ]
-
-    def _name(self) -> dict[str, Any]:
-        return {"log": self.log.log, "channel": self.log.channel, "hit": self.ordinal}
 
 
 def _errors(squares: Mapping[str, FloatArray]) -> dict[str, float]:
@@ -550,17 +487,13 @@ class TransientComparison:
     hits: tuple[HitResult, ...]
     remarks: tuple[str, ...]
 
-    @property
-    def tables(self) -> dict[str, list[dict[str, Any]]]:
-        return {
-            "hit": [hit.row() for hit in self.hits],
-            "time": [row for hit in self.hits for row in hit.time_rows()],
-            "frequency": [row for hit in self.hits for row in hit.frequency_rows()],
-        }
+    def rows(self) -> list[dict[str, Any]]:
+        """A row per hit."""
+        return [hit.row() for hit in self.hits]
 
     def to_json(self) -> dict[str, Any]:
         """Totals over the hits, each as many samples as it has, and a row per hit."""
-        rows = self.tables["hit"]
+        rows = self.rows()
         of_all = {
             name: np.concatenate([hit.squares[name] for hit in self.hits]) for name in _SQUARES
         }
@@ -590,7 +523,7 @@ class TransientComparison:
                 f"{100.0 * row['covered']:.0f}",
                 row["quality"],
             ]
-            for row in self.tables["hit"]
+            for row in self.rows()
         ]
         words = ("m/s", "added", "missed", "rmse", "steady", "floor", "excess", "covered [%]")
         return AnswerTable(f"Hit by hit, in {unit}", [f"in {unit}", *words, "quality"], rows)
@@ -620,26 +553,21 @@ def _windows(log: TransientLog, most_s: float) -> Iterator[tuple[TransientLog, f
 
 
 def _result(log: TransientLog, ordinal: int, hit: Hit, model: Model) -> HitResult:
-    """The hit beside the errors off the obstacle, by wheel angle and by frequency."""
+    """The hit beside the errors off the obstacle at the same wheel angles."""
     off, error, near = log.off(), _steady_error(log, hit, model), np.flatnonzero(log.calm)
     phi = split_turns(log.wheel.theta(log.time_s))[1]
     bins = np.clip((phi + np.pi) * (_ANGLES / (2.0 * np.pi)), 0, _ANGLES - 1).astype(np.int64)
     rows = (log.time_s >= hit.time_s) & (log.time_s - hit.time_s <= hit.since_s[-1] + 1e-9)
     at_hit = bins[rows][: hit.since_s.size]
-    edges = BANDS_HZ[0.5 * log.rate_Hz > BANDS_HZ]
-    edges = np.append(edges[:-1] if edges.size > 1 else [0.0], 0.5 * log.rate_Hz)
     answers = {"residual": hit.measured - hit.predicted, "added": hit.added, "missed": hit.missed}
     squares = {name: x**2 for name, x in answers.items()}
-    bands = {n: band_squares(hit.since_s, x, edges, log.rate_Hz) for n, x in answers.items()}
     for name, values in (("steady", error), ("floor", off)):
         squares[name] = _by_angle(values[near] ** 2, bins[near])[at_hit]
-        bands[name] = _calm_squares(log, values, near, hit.since_s[-1], edges)
     # errors of the model are charged for its nuisances
     charged = hit.since_s.size / max(hit.since_s.size - NUISANCES, 1)
     for name in ("residual", "missed"):
         squares[name] *= charged
-        bands[name] *= charged
-    return HitResult(log, ordinal, hit, squares, edges, bands)
+    return HitResult(log, ordinal, hit, squares)
 
 
 def _steady_error(log: TransientLog, hit: Hit, model: Model) -> FloatArray:
@@ -664,43 +592,3 @@ def _by_angle(squares: FloatArray, bins: NDArray[np.int64]) -> FloatArray:
     count = np.bincount(bins, minlength=_ANGLES)
     total = np.bincount(bins, squares, minlength=_ANGLES)
     return np.where(count > 0, total / np.maximum(count, 1), squares.mean())
-
-
-def _calm_squares(
-    log: TransientLog,
-    values: FloatArray,
-    near: NDArray[np.int64],
-    length_s: float,
-    edges_Hz: FloatArray,
-) -> FloatArray:
-    """Mean squares per band over stretches of steady rolling, (b,).
-
-    The stretches are as long as the window (or the longest there is).
-    """
-    stretches = np.split(near, np.flatnonzero(np.diff(near) > 1) + 1)
-    size = min(max(round(length_s * log.rate_Hz), 8), max(len(s) for s in stretches))
-    parts = [
-        stretch[i : i + size]
-        for stretch in stretches
-        for i in range(0, len(stretch) - size + 1, size)
-    ]
-    squares = [band_squares(log.time_s[p], values[p], edges_Hz, log.rate_Hz) for p in parts]
-    return np.asarray(np.mean(squares, axis=0), dtype=np.float64)
-
-
-def band_squares(
-    time_s: FloatArray, values: FloatArray, edges_Hz: FloatArray, rate_Hz: float
-) -> FloatArray:
-    """Mean square of the values in each band [low, high), (b,).
-
-    The bands of a whole spectrum add up to their variance. Lost samples are bridged by straight
-    lines.
-    """
-    size = max(round((time_s[-1] - time_s[0]) * rate_Hz) + 1, 2)
-    even = np.interp(time_s[0] + np.arange(size) / rate_Hz, time_s, values)
-    power = np.abs(np.fft.rfft(even - even.mean())) ** 2 * (2.0 / size**2)
-    if size % 2 == 0:
-        power[-1] *= 0.5
-    frequency = np.fft.rfftfreq(size, 1.0 / rate_Hz)
-    band = np.clip(np.searchsorted(edges_Hz, frequency, side="right") - 1, 0, edges_Hz.size - 2)
-    return np.asarray(np.bincount(band, power, minlength=edges_Hz.size - 1), dtype=np.float64)

@@ -32,13 +32,12 @@ from tirelog.diagnosis.answer import (
 )
 from tirelog.diagnosis.obstacles import TransientComparison
 from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
-from tirelog.errors import ModelError, UsageError, or_refusal, refuse_unknown
-from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to
-from tirelog.inference.cells.cells import model_of
+from tirelog.errors import UsageError, refuse_unknown
+from tirelog.inference.base import Base, JointBase, bases_by_observable
 from tirelog.inference.fit.cells import NULL, errors_of
-from tirelog.inference.floor import scatter_columns
 from tirelog.inference.metric import Offsets
 from tirelog.physics.model.model import Model
+from tirelog.storage.whole import json_of, open_input
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import shown
 from tirelog.vocabulary.tables import BY_OBSTACLE, ERRORS_BY
@@ -51,9 +50,8 @@ _STEP_ERRORS = ("rmse_fit", "rmse_heldout", "noise_floor", "excess_heldout")
 _ABOVE = "above scatter"
 
 
-#: captions of the two tables that say how wrong a model is
+#: caption of the table that says how wrong a model is
 _EXTRA = "Least error beside the noise floor at which model and data agree, each by itself"
-_CHECKS = "Residuals beside noise"
 
 
 @dataclass(frozen=True)
@@ -88,27 +86,6 @@ class Map:
     residual: FloatArray
     whitened: FloatArray
     begins: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True)
-class Check:
-    """A number of the residual beside the range in which noise alone leaves it."""
-
-    name: str
-    measured: float
-    low: float
-    high: float
-    also: ClassVar = ("never",)
-
-    @property
-    def never(self) -> bool:
-        """Noise never leaves this."""
-        return not self.low <= self.measured <= self.high
-
-    @property
-    def noise_gives(self) -> str:
-        """The range of noise in words."""
-        return f"{self.low:.3g} to {self.high:.3g}"
 
 
 def _size_or_more(own: Mapping[str, Any]) -> float:
@@ -160,9 +137,9 @@ class Comparison(AnswerRecord):
     what each contributes, `agreement` whether they contradict each other. Waveforms and maps are
     those of the first.
 
-    `extra_errors`: how much error beside the noise makes model and data agree; `checks`: how far
-    the residuals are from noise; `ranking`: the model among others on the same logs; `learnt`: what
-    a residual that is learnt would gain, if asked. All are empty in what `comparison_of` makes.
+    `extra_errors`: how much error beside the noise makes model and data agree; `ranking`: the model
+    among others on the same logs; `learnt`: what a residual that is learnt would gain, if asked.
+    All are empty in what `comparison_of` makes.
 
     `obstacles`: errors hit by hit, None without a [road] or with a model that does not move;
     `aside`: remarks on what was not compared.
@@ -207,7 +184,6 @@ class Comparison(AnswerRecord):
     obstacles: TransientComparison | None = None
     aside: tuple[str, ...] = ()
     extra_errors: tuple[Mapping[str, Any], ...] = ()
-    checks: tuple[Check, ...] = ()
     ranking: tuple[Mapping[str, Any], ...] = ()
     learnt: tuple[Mapping[str, Any], ...] = ()
 
@@ -243,7 +219,7 @@ class Comparison(AnswerRecord):
         return [errors, self.parameters_table(), *self.wrongness()], [*said, *self.notes]
 
     def wrongness(self) -> list[AnswerTable]:
-        """How wrong the model is: its rank among others, extra errors, residuals beside noise."""
+        """How wrong the model is: its rank, extra errors, what a learnt residual gains."""
         factor, unit = shown(self.observable, self.unit)
         ranks = [
             [r["model"], in_unit(r["rmse_heldout"], factor), r["above_scatter"] * factor]
@@ -251,7 +227,6 @@ class Comparison(AnswerRecord):
             for r in self.ranking
         ]
         extra = [_extra_row(own) for own in self._worst_errors() if own["size"] != 0.0]
-        residuals = [[c.name, c.measured, c.noise_gives] for c in self.checks]
         learnt = [
             [r["learns"], in_unit(r["rmse_heldout"], shown(r["observable"], "")[0])]
             + [percent(r["excess_removed"]), r["sigmas"], r["weights"]]
@@ -261,7 +236,6 @@ class Comparison(AnswerRecord):
         tables = (
             AnswerTable(f"Models on the same logs, best first [{unit}]", names, ranks),
             AnswerTable(_EXTRA, ["", "at least", "unit"], extra),
-            AnswerTable(_CHECKS, ["residuals", "measured", "noise gives"], residuals),
             AnswerTable(
                 f"What a learnt residual gains [{unit}]; it names no effect",
                 ["learns over", "held out", "excess removed", "sigma better", "weights"],
@@ -323,7 +297,7 @@ class Comparison(AnswerRecord):
                 allowed=f"allowed here are {', '.join(steady)}",
                 do="choose one, or add the [road]",
             )
-        return iter([self.obstacles.tables[name]])
+        return iter([self.obstacles.rows()])
 
     def _rows(self, name: str) -> Iterator[Rows]:
         """A table, of several observables under each other, each row with its name and unit."""
@@ -481,8 +455,7 @@ class LadderStep:
     """One row of a ladder.
 
     `outcome` is start, added, removed or not_added, `decision` the same with its reason;
-    `parameters` name -> value, se, unit, shift_sigma against the row before; `probability` of being
-    noise.
+    `parameters` name -> value, se, unit.
     """
 
     step: int
@@ -519,7 +492,6 @@ class Ladder(AnswerRecord):
     verdict: str
     rmse_untouched: float | None
     floor_untouched: float | None
-    strengths_by_log: tuple[Mapping[str, Any], ...]
     revolutions: int
     manoeuvres: int
     logs: tuple[str, ...]
@@ -533,7 +505,6 @@ class Ladder(AnswerRecord):
             row = {name: value for name, value in vars(step).items() if name != "parameters"}
             for name, p in step.parameters.items():
                 row |= {name: p["value"], f"{name}_se": p["se"]}
-                row[f"{name}_shift_sigma"] = p["shift_sigma"]
             result.append(plain_fields(row))
         return result
 
@@ -569,72 +540,49 @@ def steps_table(climbed: Mapping[str, Any]) -> AnswerTable:
     return AnswerTable("Steps of the ladder", names, rows)
 
 
-# ---- What each effect of a fitted model adds, as a curve beside what the measurement leaves for
-# it.
-#
-#     fitted base --prediction with the effect less that without, all else held--> `EffectCurve`
-#
-# Of a waveform: over the angle, at the mean revolution where the effect is largest. Of a number per
-# revolution: over the speed.
+#: what every step of a ladder's JSON has, as `json_of` takes it
+_STEP: dict[str, Any] = {
+    "step": int,
+    "effect": str,
+    "rmse_fit": float,
+    "rmse_heldout": float | None,
+    "noise_floor": float,
+    "excess_heldout": float | None,
+    "p_adjusted": float | None,
+    "outcome": str,
+    "decision": str,
+    "sentence": str,
+    "parameters": {str: {"value": float, "se": float | None, "unit": str}},
+}
+_LADDER: dict[str, Any] = {
+    "steps": [_STEP],
+    "observable": str,
+    "unit": str,
+    "verdict?": str,
+    "logs?": [str],
+    "remarks?": [str],
+    "manoeuvres?": int,
+    "manoeuvres_locked?": int,
+    "rmse_untouched?": float | None,
+    "floor_untouched?": float | None,
+}
 
 
-@dataclass(frozen=True)
-class EffectCurve:
-    """An effect's share of the prediction, (m,) each.
-
-    label      of which revolutions it is, with the file name of their `log`; empty if of all
-    along      angle from the patch centre [rad], or of a number per revolution the speed [m/s],
-               ascending
-    added      what the effect adds [unit]; `error` its standard error from the effect's own
-               parameters, NaN if the data do not tell one of them
-    measured   what is measured less all else that the model predicts [unit]; NaN without a sample
-    floor      noise floor of a revolution there [unit]
-    """
-
-    effect: str
-    label: str
-    log: str
-    along: FloatArray
-    added: FloatArray
-    error: FloatArray
-    measured: FloatArray
-    floor: FloatArray
-
-
-def effect_curves(base: Base, effects: Sequence[str]) -> list[EffectCurve]:
-    """The curve of each effect of a fitted model.
-
-    Of several observables in the first; without those that the model cannot be computed without.
-    """
-    base = bases_by_observable(base)[0]
-    found = [_curve(base, name) for name in effects]
-    return [curve for curve in found if not isinstance(curve, ModelError)]
-
-
-@or_refusal
-def _curve(base: Base, effect: str) -> EffectCurve | ModelError:
-    cells, fit = base.cells, base.fit
-    lost = change_to(base, model_of(fit.model.without_effect(effect), cells.observable))
-    if isinstance(lost, ModelError):
-        return lost
-    added = -lost
-    own = [i for i, name in enumerate(fit.names) if name.startswith(f"{effect}.")]
-    slopes = fit.jacobian[..., own]
-    covariance = fit.known.covariance[np.ix_(own, own)]
-    square = np.einsum("cmi,ij,cmj->cm", slopes, covariance, slopes)
-    known = bool(np.isfinite(fit.known.se[own]).all())
-    error = np.sqrt(np.maximum(square, 0.0)) if known else np.full(added.shape, np.nan)
-    floor = np.sqrt(cells.within + base.floor.scatter.square(scatter_columns(cells, fit)))
-    left = cells.values - fit.prediction - fit.beside + added
-    if cells.phi.shape[1] == 1:
-        order = np.argsort(cells.conditions.speed_m_s, kind="stable")
-        rows = (column[order, 0] for column in (added, error, left, floor))
-        return EffectCurve(effect, "", "", cells.conditions.speed_m_s[order], *rows)
-    size = np.nanmean(np.where(np.isfinite(cells.phi), added, np.nan) ** 2, axis=1)
-    i = int(np.nanargmax(size))
-    log = PurePath(cells.logs[cells.log[i]]).name
-    label = f"{cells.conditions.speed_m_s[i]:.1f} m/s, {cells.regime[i]}, {log}"
-    return EffectCurve(effect, label, log, cells.phi[i], added[i], error[i], left[i], floor[i])
+def read_ladder(path: Path) -> dict[str, Any]:
+    """A ladder's JSON as `ladder -o FILE.json` writes it.  UsageError: the file is none."""
+    try:
+        with open_input(path) as stream:
+            climbed = json_of(stream.read(), _LADDER)
+        if not climbed["steps"]:
+            raise ValueError("it has no steps")
+    except (OSError, ValueError) as problem:
+        raise UsageError(
+            f"is no ladder ({problem})",
+            allowed="`tirelog ladder LOG --model M -o FILE.json` writes one",
+            do="give that",
+            file=path,
+        ) from None
+    return climbed
 
 
 # ---- What each observable of one fit knows, and whether they contradict each other.

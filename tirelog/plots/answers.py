@@ -366,7 +366,7 @@ def _profile(profile: FormProfile, scale: Any) -> list[Mark]:
 
 # ---- The picture of `compare` on transients.
 #
-# A row per hit, in time (measured, predicted, missed) and in frequency (added, missed, floor).
+# A row per hit: measured and predicted, added and missed.
 
 
 #: hits that are drawn, and how long [s] of each
@@ -378,25 +378,14 @@ def draw_transient(result: TransientComparison, path: Path) -> None:
     """Write a figure of the first hits; the suffix decides the format."""
     as_shown = drawn(result.observable, result.unit)
     rows = [hit_panels(hit, result.observable, *as_shown) for hit in result.hits[:_MOST_HITS]]
-    write(picture(Page(rows, (15.0, 3.2 * len(rows) + 0.6))), path)
+    write(picture(Page(rows, (11.0, 3.2 * len(rows) + 0.6))), path)
 
 
 def hit_panels(result: HitResult, observable: str, factor: float, unit: str) -> list[Panel]:
-    """Panels of a hit: measured and predicted, the change and its error, and by frequency."""
+    """Panels of a hit: measured and predicted, and the change beside what of it is missed."""
     hit, thin = result.hit, {"width": 0.9}
     at = hit.since_s <= SHOWN_S
     time, since = 1e3 * hit.since_s[at], "time since the hit [ms]"
-    sizes = []
-    for name, part, colour, dash in (
-        ("added", "added", COLOURS[7], "solid"),
-        ("missed", "missed", COLOURS[1], "solid"),
-        ("residual", "residual", COLOURS[0], "dot"),
-        ("off the obstacle", "steady", COLOURS[6], "dash"),
-        ("floor", "floor", COLOURS[2], "dash"),
-    ):
-        size = factor * np.sqrt(np.maximum(result.bands[part], 0.0))
-        look = {"dash": dash, "drawstyle": "steps-post"}
-        sizes.append(line(result.edges_Hz, [*size, size[-1]], name, colour, **look))
     title = (
         f"{Path(result.log.log).name}, {hit.time_s:.3f} s, {hit.speed_m_s:.1f} m/s: "
         f"{100 * result.row()['covered']:.0f} % covered"
@@ -419,7 +408,6 @@ def hit_panels(result: HitResult, observable: str, factor: float, unit: str) -> 
                 line(time, factor * hit.missed[at], "missed by the model", COLOURS[1], **thin),
             ],
         ),
-        Panel("frequency [Hz]", f"rms in the band [{unit}]", sizes, scales=("linear", "log")),
     ]
 
 

@@ -27,9 +27,8 @@ from tirelog.data.recording import Recording
 from tirelog.diagnosis.answer import AnswerTable, plain_fields
 from tirelog.diagnosis.compare import Measured, compare, comparison_of, measured_pieces, start_from
 from tirelog.diagnosis.diagnose import Diagnosis, diagnose
-from tirelog.diagnosis.history import read_ladder
 from tirelog.diagnosis.obstacles import compare_transients
-from tirelog.diagnosis.results import Comparison, effect_curves
+from tirelog.diagnosis.results import Comparison, read_ladder
 from tirelog.errors import ModelError, TirelogError, UsageError, nearest, or_refusal
 from tirelog.inference.measured import TransientLog, measured_for, once_each
 from tirelog.physics.effects import Effect
@@ -199,10 +198,10 @@ def _models(
     seen: Sequence[tuple[str, str]],
 ) -> list[Section]:
     """The answer, comparison, diagnosis and ladder; or why there are none."""
-    climb = asked.command("ladder", model=True)
+    climb = asked.command("ladder", "-o", "FILE.json", model=True)
     ladder = [] if climbed is None else [models.ladder_section(climbed, climb)]
     if climbed is None:
-        absent = "the ladder, the error falling to the floor (then --ladder M.ladder.json)"
+        absent = "the ladder, the error falling to the floor (then --ladder FILE.json)"
         report.missing.append((absent, climb))
     if model is None:
         absent = "the model against the measurement, the diagnosis (then --model M)"
@@ -333,11 +332,7 @@ def story_of(
             missing.append((f"the ladder's last model: {problem.message}", command("ladder")))
     elif found is not None and added:
         best = found.after
-    curves = []
-    if found is not None:
-        drawn = found.selected or [effect.id for effect in found.model.effects]
-        curves = effect_curves(found.found.after if found.selected else found.found.before, drawn)
-    given = models.AnswerSection(compared, found, best, added, climbed, curves, catalogue)
+    given = models.AnswerSection(compared, found, best, added, climbed, catalogue)
     asked = "compare" if found is None else "diagnose"
     follows = next_command or (command("diagnose") if found is None else found.next_command)
     told = [models.answer(given, follows, command(asked), colours)]

@@ -29,7 +29,7 @@ LOG_PICTURES: Mapping[str, str] = {
     "edges": "entry and exit edge close up by speed, with bands and the edges found",
 }
 #: tables of errors that `compare` has of obstacles, and all that it can have
-BY_OBSTACLE = ("hit", "time", "frequency")
+BY_OBSTACLE = ("hit",)
 ERRORS_BY = ("revolution", "angle", "speed", "regime", "conditions", *BY_OBSTACLE)
 #: of files that a picture can be written to
 SUFFIXES = (".png", ".svg", ".pdf")

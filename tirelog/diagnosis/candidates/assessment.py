@@ -468,8 +468,12 @@ def assess(
     """
     kept, scores, reasons = scores_of(base, signatures, more)
     statistic, p = flip_test(scores, base.cells.manoeuvres)
-    best, found = best_variants(base, kept, statistic), []
-    for i, white, plain in best.values():
+    best, found = dict[str, int](), []
+    for i, name in enumerate(signature.id for signature in kept):
+        best[name] = max(best.get(name, i), i, key=lambda at: statistic[at])
+    columns = [[kept[i].columns] for i in best.values()]
+    losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
+    for i, (white, plain) in zip(best.values(), losses, strict=True):
         gain, error = gain_and_error(base.held_white, white)
         found.append(
             replace(
@@ -496,21 +500,6 @@ def least_left(base: Base, assessed: Sequence[Variant]) -> float:
     columns = [[a.columns for a in assessed]]
     ((_, held),) = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
     return base.excess - max(mean_drop(base, held), *(a.removed for a in assessed))
-
-
-def best_variants(
-    base: Base, kept: Sequence[Variant], statistic: FloatArray
-) -> dict[str, tuple[int, FloatArray, FloatArray]]:
-    """Of each effect, by name, the variant with the largest statistic, and its held-out losses.
-
-    Its number among those `kept`; losses (M,) in the metrics of significance and of size.
-    """
-    best: dict[str, int] = {}
-    for i, name in enumerate(signature.id for signature in kept):
-        best[name] = max(best.get(name, i), i, key=lambda at: statistic[at])
-    columns = [[kept[i].columns] for i in best.values()]
-    losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
-    return {name: (i, *own) for (name, i), own in zip(best.items(), losses, strict=True)}
 
 
 def scores_of(

@@ -126,10 +126,12 @@ def _trial(
     return descended(blocks, start, names, steps=12)[1:3]
 
 
-def refit_candidate(base: Base, candidate: Variant, trials: Sequence[Trial]) -> Base:
+@or_refusal
+def refit_candidate(base: Base, candidate: Variant, trials: Sequence[Trial]) -> _Again:
     """The best refit with the candidate on all cells, from the best of its `trials`.
 
-    ModelError if none leads below the base: a worse refit is a failed refit.
+    Without what the base has already: it goes from process to process. ModelError if none leads
+    below the base: a worse refit is a failed refit.
     """
     name = candidate.id
     if not trials:
@@ -145,14 +147,7 @@ def refit_candidate(base: Base, candidate: Variant, trials: Sequence[Trial]) -> 
         raise best
     if best.fit.chi2 > base.fit.chi2:
         raise ModelError(f"the fit with {name} ended above the fit without it")
-    return best
-
-
-@or_refusal
-def _again(base: Base, candidate: Variant, trials: Sequence[Trial]) -> _Again:
-    """The same without what the base has already: it goes from process to process."""
-    found = refit_candidate(base, candidate, trials)
-    return [one.fit for one in found.blocks], (found.held_white, found.held_plain)
+    return [one.fit for one in best.blocks], (best.held_white, best.held_plain)
 
 
 def _moved(base: Base, model: Model) -> float:
@@ -174,7 +169,7 @@ def refits(base: Base, candidates: Sequence[Variant]) -> list[Base | ModelError]
         (s[0], end) for s, end in zip(begun, ends, strict=True) if not isinstance(end, ModelError)
     ]
     trials = [[end for of, end in good if of is one] for one in candidates]
-    jobs = [partial(_again, base, *pair) for pair in zip(candidates, trials, strict=True)]
+    jobs = [partial(refit_candidate, base, *pair) for pair in zip(candidates, trials, strict=True)]
     return [
         again if isinstance(again, ModelError) else with_fits(base, *again)
         for again in made_apart(jobs)

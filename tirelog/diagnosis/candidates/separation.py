@@ -27,7 +27,6 @@ from tirelog.diagnosis.candidates.assessment import (
 )
 from tirelog.diagnosis.candidates.naming import Step
 from tirelog.diagnosis.candidates.search import SearchResult
-from tirelog.diagnosis.rules import LIKE
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, JointBase, bases_by_observable
 from tirelog.inference.cells.cells import linearised, model_of, predicted
@@ -239,15 +238,10 @@ def advise(
             continue
         useful = [row for row in found if row["separation_sigma"] >= 1.0]
         new = [row for row in useful if not driven(base, row["plan"])]
-        if not useful:
+        if not new:
             notes.append(
-                f"no manoeuvre on the list separates {name} from {other}: they stay alike in shape "
-                f"(cosine above {LIKE:g}) on each of them."
-            )
-        elif not new:
-            notes.append(
-                f"these logs hold every manoeuvre on the list that separates {name} from {other}. "
-                "Drive with another load, pressure, water depth or tread."
+                f"no manoeuvre on the list that these logs do not hold separates {name} from "
+                f"{other}. Drive with another load, pressure, water depth or tread."
             )
         for row in new[:most]:
             plan, sigma = row["plan"], row["separation_sigma"]

@@ -32,7 +32,6 @@ from tirelog.diagnosis.candidates.nuisances import (
     with_nuisances_on,
 )
 from tirelog.diagnosis.candidates.search import Progress, SearchResult, search_effects
-from tirelog.diagnosis.candidates.separation import advise
 from tirelog.diagnosis.compare import (
     Measured,
     locked_away,
@@ -146,7 +145,6 @@ class Proposal(AnswerRecord):
                 there, and the share of the excess that is removed
     rmse_heldout_before, rmse_heldout_after, noise_floor  on the manoeuvres that were seen
     nearest     effects of the catalogue and the share of the excess that each removes
-    separating_manoeuvres  what to drive, so that formulas that are as good part
     asked       the measured shape was asked for: formulas may do as well
     leading_before, leading_after  (m,) the leading shape of what is left, at `phi_rad` (m,)
     """
@@ -170,8 +168,6 @@ class Proposal(AnswerRecord):
     rmse_heldout_after: float | None = None
     noise_floor: float | None = None
     nearest: tuple[Mapping[str, Any], ...] = ()
-    separating_manoeuvres: tuple[Mapping[str, Any], ...] = ()
-    notes: tuple[str, ...] = ()
     phi_rad: FloatArray = field(default_factory=partial(np.zeros, 0))
     leading_before: FloatArray = field(default_factory=partial(np.zeros, 0))
     leading_after: FloatArray = field(default_factory=partial(np.zeros, 0))
@@ -208,7 +204,7 @@ class Proposal(AnswerRecord):
     def sentences(self) -> list[str]:
         """What else a reader should know, in words."""
         if self.status == "nothing":
-            return list(self.notes)
+            return []
         said = [sentence for term in self.terms for sentence in term.sentences(self.manoeuvres)]
         before, floor = self.rmse_heldout_before, self.noise_floor
         excess = 0.0 if before is None or floor is None else before**2 - floor**2
@@ -222,11 +218,7 @@ class Proposal(AnswerRecord):
         if self.nearest:
             near = ", ".join(f"{n['effect']} {percent(n['excess_removed'])}" for n in self.nearest)
             said.append(f"Nearest effects of the catalogue: {near} of the excess.")
-        said += [
-            f"{row['manoeuvre']} x{row['repeats']} would part {' from '.join(row['separates'])}."
-            for row in self.separating_manoeuvres
-        ]
-        return [*said, *self.notes]
+        return said
 
     @property
     def headline(self) -> str:
@@ -478,7 +470,6 @@ def _proposal(
     own = {effect.id for effect in base.model.effects}
     written = tuple(e.id for e in after.model.effects if e.id not in own)
     covering = with_covering_errors(after, written)
-    rows, notes = _advice(climb) if formula else ([], [])
     near = sorted(diagnosis.effects, key=lambda c: -c.excess_removed)[:2]
     return Proposal(
         status="formula" if formula else "shape",
@@ -499,8 +490,6 @@ def _proposal(
             for c in near
             if c.excess_removed > REST_SHARE
         ),
-        separating_manoeuvres=tuple(rows),
-        notes=tuple(notes),
         phi_rad=np.nanmean(base.cells.phi, axis=0),
         leading_before=leading_shape(base),
         leading_after=leading_shape(after),
@@ -576,14 +565,3 @@ def _formula_of(draft: Draft, text: str) -> FoundFormula:
     atom, acts_on = draft.atom, str(draft.entry.source["acts_on"])
     law = atom.law.written(atom.free) or "1"
     return FoundFormula(text, acts_on, atom.form.words, law, draft.base.square_held)
-
-
-def _advice(climb: _Climb) -> tuple[list[dict[str, object]], list[str]]:
-    """What to drive so that formulas that are as good part: of the first term that has such."""
-    for choice, base in zip(climb.choices, climb.bases, strict=False):
-        if len(choice.as_good) > 1:
-            rivals = [(draft.read, draft.base.model) for draft in choice.as_good[:2]]
-            rows, notes = advise(base, rivals)
-            # each row's repeats part them as surely: the quickest is the best
-            return sorted(rows, key=lambda row: row["minutes"])[:1], notes
-    return [], []

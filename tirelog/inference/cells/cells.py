@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from scipy.special import digamma, polygamma
 
 from tirelog.data.recording import Conditions
-from tirelog.errors import ModelError
 from tirelog.inference.cells.pieces import (
     ROW,
     ComplexArray,
@@ -471,18 +470,6 @@ def _coefficient_covariance(pieces: Pieces) -> tuple[FloatArray, FloatArray]:
     values, vectors = np.linalg.eigh(0.5 * (together + together.T))
     scale = np.trace(single) + 1e-300
     return single, (vectors * np.maximum(values, 1e-6 * scale)) @ vectors.T
-
-
-def with_nuisances(cells: Cells, free: Sequence[str]) -> Cells:
-    """The cells with these NUISANCES taken out of each.  ModelError for another word."""
-    for name in free:
-        if name not in NUISANCES:
-            raise ModelError(
-                f"unknown nuisance {name!r}",
-                allowed=f"allowed are {', '.join(NUISANCES)}",
-                do="choose among them",
-            )
-    return replace(cells, free=tuple(name for name in NUISANCES if name in free))
 
 
 # ---- Cells of several observables of one tire under each other, so that one fit sees them all.

@@ -29,7 +29,7 @@ from tirelog.diagnosis.candidates.search import removed_errors
 from tirelog.diagnosis.candidates.separation import drive_sentences
 from tirelog.diagnosis.diagnose import Diagnosis
 from tirelog.diagnosis.obstacles import TransientComparison
-from tirelog.diagnosis.results import Comparison, EffectCurve, Map, steps_table
+from tirelog.diagnosis.results import Comparison, Map, steps_table
 from tirelog.inference.measured import TransientLog
 from tirelog.physics.effects import Effect
 from tirelog.plots.answers import (
@@ -56,8 +56,7 @@ from tirelog.report.page import (
 from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
 from tirelog.vocabulary.observables import shown
 
-#: remarks and logs' conditions that the card has room for, and curves of effects that are drawn;
-#: the sections and tables have all of them
+#: remarks and logs' conditions that the card has room for; the sections and tables have all of them
 _SHOWN = 3
 #: verdicts that take more than their own word
 _WORDS = {
@@ -90,7 +89,6 @@ class AnswerSection:
     compared   the model as given; `found` its diagnosis, None if none was asked for
     best       the model at the top, None if it is the one that came; `added` its further effects
     climbed    a ladder as its command keeps it
-    curves     what effects of the best model add
     """
 
     compared: Comparison
@@ -98,7 +96,6 @@ class AnswerSection:
     best: Comparison | None
     added: Sequence[str]
     climbed: Mapping[str, Any] | None
-    curves: Sequence[EffectCurve]
     catalogue: Mapping[str, Effect]
 
 
@@ -124,7 +121,7 @@ def answer(given: AnswerSection, command: str, made_with: str, colours: LogColou
         "The answer",
         made_with,
         (),
-        [*_before_and_after(given, colours), *_curves(given, colours)],
+        _before_and_after(given, colours),
         folded=False,
         card=Card(word, sentence, facts, command, advice, rungs, rungs_said, unit),
         sources=[(one.id, one.effect.source) for one in named],
@@ -357,42 +354,6 @@ def _waves(
             height=330,
         ),
     ]
-
-
-def _curves(given: AnswerSection, colours: LogColours) -> list[Figure]:
-    """What each effect adds, with its band, beside what the measurement leaves for it."""
-    last = given.best or given.compared
-    one = last.parts[0] if last.parts else last
-    factor, unit = shown_value(one.observable, one.unit)
-    figures: list[Figure] = []
-    for curve in given.curves[:_SHOWN]:
-        of_angle = bool(curve.label)
-        x = np.rad2deg(curve.along) if of_angle else curve.along
-        added, error, floor = (
-            factor * part for part in (curve.added, 2.0 * curve.error, 2.0 * curve.floor)
-        )
-        said = f", {curve.label}" if of_angle else ""
-        marks, known = [band(x, added - floor, added + floor, "two noise floors", GREY)], ""
-        if np.isfinite(error).all():
-            marks.append(band(x, added - error, added + error, "two standard errors of it", INK))
-            known = ", two standard errors of its own parameters (dark band)"
-        colour: int | str = colours[Path(curve.log).name] if of_angle else GREY
-        marks += [
-            dots(x, curve.measured * factor, "measured less all else", colour, marker={"size": 5}),
-            line(x, added, f"{curve.effect} as fitted", INK, line={"width": 2}),
-        ]
-        physics, y = given.catalogue.get(curve.effect), f"added {one.observable} [{unit}]"
-        figures.append(
-            figure(
-                f"answer-effect-{len(figures)}",
-                f"What {curve.effect} adds{said}",
-                f"What {curve.effect} adds to the prediction{said} (line), with a band of two "
-                f"noise floors{known}. Points: measured less all else that the model predicts."
-                + (f" {_physics(physics)[:1].upper()}{_physics(physics)[1:]}." if physics else ""),
-                over_angle(one, y, marks) if of_angle else Panel("speed [m/s]", y, marks),
-            )
-        )
-    return figures
 
 
 def comparisons(
