@@ -64,21 +64,6 @@ def test_json_one_sample_a_message(path, compression):
     assert (reader.report.losses, reader.report.remarks) == ([], [])
 
 
-@pytest.mark.parametrize("name", ["FBG 1 [nm]", "wl[0]", "a.b", "a..b", "#7", "2", "Größe, außen"])
-def test_a_field_of_json_may_have_any_name(path, name):
-    write_json(path, timed([{name: i, "other": [-i], "wl": [-1.0]} for i in range(N)]))
-    values, _, _ = read(path, {"x": f"/t:{name}"})
-    np.testing.assert_array_equal(values["x"], np.arange(N))
-
-
-@pytest.mark.parametrize(
-    ("name", "unit"), [("T (°C)", "degC"), ("T [K]", "K"), ("T", None), ("T[1]", None)]
-)
-def test_the_unit_of_a_name_is_the_channel_s(path, name, unit):
-    write_json(path, timed([{name: i, "T": [1.0, 2.0]} for i in range(N)]))
-    assert read(path, {"x": f"/t:{name}"})[2].setup.channels["x"].unit == unit
-
-
 def test_a_stream_that_cannot_seek_gives_the_same(path):
     write_json(path, counted())
     stream = io.BufferedReader(Pipe(path.read_bytes()))

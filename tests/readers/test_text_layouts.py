@@ -166,22 +166,6 @@ def test_a_lap_time_beside_the_time_is_not_the_time():
     np.testing.assert_array_equal(read(f"lap,time_s,W\n{rows}", W)[1].stamps_s, np.arange(60.0))
 
 
-@pytest.mark.parametrize("name", ["Time", "time", "Date/Time", "Zeit"])
-@pytest.mark.parametrize("rate_Hz", [25.0, 1000.0, 2500.0])
-def test_days_of_a_spreadsheet_are_days(name, rate_Hz):
-    """45363 is 2024-03-12; ten decimals of a day are 8.6 us."""
-    i = np.arange(500)
-    text = f"{name},W\n"
-    text += "".join(f"{45363.25 + k / rate_Hz / 86400:.10f},{100 + k}\n" for k in i)
-    for log in ("", 'time_unit = "d"'):
-        reader, block = read(text, W, log)
-        np.testing.assert_allclose(block.stamps_s, i / rate_Hz, rtol=0, atol=8.7e-6)
-        assert ["days since 1900" in one for one in reader.report.remarks] == [True] * (log == "")
-    reader, block = read(text, W, 'time_unit = "s"')
-    assert block.stamps_s[-1] < 1e-3
-    assert reader.report.remarks == []
-
-
 @pytest.mark.parametrize("header", ["Time", "Time [s]"])
 def test_seconds_of_a_day_stay_seconds(header):
     """12:36 is 45363 s after midnight: no log of seconds rises by less than a microsecond."""
@@ -209,30 +193,6 @@ def test_the_time_and_a_channel_are_no_error_codes(time):
     _, block = read(f"{time}\tservo error\n{rows}", {"w": "servo error"}, kind="temperature")
     np.testing.assert_allclose(block.stamps_s, np.arange(60) / 10, atol=1e-12)
     assert block.flags == ()
-
-
-@pytest.mark.parametrize("unit", ["s", "ms", "us", "µs", "ns"])
-@pytest.mark.parametrize("form", ["t_{}", "t {}", "t [{}]", "time_{}", "t({})"])
-def test_short_names_of_times_tell_their_unit(form, unit):
-    factor = {"s": 1, "ms": 10**3, "us": 10**6, "µs": 10**6, "ns": 10**9}[unit]
-    rows = "".join(f"{i * factor},{100 + i}\n" for i in range(60))
-    _, block = read(f"{form.format(unit)},W\n{rows}", W)
-    np.testing.assert_allclose(block.stamps_s, np.arange(60.0), rtol=1e-12)
-
-
-@pytest.mark.parametrize("said", ["", "\tbrakes on"])
-def test_labview_leaves_out_remarks_that_are_not_made(said):
-    """Its header ends with a column `Comment`, which rows have only if there is one."""
-    head = "LabVIEW Measurement\t\nWriter_Version\t2\n***End_of_Header***\t\n\t\n"
-    head += "Channels\t2\t\t\nDelta_X\t0.1\t0.1\t\n***End_of_Header***\t\t\t\n"
-    rows = [f"{i / 10:.6f}\t{100 + i}\t{200 + i}" for i in range(60)]
-    rows[7] += said
-    text = head + "X_Value\tWL1\tWL2\tComment\n" + "\n".join(rows) + "\n"
-    reader, block = read(text, {"WL1": "WL1", "WL2": "WL2"}, kind="temperature")
-    np.testing.assert_array_equal(block.values["WL1"], 100 + np.arange(60))
-    np.testing.assert_array_equal(block.values["WL2"], 200 + np.arange(60))
-    np.testing.assert_allclose(block.stamps_s, np.arange(60) / 10, atol=1e-12)
-    assert reader.report.remarks == reader.report.losses == []
 
 
 def test_a_header_that_does_not_fit_is_not_needed_for_gratings():
