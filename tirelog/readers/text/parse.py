@@ -200,14 +200,16 @@ def normalized(layout: Layout, block: bytes) -> bytes:
         block = text.encode(layout.encoding, errors="surrogateescape")
     if layout.enclosed:
         block = unquoted(layout, block)
-    block = block.translate(None, layout.quote.encode())
+    elif layout.quote.encode() in block:
+        block = block.translate(None, layout.quote.encode())
     if layout.timed:
         block = _TIMED.sub(rb"\1" + separator, block)
     if not block.endswith(b"\n"):
         block += b"\n"
     if layout.separator == " ":
         return single_blanks(block)
-    if any(pair in block for pair in (b" " + separator, separator + b" ", b"\n ")):
+    around = (b" " + separator, separator + b" ", b"\n ")
+    if b" " in block and any(pair in block for pair in around):
         block = re.sub(rb" *([\r\n" + re.escape(separator) + rb"]) *", rb"\1", block)
     return block
 
@@ -445,10 +447,14 @@ def plain_rows(plan: RowPlan, block: bytes) -> Parsed:
     )
 
     def numbers(k: int) -> FloatArray:
-        found = table[str(k)].to_numpy()
+        valid, stored = table[str(k)].combine_chunks().buffers()
+        found = np.frombuffer(stored, np.float64, table.num_rows)
         if np.isinf(found).any():
             raise ValueError("a number that is none")
-        return np.asarray(found, np.float64)
+        if valid is None:
+            return found
+        known = np.unpackbits(bytes_of(valid), count=table.num_rows, bitorder="little")
+        return np.where(known, found, np.nan)
 
     def cells(k: int) -> tuple[NDArray[np.uint8], IntArray, IntArray]:
         _, offsets, data = table[str(k)].combine_chunks().buffers()
