@@ -61,12 +61,15 @@ PIECE = st.one_of(
 ROW = st.one_of(st.lists(PIECE, min_size=3, max_size=3), st.lists(PIECE, min_size=1, max_size=5))
 
 
-@given(st.lists(ROW, min_size=1, max_size=30), st.integers(0, 2))
-@settings(max_examples=150, deadline=None)
-def test_anything_at_all_is_what_the_careful_way_reads(rows, often):
+HEADS = ["{}", "17000000{}.25", "2024-05-01T12:49:0{}.5"]
+
+
+@given(st.lists(ROW, min_size=1, max_size=30), st.integers(0, 2), st.sampled_from(HEADS))
+@settings(max_examples=200, deadline=None)
+def test_anything_at_all_is_what_the_careful_way_reads(rows, often, head):
     """Both ways agree on samples, on losses and on their lines."""
-    plan = plan_of()
-    good = "0.5,1550.1234,-0.25\n" * (40 * often)
+    plan = plan_of(head=head)
+    good = "".join(f"{head.format(i % 8)},1550.1234,-0.25\n" for i in range(40 * often))
     block = "".join(",".join(row) + "\n" + good for row in rows).encode()
     same(plan, parse_block(plan, block), odd_rows(plan, 0, normalized(plan.layout, block)))
 

@@ -458,7 +458,7 @@ def plain_rows(plan: RowPlan, block: bytes) -> Parsed:
 
     def cells(k: int) -> tuple[NDArray[np.uint8], IntArray, IntArray]:
         _, offsets, data = table[str(k)].combine_chunks().buffers()
-        places = np.frombuffer(offsets, np.int32).astype(np.int64)
+        places = np.frombuffer(offsets, np.int32, table.num_rows + 1).astype(np.int64)
         return bytes_of(data or b""), places[:-1], places[1:]
 
     def texts(k: int) -> list[bytes]:
@@ -498,7 +498,8 @@ def _padded(plan: RowPlan, block: bytes) -> bytes:
 
 def _ticks(column: pa.ChunkedArray) -> IntArray:
     """Decimals as counts of their last place.  ValueError: one is none that int64 holds."""
-    halves = np.frombuffer(column.combine_chunks().buffers()[1], np.int64).reshape(-1, 2)
+    stored = column.combine_chunks().buffers()[1]
+    halves = np.frombuffer(stored, np.int64, 2 * len(column)).reshape(-1, 2)
     if column.null_count or (halves[:, 1] != halves[:, 0] >> 63).any():
         raise ValueError("no readable time")
     return halves[:, 0]
