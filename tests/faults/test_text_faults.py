@@ -48,6 +48,11 @@ LOST = {
     "cut in the last number": (log()[:-3], 199, CUT_OFF),
     "cut behind the last separator": (log()[: -len("1542.0000") - 1], 199, CUT_OFF),
     "a short row": (log({100: "0.0400,1550.1"}), 200, SHORT),
+    "a short row where separators stand behind": (
+        log({100: "0.0400"}).replace("\n", ",\n"),
+        200,
+        SHORT.replace("3 cells", "4 cells"),
+    ),
     "a long row": (log({100: "0.0400,1550.1,1542.0,9,9"}), 200, SHORT),
     "text for a number": (
         log({7: "0.0028,ERR,1542.0", 9: "0.0036,ERR,1542.0"}),

@@ -32,7 +32,7 @@ def same(plan, one, other):
 
 
 @pytest.mark.parametrize(
-    "text", ["99999999999.5", "1e999999", "1e99999999", "-1e30", "inf", "sNaN"]
+    "text", ["99999999999.5", "1e999999", "1e99999999", "-1e30", "inf", "sNaN", "", "nan"]
 )
 def test_a_time_beyond_all_times_is_no_readable_time(text):
     rows = "".join(f"{at},1550.5,2.5\n" for at in ("1700000000.5", text, "1700000001.5"))
