@@ -219,8 +219,10 @@ def unquoted(layout: Layout, block: bytes) -> bytes:
     lines = block.decode("latin-1").split("\n")
     rows = list[list[str]]()
     with suppress(csv.Error):
-        signs = {"delimiter": layout.separator, "quotechar": layout.quote}
-        rows = list(csv.reader(lines, skipinitialspace=True, **signs))
+        read = csv.reader(
+            lines, delimiter=layout.separator, quotechar=layout.quote, skipinitialspace=True
+        )
+        rows = list(read)
     if len(rows) != len(lines):  # quotes that do not end with their line
         alike = (line.replace(layout.quote, '"') for line in lines)
         rows = [split_cells(line, layout.separator) for line in alike]
