@@ -195,6 +195,21 @@ def test_the_time_and_a_channel_are_no_error_codes(time):
     assert block.flags == ()
 
 
+@pytest.mark.parametrize("said", ["", "\tbrakes on"])
+def test_labview_leaves_out_remarks_that_are_not_made(said):
+    """Its header ends with a column `Comment`, which rows have only if there is one."""
+    head = "LabVIEW Measurement\t\nWriter_Version\t2\n***End_of_Header***\t\n\t\n"
+    head += "Channels\t2\t\t\nDelta_X\t0.1\t0.1\t\n***End_of_Header***\t\t\t\n"
+    rows = [f"{i / 10:.6f}\t{100 + i}\t{200 + i}" for i in range(60)]
+    rows[7] += said
+    text = head + "X_Value\tWL1\tWL2\tComment\n" + "\n".join(rows) + "\n"
+    reader, block = read(text, {"WL1": "WL1", "WL2": "WL2"}, kind="temperature")
+    np.testing.assert_array_equal(block.values["WL1"], 100 + np.arange(60))
+    np.testing.assert_array_equal(block.values["WL2"], 200 + np.arange(60))
+    np.testing.assert_allclose(block.stamps_s, np.arange(60) / 10, atol=1e-12)
+    assert reader.report.remarks == reader.report.losses == []
+
+
 def test_a_header_that_does_not_fit_is_not_needed_for_gratings():
     rows = "".join(f"{i / 10},{1550 + i / 1e4},{1542 + i / 1e4}\n" for i in range(60))
     two = {"a": "A", "b": {"source": "B", "reference_wavelength_nm": 1542}}
