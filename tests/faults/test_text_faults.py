@@ -60,11 +60,6 @@ LOST = {
         "2 cells are no numbers (first in line 9: 'ERR')",
     ),
     "text for a stamp": (log({7: "noon,1550.0,1542.0"}), 200, NO_TIME),
-    "two rows run together": (
-        log({7: rows()[7] + rows()[8]}),
-        200,
-        "1 rows do not parse (first in line 9: not 3 cells)",
-    ),
     "nul bytes inside": (log({150: "\0" * 50}, 9000), 8999, "1 rows do not parse"),
 }
 #: what a power cut leaves, a block that was never written, in the part by which a layout is told

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tirelog.readers.base import rate_in_words
+from tirelog.readers.base import date_of, rate_in_words
 
 LINES = {
     "Samples per Second\t1": 1.0,
@@ -41,3 +41,13 @@ LINES = {
 @pytest.mark.parametrize("line", LINES)
 def test_a_rate_in_words(line):
     assert rate_in_words(["Report 7", line]) == pytest.approx(LINES[line])
+
+
+STAMPS = [(1.77e9, "s"), (1.77e12, "ms"), (1.77e15, "us"), (1.77e18, "ns")]
+TICKS = [(134_144_736_000_000_000, "100ns"), (639_055_968_000_000_000, "100ns")]  # FILETIME, .NET
+
+
+@pytest.mark.parametrize(("stamp", "unit"), [*STAMPS, *TICKS])
+def test_the_date_of_a_stamp_by_its_size(stamp, unit):
+    assert date_of(stamp, unit) == "2026-02-02T02:40:00+00:00"
+    assert date_of(12.0, unit) is None
