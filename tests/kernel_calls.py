@@ -29,7 +29,6 @@ from tirelog.inference.stacks.hum import along_rises
 from tirelog.kernels.build import CALLS
 from tirelog.kernels.dispatch import Kernel, kind_of, spelled
 from tirelog.physics.spectral import MODES, Angles
-from tirelog.readers.text.kernels import rounded
 from tirelog.strain.footprint.measure import along_tread
 
 SAMPLES = Path(__file__).parents[1] / "sample_data"
@@ -70,7 +69,6 @@ def calls() -> dict[tuple[str, str], list[tuple[Any, ...]]]:
 
     with TemporaryDirectory() as folder, called(keep):
         run_on_drives(Path(folder))
-        run_on_layouts(Path(folder))
         run_on_a_wheel(Path(folder))
         run_models(Path(folder))
         roll()
@@ -115,24 +113,6 @@ def run_on_drives(folder: Path) -> None:
     run("speed", slow, "-o", folder / "speed.csv")
 
 
-def run_on_layouts(folder: Path) -> None:
-    """The rows of a drive as other loggers write them."""
-    setup = (SAMPLES / "hidden_1.toml").read_text()
-    names, *rows = rows_of_drive(6000)
-    stamps = [f"2024-02-29T23:59:{float(row[0]) + 50.0:07.4f}" for row in rows]
-    comma = [[cell.replace(".", ",") for cell in row] for row in rows]
-    layouts = {
-        "stamped": [",".join((at, *row[1:])) for at, row in zip(stamps, rows, strict=True)],
-        "quoted": [",".join(f'"{cell}"' for cell in row) for row in comma],
-        "words": [f"{';'.join(row)};on, off" for row in comma] + ["5,0;1550,0003"],
-        "blanks": ["  ".join(cell or "nan" for cell in row) for row in rows],
-    }
-    heads = {"words": ";".join((*names, "note")), "blanks": "  ".join(names)}
-    for name, lines in layouts.items():
-        log = written(folder, name, [heads.get(name, ",".join(names)), *lines], setup)
-        run("ingest", log, "-o", folder / f"{name}.h5")
-
-
 def run_on_a_wheel(folder: Path) -> None:
     drive, log = Drive((0, 3, 4, 6), (10, 10, 14, 14)), folder / "wheel.h5"
     signals = {"encoder": (Encoder(), "V", 1.0), "acceleration": (Tread(), "g", 9.80665)}
@@ -160,7 +140,6 @@ def call_the_rest() -> None:
     """Kernels that commands call for longer logs only."""
     rng, four = np.random.default_rng(1000), np.ones(4)
     along_tread(rng.normal(size=(4, 64)), 2500.0, 32 * four, 9 * four, -2 * four, 400 * four)
-    rounded(np.uint64(2**60 + 12345), 5)
     Angles(rng.uniform(-1, 1, (4, 30))).evaluate(rng.normal(size=(4, MODES)).astype(complex))
     turning, left = np.exp(1j * rng.normal(size=(6, 9))), rng.uniform(size=(6, 9))
     weighted, weight, first = *rng.uniform(size=(2, 4, 9)), np.array([0, 1, 3, 4])

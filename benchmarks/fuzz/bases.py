@@ -197,11 +197,7 @@ def _other_formats(folder: Path, t: NDArray, strain: NDArray, twin: NDArray, pla
 EXTRA_LOGS = {
     "tdms": ("nptdms", "waves.tdms", "/run/CH1", "/run/CH2"),
     "excel": ("python_calamine", "sheet.xlsx", "CH1", "CH2"),
-    "ros 1": ("rosbags", "first.bag", "/tire:vector.x", "/tire:vector.y"),
-    "ros 2": ("rosbags", "second.db3", "/tire:vector.x", "/tire:vector.y"),
     "mdf": ("asammdf", "bus.mf4", "/run/CH1", "/run/CH2"),
-    "uff": ("pyuff", "sets.uff", "/set_1_node_1_+Z/values", "/set_2_node_2_+Z/values"),
-    "uff binary": ("pyuff", "binary.uff", "/set_1_node_1_+Z/values", "/set_2_node_2_+Z/values"),
     "feather": ("pyarrow", "batches.feather", "CH1", "CH2"),
 }
 
@@ -219,11 +215,7 @@ def _extra_logs(folder: Path, t: NDArray, strain: NDArray, twin: NDArray) -> Non
     write: dict[str, Callable[[Path], object]] = {
         "tdms": lambda path: writers.tdms(path, columns, RATE_HZ, unit="nm"),
         "excel": lambda path: writers.xlsx(path, {"run": rows}),
-        "ros 1": lambda path: writers.bag_1(path, columns, RATE_HZ),
-        "ros 2": lambda path: writers.bag_2(path, columns, RATE_HZ),
         "mdf": lambda path: writers.mdf(path, columns, RATE_HZ, unit="nm"),
-        "uff": lambda path: writers.uff(path, columns, t, unit="nm"),
-        "uff binary": lambda path: writers.uff(path, columns, t, binary=True, unit="nm"),
         "feather": lambda path: frame.to_feather(path),
     }
     for family, (_, name, grating, second) in EXTRA_LOGS.items():

@@ -83,27 +83,6 @@ def _excel() -> Iterator[Case]:
     yield case("no numbers at all", {"notes": [["driver", "B"]]}, truth={}, refused="no sheet has")
 
 
-def _bags() -> Iterator[Case]:
-    names = ("/tire:vector.x", "/tire:vector.y")
-
-    def case(layout: str, name: str, write: Callable[[Path], object], **more: object) -> Case:
-        return _case("rosbags", "ROS bag", layout, name, write, *names, **more)
-
-    yield case("ROS 1", "log.bag", lambda path: writers.bag_1(path, _COLUMNS, RATE_HZ))
-    for packed in ("LZ4", "BZ2"):
-        yield case(
-            f"ROS 1, {packed}",
-            "log.bag",
-            lambda path, packed=packed: writers.bag_1(path, _COLUMNS, RATE_HZ, packed),
-        )
-    yield case("ROS 2", "log.db3", lambda path: writers.bag_2(path, _COLUMNS, RATE_HZ))
-    yield case(
-        "ROS 2 without definitions",
-        "log.db3",
-        lambda path: writers.bag_2(path, _COLUMNS, RATE_HZ, definitions=False),
-    )
-
-
 def _mdf() -> Iterator[Case]:
     names = ("/run/inner", "/run/outer")
     counts = {"inner": V[0], "outer": np.round(V[1] * 100).astype("u2")}
@@ -135,23 +114,6 @@ def _mdf() -> Iterator[Case]:
     )
 
 
-def _uff() -> Iterator[Case]:
-    names = tuple(f"/set_{k}_node_{k}_+Z/values" for k in (1, 2))
-
-    def case(layout: str, write: Callable[[Path], object], **more: object) -> Case:
-        said = {"said": "set_3 is no signal in time", **more}
-        return _case("pyuff", "UFF", layout, "log.uff", write, *names, **said)
-
-    yield case("set 58", lambda path: writers.uff(path, _COLUMNS, T))
-    yield case("set 58b", lambda path: writers.uff(path, _COLUMNS, T, binary=True))
-    uneven = np.round(np.cumsum(np.random.default_rng(5).uniform(0.002, 0.05, ROWS)), 4)
-    yield case(
-        "times beside the values",
-        lambda path: writers.uff(path, _COLUMNS, uneven, even=False),
-        times_s=uneven,
-    )
-
-
 def _feather() -> Iterator[Case]:
     table = pa.table({"time_s": T, **_COLUMNS, "note": ["x"] * ROWS, "list": [[1.0]] * ROWS})
 
@@ -178,7 +140,5 @@ def cases() -> Iterator[Case]:
     """All of them, also those whose library is not installed."""
     yield from _tdms()
     yield from _excel()
-    yield from _bags()
     yield from _mdf()
-    yield from _uff()
     yield from _feather()

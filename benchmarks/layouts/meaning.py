@@ -179,30 +179,11 @@ def _starts() -> Iterator[Case]:
                 file.append([Signal(values, own[name] + 2.0, name=name)], acq_name=name)
             Path(file.save(path, overwrite=True)).replace(path)
 
-    def uff(path: Path) -> None:
-        import pyuff
-
-        file = pyuff.UFF(str(path))
-        for node, name in enumerate(truth, 1):
-            file.write_sets(
-                pyuff.prepare_58(
-                    binary=0, func_type=1, rsp_node=node, rsp_dir=3, ref_node=0, ref_dir=0,
-                    ord_data_type=4, num_pts=len(truth[name]), abscissa_spacing=1,
-                    abscissa_min=1.0 + own[name][0], abscissa_inc=own[name][1] - own[name][0],
-                    z_axis_spec_data_type=0, abscissa_spec_data_type=17, ordinate_spec_data_type=0,
-                    orddenom_spec_data_type=0, ordinate_axis_units_lab="K", x=own[name],
-                    data=truth[name],
-                ),
-                "add" if node > 1 else "overwrite",
-            )  # fmt: skip
-
     yield case("TDMS", "start times and offsets", "log.tdms", tdms, setup("/g/a", "/g/b"),
                needs="nptdms")  # fmt: skip
     yield case("HDF5", "wf_start_offset", "log.h5", hdf5, setup("/a", "/b"))
     yield case("MDF", "groups that begin apart", "log.mf4", mdf, setup("/a/a", "/b/b"),
                needs="asammdf")  # fmt: skip
-    sets = (f"/set_{k}_node_{k}_+Z/values" for k in (1, 2))
-    yield case("UFF", "sets that begin apart", "log.uff", uff, setup(*sets), needs="pyuff")
 
     blank = [""] * (ROWS - many)
     pairs = [[f"{x:.3f}" for x in T], A, [f"{x:.3f}" for x in own["b"]] + blank, B[:many] + blank]

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import sqlite3
-import warnings
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -118,74 +116,6 @@ def xlsx(path: Path, sheets: Mapping[str, Sequence[Sequence[object]]]) -> None:
             archive.writestr(name, head + text)
 
 
-def _messages(columns: Columns, rate_Hz: float, store, first: bool):
-    """(topic, type, time in ns, message): vectors with stamps of up to three columns."""
-    of = store.types
-    names = list(columns)
-    filled = [columns[name] for name in names] + [np.zeros(len(columns[names[0]]))] * 3
-    for k, (x, y, z) in enumerate(zip(*filled[:3], strict=True)):
-        at = START_NS + round(k * 1e9 / rate_Hz)
-        stamp = of["builtin_interfaces/msg/Time"](at // 10**9, at % 10**9)
-        more = {"seq": k} if first else {}
-        header = of["std_msgs/msg/Header"](stamp=stamp, frame_id="tire", **more)
-        vector = of["geometry_msgs/msg/Vector3"](float(x), float(y), float(z))
-        yield at, of["geometry_msgs/msg/Vector3Stamped"](header=header, vector=vector)
-
-
-_VECTOR = "geometry_msgs/msg/Vector3Stamped"
-
-
-def bag_1(path: Path, columns: Columns, rate_Hz: float, packed: str = "") -> None:
-    """A ROS 1 bag with the topic /tire of stamped vectors."""
-    from rosbags.rosbag1 import Writer
-    from rosbags.typesys import Stores, get_typestore
-
-    store, writer = get_typestore(Stores.ROS1_NOETIC), Writer(path)
-    if packed:
-        writer.set_compression(Writer.CompressionFormat[packed])
-    with writer:
-        topic = writer.add_connection("/tire", _VECTOR, typestore=store)
-        for at, message in _messages(columns, rate_Hz, store, True):
-            writer.write(topic, at, store.serialize_ros1(message, _VECTOR))
-
-
-def bag_2(path: Path, columns: Columns, rate_Hz: float, *, definitions: bool = True) -> None:
-    """The .db3 of a ROS 2 bag with the topic /tire; older ones hold no definitions."""
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    text, _ = store.generate_msgdef(_VECTOR, ros_version=2)
-    with sqlite3.connect(path) as base:
-        base.execute(
-            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, "
-            "serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL"
-            f"{', type_description_hash TEXT NOT NULL' if definitions else ''})"
-        )
-        base.execute(
-            "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, "
-            "timestamp INTEGER NOT NULL, data BLOB NOT NULL)"
-        )
-        values = [1, "/tire", _VECTOR, "cdr", ""]
-        if definitions:
-            base.execute("CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT)")
-            base.execute("INSERT INTO schema VALUES(4, 'jazzy')")
-            base.execute(
-                "CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT, "
-                "encoding TEXT, encoded_message_definition TEXT, type_description_hash TEXT)"
-            )
-            base.execute(
-                "INSERT INTO message_definitions VALUES(1, ?, 'ros2msg', ?, '')", (_VECTOR, text)
-            )
-            values.append("")
-        base.execute(f"INSERT INTO topics VALUES({', '.join('?' * len(values))})", values)
-        rows = (
-            (at, bytes(store.serialize_cdr(message, _VECTOR)))
-            for at, message in _messages(columns, rate_Hz, store, False)
-        )
-        base.executemany("INSERT INTO messages(topic_id, timestamp, data) VALUES(1, ?, ?)", rows)
-    base.close()
-
-
 def mdf(
     path: Path,
     columns: Columns,
@@ -210,57 +140,3 @@ def mdf(
         )
         # the library gives the name the suffix of its version
         Path(file.save(path, overwrite=True, compression=packed)).replace(path)
-
-
-def uff(
-    path: Path,
-    columns: Columns,
-    times_s: NDArray,
-    *,
-    binary: bool = False,
-    even: bool = True,
-    unit: str = "K",
-) -> None:
-    """Sets 58 of signals in time at the nodes 1, 2, ..., and a frequency response behind them."""
-    import pyuff
-
-    same = {"binary": int(binary), "rsp_dir": 3, "ref_node": 0, "ref_dir": 0}
-    same |= {"orddenom_spec_data_type": 0, "z_axis_spec_data_type": 0, "abscissa_min": 0.0}
-    step = float(times_s[1] - times_s[0])
-    with warnings.catch_warnings():  # it leaves files open
-        warnings.simplefilter("ignore", ResourceWarning)
-        file = pyuff.UFF(str(path))
-        for node, values in enumerate(columns.values(), 1):
-            file.write_sets(
-                pyuff.prepare_58(
-                    **same,
-                    func_type=1,
-                    rsp_node=node,
-                    ord_data_type=4,
-                    num_pts=len(values),
-                    abscissa_spacing=int(even),
-                    abscissa_inc=step if even else 0.0,
-                    abscissa_spec_data_type=17,
-                    ordinate_spec_data_type=0,
-                    ordinate_axis_units_lab=unit,
-                    x=times_s,
-                    data=values,
-                ),
-                "add",
-            )
-        file.write_sets(
-            pyuff.prepare_58(
-                **same,
-                func_type=4,
-                rsp_node=1,
-                ord_data_type=6,
-                num_pts=8,
-                abscissa_spacing=1,
-                abscissa_inc=1.0,
-                abscissa_spec_data_type=18,
-                ordinate_spec_data_type=12,
-                x=np.arange(8.0),
-                data=np.ones(8) + 1j,
-            ),
-            "add",
-        )

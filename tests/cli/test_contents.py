@@ -84,7 +84,6 @@ LOGS = {
 }
 GRATINGS = {"CH1": STRAIN, "CH2": TWIN}
 _RUN = kinds_of("/run/CH1", "/run/CH2")
-_TIRE = kinds_of("/tire:vector.x", "/tire:vector.y")
 #: suffix: library, and as in LOGS
 EXTRA_LOGS = {
     "tdms": ("nptdms", lambda path: writers.tdms(path, GRATINGS, 2500.0, unit="nm"), _RUN),
@@ -93,14 +92,7 @@ EXTRA_LOGS = {
         lambda path: writers.xlsx(path, {"run": [["time", *GRATINGS], *ROWS.tolist()]}),
         kinds_of("CH1", "CH2"),
     ),
-    "bag": ("rosbags", lambda path: writers.bag_1(path, GRATINGS, 2500.0), _TIRE),
-    "db3": ("rosbags", lambda path: writers.bag_2(path, GRATINGS, 2500.0), _TIRE),
     "mf4": ("asammdf", lambda path: writers.mdf(path, GRATINGS, 2500.0, unit="nm"), _RUN),
-    "uff": (
-        "pyuff",
-        lambda path: writers.uff(path, GRATINGS, T, unit="nm"),
-        kinds_of("/set_1_node_1_+Z/values", "/set_2_node_2_+Z/values"),
-    ),
 }
 
 

@@ -14,11 +14,10 @@ import pytest
 
 from benchmarks.layouts import writers
 from tests.readers.logs import spoilt
-from tests.readers.other_files import outcome, read, refusal
-from tirelog.errors import TirelogError
+from tests.readers.other_files import outcome, refusal
 from tirelog.readers.other import conversion as apart
-from tirelog.readers.other.datasets import check_names, proper, unsafe_formula
-from tirelog.readers.other.formats import FORMATS, name_of
+from tirelog.readers.other.datasets import proper, unsafe_formula
+from tirelog.readers.other.formats import FORMATS, name_of, refuse_foreign
 
 N = 400
 COLUMNS = {"inner": 10.0 + np.sin(np.arange(N) * 0.37), "outer": 1e-3 * np.arange(N)}
@@ -27,15 +26,11 @@ COLUMNS = {"inner": 10.0 + np.sin(np.arange(N) * 0.37), "outer": 1e-3 * np.arang
 HEADS = {
     "TDMS": b"TDSm\x0e\0\0\0",
     "Excel": b"PK\3\4" + bytes(26) + b"[Content_Types].xml",
-    "ROS bag": b"#ROSBAG V2.0\n",
     "MDF": b"MDF     4.10    ",
-    "UFF": b"    -1\n    58\nrun 7\n",
 }
 OTHER_HEADS = {
-    "ROS bag": [b"SQLite format 3\0"],
     "MDF": [b"UnFinMF 4.10    "],
     "Excel": [b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", b"PK\3\4" + bytes(26) + b"_rels/.rels"],
-    "UFF": [b"    -1\r\n    58b     1     2\r\n", b"\n    -1" + b" " * 74 + b"\n   151\n"],
 }
 
 
@@ -69,7 +64,7 @@ NUMBERS = ["-1\n58\n3\n", "    -1,2\n    58,3\n", "    58\n    59\n", "    -1.0\
 
 @pytest.mark.parametrize("text", [*NUMBERS, "time,a\n    -1\n    58\n"])
 def test_a_column_of_numbers_is_no_universal_file(text):
-    assert name_of(text.encode()) == ""
+    refuse_foreign(text.encode(), "log")
 
 
 def feather(table, **options):
@@ -116,36 +111,6 @@ def test_a_feather_file_cut_or_changed(at, tmp_path):
     assert size == N or "is an Arrow or Feather file that cannot be read" in said
 
 
-HOSTILE = "x:\n  pass\nopen('made_by_a_log', 'w')\nclass y"
-NUMBER, SHAPE = (1, ("float64", 0)), (2, "geometry_msgs/msg/Vector3")
-GOOD = {"a/msg/B": ([("LIMIT", "int8", 3)], [("x", NUMBER), ("y", (3, (NUMBER, 3))), ("z", SHAPE)])}
-
-
-def test_definitions_of_names_are_let_through():
-    check_names(GOOD)
-
-
-@pytest.mark.parametrize(
-    "types",
-    [
-        {HOSTILE: ([], [("x", NUMBER)])},
-        {"a/msg/B\n": ([], [("x", NUMBER)])},
-        {"a/msg/B": ([], [(HOSTILE, NUMBER)])},
-        {"a/msg/B": ([], [("x", (2, HOSTILE))])},
-        {"a/msg/B": ([], [("x", (4, ((2, 'a/b").x'), 0)))])},
-        {"a/msg/B": ([], [("x", (1, (HOSTILE, 0)))])},
-        {"a/msg/B": ([(HOSTILE, "int8", 3)], [])},
-        {"a/msg/B": ([("A", HOSTILE, 3)], [])},
-        {"a/msg/B": ([("A", "int8", SimpleNamespace())], [])},
-        {"a/msg/B": ([], [("x", (3, (NUMBER, 1 << 30)))])},
-        {f"a/msg/B{k}": ([], []) for k in range(600)},
-    ],
-)
-def test_definitions_with_more_than_names_make_no_code(types):
-    with pytest.raises(ValueError, match=r"is no name|array of|more than|constant"):
-        check_names(types)
-
-
 def conversion(formula, *inside):
     blocks = {f"text_{k}": one for k, one in enumerate(inside)}
     return SimpleNamespace(formula=formula, referenced_blocks=blocks or None)
@@ -189,14 +154,7 @@ FILES = {
         ),
         "inner",
     ),
-    "ROS 1": ("rosbags", lambda path: writers.bag_1(path, COLUMNS, 100.0), "/tire:vector.x"),
-    "ROS 2": ("rosbags", lambda path: writers.bag_2(path, COLUMNS, 100.0), "/tire:vector.x"),
     "MDF": ("asammdf", lambda path: writers.mdf(path, COLUMNS, 100.0), "/run/inner"),
-    "UFF": (
-        "pyuff",
-        lambda path: writers.uff(path, COLUMNS, np.arange(N) / 100.0),
-        "/set_1_node_1_+Z/values",
-    ),
 }
 
 
@@ -274,23 +232,3 @@ def test_a_count_of_values_that_no_tdms_can_hold(made, tmp_path):
     size, said = outcome(data.replace(many, struct.pack("<Q", 1 << 60)), tmp_path, source)
     assert size <= N
     assert said
-
-
-def test_a_bag_whose_type_is_code_runs_none_of_it(made, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    data, source = made("ROS 1")
-    kind, code = b"Vector3Stamped", b"V(open('hacked','w'))"
-    with pytest.raises(TirelogError):
-        read(data.replace(kind, code[: len(kind)].ljust(len(kind), b" ")), tmp_path, source)
-    assert [one.name for one in tmp_path.iterdir()] == ["log"]
-
-
-def test_a_database_that_is_no_bag(tmp_path):
-    pytest.importorskip("rosbags", reason="rosbags comes with an extra")
-    import sqlite3
-
-    with sqlite3.connect(tmp_path / "log") as base:
-        base.execute("CREATE TABLE other(id INTEGER)")
-    base.close()
-    data = (tmp_path / "log").read_bytes()
-    assert "missing tables" in refusal(data, tmp_path, "/tire:vector.x")

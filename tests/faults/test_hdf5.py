@@ -209,27 +209,13 @@ def test_damage_to_the_first_stamps_leaves_the_others(path):
     assert ["1000 stamps" in loss for loss in reader.report.losses] == [True]
 
 
-def test_a_file_cut_off_keeps_the_whole_chunks_before(chunked):
-    whole = read(chunked, "/x")[0]["c0"]
-    info = place(chunked, "x", 12)
-    chunked.write_bytes(chunked.read_bytes()[: info.byte_offset + info.size // 2])
-    values, _, report = read(chunked, "/x")
-    np.testing.assert_array_equal(values["c0"], whole[:12_000])
-    assert "cut off" in report.losses[0]
-    assert "8000 of 20000 samples" in report.losses[1]
-
-
-@pytest.mark.parametrize("shape", [(20_000, 3), (3, 20_000)])
-def test_contiguous_data_cut_off_keeps_its_whole_samples(path, shape):
-    data = np.arange(60_000.0).reshape(shape)
-    with h5py.File(path, "w") as file:
-        file["d"] = data
-        offset = file["d"].id.get_offset()
-    path.write_bytes(path.read_bytes()[: offset + 8 * 30_001 + 3])
-    whole = data[:10_000, 1] if shape[1] == 3 else data[1, :10_001]
-    values, _, report = read(path, "/d[1]")
-    np.testing.assert_array_equal(values["c0"], whole)
-    assert len(report.losses) == 2
+@pytest.mark.parametrize("left", [0.2, 0.9])
+def test_a_file_cut_off_is_refused_with_both_sizes(chunked, left):
+    data = chunked.read_bytes()
+    chunked.write_bytes(data[: int(left * len(data))])
+    said = rf"is cut off at {int(left * len(data))} of {len(data)} bytes; .*; copy it again"
+    with pytest.raises(ReadError, match=said):
+        read(chunked, "/x", "/small")
 
 
 def test_chunks_that_were_never_written_are_lost_not_zero(path):
@@ -300,13 +286,16 @@ def test_what_is_in_a_file_of_such_types_is_told(path):
     assert [one.source for one in datasets(path, "log.h5").series] == ["/good"]
 
 
-def test_an_encoder_that_was_cut_off_is_not_asked_for_in_the_setup(tmp_path, capsys):
+def test_an_encoder_that_was_never_stored_is_not_asked_for_in_the_setup(tmp_path, capsys):
     """The setup has it: the file is what is to be mended; the status says that input is lost."""
-    whole = SAMPLES / "encoder.h5"
-    cut = tmp_path / "cut.h5"
-    cut.write_bytes(whole.read_bytes()[:300_000])
-    (tmp_path / "cut.toml").write_text((SAMPLES / "encoder.toml").read_text())
-    assert run(["phase-shift", str(cut), "-o", str(tmp_path / "shift.csv")]) == 3
+    log = tmp_path / "log.h5"
+    log.write_bytes((SAMPLES / "encoder.h5").read_bytes())
+    with h5py.File(log, "r+") as file:
+        shape = file["/wheel/encoder"].shape
+        del file["/wheel/encoder"]
+        file.create_dataset("/wheel/encoder", shape, "f8", chunks=(1000,))
+    (tmp_path / "log.toml").write_text((SAMPLES / "encoder.toml").read_text())
+    assert run(["phase-shift", str(log), "-o", str(tmp_path / "shift.csv")]) == 3
     said = capsys.readouterr().err.splitlines()[-1]
     assert "channel encoder could not be read" in said
     assert "setup" not in said

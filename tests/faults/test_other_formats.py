@@ -269,6 +269,11 @@ def test_text_in_a_table_is_handed_to_nobody(tmp_path):
         (b"LOGG\x90\0\0\0", "Vector (.blf); "),
         (b"|CF,2,1,1;", "imc; "),
         (b"CDF\x01\0\0\0\0", "a classic netCDF file; "),
+        (b"#ROSBAG V2.0\n", "a ROS bag; "),
+        (b"SQLite format 3\0", "a database, as a ROS bag is; "),
+        (b"    -1\n    58\nrun 7\n", "a universal file (UFF); "),
+        (b"    -1\r\n    58b     1     2\r\n", "a universal file (UFF); "),
+        (b"\n    -1" + b" " * 74 + b"\n   151\n", "a universal file (UFF); "),
     ],
 )
 def test_a_log_of_another_vendor_is_named_with_its_export(tmp_path, start, said):

@@ -100,7 +100,8 @@ def test_compiling_is_noticed_once(tmp_path):
     package = copied(tmp_path)
     for built in (package / "kernels").glob("_built*"):
         built.unlink()
-    (tmp_path / "log.csv").write_text("time_s,a\n0,1\n0.001,2\n0.002,1\n")
-    program, words = "from tirelog.cli import main; main()", ("info", "log.csv")
+    (tmp_path / "log.csv").write_text("time_s,v\n" + "".join(f"{k},{k}.5\n" for k in range(9)))
+    (tmp_path / "log.toml").write_text('[channels.v]\nkind = "vehicle_speed"\nsource = "v"\n')
+    program, words = "from tirelog.cli import main; main()", ("setup", "check", "log.csv")
     done = python(program, *words, folder=tmp_path, PYTHONPATH=str(tmp_path))
     assert done.stderr.count("compiling kernels") == 1

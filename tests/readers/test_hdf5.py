@@ -9,7 +9,6 @@ import pytest
 from tests.readers.logs import setup_of, whole
 from tirelog.errors import ReadError
 from tirelog.readers.hdf5 import reader as hdf5
-from tirelog.vocabulary.kinds import KINDS
 
 PANDAS = Path(__file__).parent / "data" / "pandas_layouts.h5"
 
@@ -248,21 +247,6 @@ def test_a_name_is_looked_up_before_it_is_parsed(path, name):
 def test_blanks_around_a_source_are_no_part_of_it(path, source):
     write(path, {"x": FIFTY, "w": np.tile(FIFTY[:, None], 2)})
     np.testing.assert_array_equal(read(path, {"x": source})[0]["x"], FIFTY)
-
-
-@pytest.mark.parametrize(
-    ("name", "kind", "factor"),
-    [
-        ("Acc Z (g)", "radial_acceleration", 9.80665),
-        ("Speed [km/h]", "vehicle_speed", 1 / 3.6),
-        ("rig/Fz [kN]", "vertical_load", 1e3),
-    ],
-)
-def test_a_unit_in_a_name_is_the_default(path, name, kind, factor):
-    write(path, {name: FIFTY}, {name: {"sampling_rate_Hz": 100.0}})
-    setup = setup_of({"x": f"/{name}"}, kind=kind)
-    channel = hdf5.Hdf5Log(path, setup, "log").setup.channels["x"]
-    assert KINDS[kind].to_si(channel.unit)[0] == pytest.approx(factor)
 
 
 def test_a_unit_that_contradicts_the_setup_is_said(path):

@@ -166,22 +166,6 @@ def test_a_lap_time_beside_the_time_is_not_the_time():
     np.testing.assert_array_equal(read(f"lap,time_s,W\n{rows}", W)[1].stamps_s, np.arange(60.0))
 
 
-@pytest.mark.parametrize("name", ["Time", "time", "Date/Time", "Zeit"])
-@pytest.mark.parametrize("rate_Hz", [25.0, 1000.0, 2500.0])
-def test_days_of_a_spreadsheet_are_days(name, rate_Hz):
-    """45363 is 2024-03-12; ten decimals of a day are 8.6 us."""
-    i = np.arange(500)
-    text = f"{name},W\n"
-    text += "".join(f"{45363.25 + k / rate_Hz / 86400:.10f},{100 + k}\n" for k in i)
-    for log in ("", 'time_unit = "d"'):
-        reader, block = read(text, W, log)
-        np.testing.assert_allclose(block.stamps_s, i / rate_Hz, rtol=0, atol=8.7e-6)
-        assert ["days since 1900" in one for one in reader.report.remarks] == [True] * (log == "")
-    reader, block = read(text, W, 'time_unit = "s"')
-    assert block.stamps_s[-1] < 1e-3
-    assert reader.report.remarks == []
-
-
 @pytest.mark.parametrize("header", ["Time", "Time [s]"])
 def test_seconds_of_a_day_stay_seconds(header):
     """12:36 is 45363 s after midnight: no log of seconds rises by less than a microsecond."""
@@ -209,15 +193,6 @@ def test_the_time_and_a_channel_are_no_error_codes(time):
     _, block = read(f"{time}\tservo error\n{rows}", {"w": "servo error"}, kind="temperature")
     np.testing.assert_allclose(block.stamps_s, np.arange(60) / 10, atol=1e-12)
     assert block.flags == ()
-
-
-@pytest.mark.parametrize("unit", ["s", "ms", "us", "µs", "ns"])
-@pytest.mark.parametrize("form", ["t_{}", "t {}", "t [{}]", "time_{}", "t({})"])
-def test_short_names_of_times_tell_their_unit(form, unit):
-    factor = {"s": 1, "ms": 10**3, "us": 10**6, "µs": 10**6, "ns": 10**9}[unit]
-    rows = "".join(f"{i * factor},{100 + i}\n" for i in range(60))
-    _, block = read(f"{form.format(unit)},W\n{rows}", W)
-    np.testing.assert_allclose(block.stamps_s, np.arange(60.0), rtol=1e-12)
 
 
 @pytest.mark.parametrize("said", ["", "\tbrakes on"])

@@ -6,8 +6,8 @@
             --slices of a bounded size--> RawBlock
 
 A channel that is missing or refused is a loss (status 3) while another one is left, else the log is
-unreadable (status 4). Samples in a damaged chunk, in one that was never written or behind the cut
-of a file are NaN with the flag `gap`. They are a loss.
+unreadable (status 4). Samples in a damaged chunk or in one that was never written are NaN with the
+flag `gap`. They are a loss.
 
 This file is longer than others: a list of series leaves out what a log would take for its time.
 """
@@ -57,13 +57,11 @@ from tirelog.readers.hdf5.source import (
     SINCE,
     SLAB_BYTES,
     Attributes,
-    PaddedFile,
     Scale,
     Slabs,
     SourceColumn,
     column,
     dataset_and_index,
-    declared_size,
     first_number,
     first_stored,
     is_foreign_type,
@@ -454,7 +452,7 @@ def _stamps(stamps: SourceColumn, time_unit: str | None) -> TimeColumn:
         return TimeColumn(stamps, units.UNITS[unit][1], unit, absolute=True)
     if not unit:
         name = stamps.field or stamps.path.rsplit("/", 1)[-1]
-        first = first_stored(stamps, None).astype(np.float64)
+        first = first_stored(stamps).astype(np.float64)
         unit = stated_time_unit(name, "") or unit_by_size(first)
     try:
         step, _ = units.to_si(unit, "time")
@@ -477,6 +475,8 @@ _Channel = tuple[str, SourceColumn, Scale]
 
 #: what the library says of a file that another process has open for writing
 _BEING_WRITTEN = re.compile("already open for|unable to lock file")
+#: and of one that is shorter than it says itself
+_CUT_OFF = re.compile(r"truncated file.*stored_eof = (\d+)")
 
 
 @dataclass(frozen=True)
@@ -509,36 +509,29 @@ def refuse_damaged(path: Path, log_name: str) -> None:
     with path.open("rb") as raw:
         if name_of(raw.read(HEAD_BYTES)) != "HDF5":
             return
-    file, end, declared = opened(path, log_name)
-    with file:
-        if end is not None:
-            raise ReadError(
-                f"is cut off at {end} of {declared} bytes", do="copy it again", file=log_name
-            )
+    with opened(path, log_name) as file:
         try:
             list(file.attrs.items()), list(file.items())
         except LIBRARY_ERRORS as problem:
             raise _unreadable(problem, log_name) from None
 
 
-def opened(path: Path, log_name: str) -> tuple[h5py.File, int | None, int | None]:
-    """(the file, its size and what that should be if it is cut off).
+def opened(path: Path, log_name: str) -> h5py.File:
+    """The file; one that is being written by SWMR is open in that mode.
 
-    One that is being written by SWMR is open in that mode. ReadError: it cannot be opened.
+    ReadError: it cannot be opened.
     """
     try:
-        return h5py.File(path, "r", rdcc_nbytes=CACHE_BYTES), None, None
+        return h5py.File(path, "r", rdcc_nbytes=CACHE_BYTES)
     except LIBRARY_ERRORS as problem:
         if _BEING_WRITTEN.search(str(problem)):
-            return _being_written(path, log_name), None, None
-        declared = declared_size(problem)
-        if declared is None or declared <= (size := path.stat().st_size):
+            return _being_written(path, log_name)
+        whole = _CUT_OFF.search(str(problem))
+        if whole is None:
             raise _unreadable(problem, log_name) from None
-    try:
-        return h5py.File(PaddedFile(path, declared), "r", rdcc_nbytes=CACHE_BYTES), size, declared
-    except LIBRARY_ERRORS:
         raise ReadError(
-            f"is cut off at {size} of {declared} bytes, before its index",
+            f"is cut off at {path.stat().st_size} of {whole[1]} bytes",
+            allowed="allowed is a whole file",
             do="copy it again",
             file=log_name,
         ) from None
@@ -573,17 +566,11 @@ class Hdf5Log:
         self.report = ReadReport(format="hdf5")
         self.log_name, self.setup = log_name, setup
         self.stated: dict[str, str] = {}  # units, by channel, as the file spells them
-        # `end`: size of a file that was cut off
-        self.file, self.end, declared = opened(path, log_name)
+        self.file = opened(path, log_name)
         if self.file.swmr_mode:
             self.report.losses.append(
                 "the file is still being recorded; samples written from now on are not read; read "
                 "it again when the recording has ended"
-            )
-        if self.end is not None:
-            self.report.losses.append(
-                f"the file is cut off at {self.end} of {declared} bytes; samples behind the cut "
-                "are lost; copy it again"
             )
         try:
             self.clocks = self._clocks(self._channels())
@@ -651,7 +638,7 @@ class Hdf5Log:
                 start_s=begin_s,
                 time_example='"/PATH" (its dataset)',
             )
-            size = max(kept(column, self.end, BLOCK_VALUES) for _, column, _ in members)
+            size = max(kept(column, BLOCK_VALUES) for _, column, _ in members)
             if size == 0:
                 self.report.losses.append(
                     f"nothing is stored of {', '.join(group.channels)}; record the log again"
@@ -662,7 +649,7 @@ class Hdf5Log:
                     f"{', '.join(group.channels)}: {whole - size} of {whole} samples at the end "
                     "are not in the file"
                 )
-            first = first_number(time.column, self.end) if time else 0
+            first = first_number(time.column) if time else 0
             if first is None:
                 self.report.losses.append(
                     f"the stamps of {', '.join(group.channels)} cannot be read; "
@@ -767,7 +754,7 @@ class Hdf5Log:
         self, column: SourceColumn, start: int, stop: int, slabs: Slabs
     ) -> tuple[NDArray[Any], NDArray[np.bool_]]:
         """(stored values [start, stop), which of them are lost, and mean nothing)."""
-        lost = unstored(column, start, stop, self.end)
+        lost = unstored(column, start, stop)
         if not lost.any():
             try:
                 return slabs.read(column), lost
@@ -834,7 +821,7 @@ _BESIDE = {*TIME_NAMES, *(name.lower() for name in RATES)}
 def datasets(path: Path, log: str) -> SeriesList:
     """Datasets of numbers, and columns of those that have some.  ReadError: not to be read."""
     try:
-        with opened(path, log)[0] as file:
+        with opened(path, log) as file:
             objects = _matlab_objects(file)
             sized = [one for name in names(file) for one in _columns(file, name, objects)]
             times = [

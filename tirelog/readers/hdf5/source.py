@@ -15,14 +15,10 @@ reference.
 
 from __future__ import annotations
 
-import io
 import math
-import os
 import re
-import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import h5py
@@ -491,23 +487,20 @@ def check_shape(found: SourceColumn) -> None:
     )
 
 
-def first_number(found: SourceColumn, end: int | None = None) -> Any:
-    """The first stored value that can be read and is a number, or None.
-
-    `end` is the size of a file that was cut.
-    """
-    stored = first_stored(found, end)
+def first_number(found: SourceColumn) -> Any:
+    """The first stored value that can be read and is a number, or None."""
+    stored = first_stored(found)
     good = np.flatnonzero(np.isfinite(stored))
     return stored[good[0]] if good.size else None
 
 
-def first_stored(found: SourceColumn, end: int | None) -> NDArray[Any]:
+def first_stored(found: SourceColumn) -> NDArray[Any]:
     """The first of some stored values, looked at together, that hold a number; none if none do."""
     step = min(found.chunk, FIRST_VALUES)
     for start in range(0, len(found), step):
         stop = min(start + step, len(found))
         try:
-            lost = unstored(found, start, stop, end).any()
+            lost = unstored(found, start, stop).any()
             stored = np.zeros(0) if lost else found.read(start, stop)
         except LIBRARY_ERRORS:
             continue
@@ -516,81 +509,31 @@ def first_stored(found: SourceColumn, end: int | None) -> NDArray[Any]:
     return np.zeros(0)
 
 
-# ---- An HDF5 file that was cut off, opened up to the cut.
-#
-# The chunks before the cut can be read; which samples follow it is reported.
+# ---- Chunks that were never written, which the library gives as if they held a number.
 
 
-class PaddedFile(io.FileIO):
-    """A cut file as libhdf5 expects it: `size` bytes long, zeros behind the cut.
-
-    What lies there is never used as data.
-    """
-
-    def __init__(self, path: Path, size: int) -> None:
-        super().__init__(os.open(path, os.O_RDONLY), closefd=False)
-        weakref.finalize(self, os.close, self.fileno())
-        self.size = size
-
-    def seek(self, offset: int, whence: int = 0) -> int:
-        if whence == os.SEEK_END:
-            return super().seek(self.size + offset)
-        return super().seek(offset, whence)
-
-    def readinto(self, buffer: Any) -> int:
-        got = super().readinto(buffer) or 0
-        view = memoryview(buffer).cast("B")
-        view[got:] = bytes(len(view) - got)
-        return len(view)
-
-
-def declared_size(problem: Exception) -> int | None:
-    """The size that a file should have, from what libhdf5 says; None if it says else.
-
-    It says so of a file that was cut off.
-    """
-    match = re.search(r"truncated file.*stored_eof = (\d+)", str(problem))
-    return int(match[1]) if match else None
-
-
-def unstored(found: SourceColumn, start: int, stop: int, end: int | None) -> NDArray[np.bool_]:
-    """True for the samples in [start, stop) that the file does not hold, shape (stop - start,).
-
-    They were never written, or lie behind `end` (the size of a file that was cut).
-    """
+def unstored(found: SourceColumn, start: int, stop: int) -> NDArray[np.bool_]:
+    """True for the samples in [start, stop) that were never written, shape (stop - start,)."""
     dataset, lost = found.dataset, np.zeros(stop - start, bool)
-    if dataset.chunks and not dataset.is_virtual:
-        expected = math.prod(
-            math.ceil(n / c) for n, c in zip(dataset.shape, dataset.chunks, strict=True)
+    if not dataset.chunks or dataset.is_virtual:
+        return lost
+    each = zip(dataset.shape, dataset.chunks, strict=True)
+    if dataset.id.get_num_chunks() >= math.prod(math.ceil(n / c) for n, c in each):
+        return lost
+    for first in range(start - start % found.chunk, stop, found.chunk):
+        corner = tuple(
+            first if i is None else i - i % size
+            for i, size in zip(found.index, dataset.chunks, strict=True)
         )
-        if end is None and dataset.id.get_num_chunks() >= expected:
-            return lost
-        for first in range(start - start % found.chunk, stop, found.chunk):
-            corner = [
-                first if i is None else i - i % size
-                for i, size in zip(found.index, dataset.chunks, strict=True)
-            ]
-            at = dataset.id.get_chunk_info_by_coord(tuple(corner))
-            cut = at.byte_offset is None or (end is not None and at.byte_offset + at.size > end)
-            lost[max(first - start, 0) : first + found.chunk - start] = cut
-    elif end is not None and (offset := dataset.id.get_offset()) is not None:
-        size = dataset.dtype.itemsize
-        strides = [math.prod(dataset.shape[axis + 1 :]) * size for axis in range(dataset.ndim)]
-        base = offset + sum(
-            at * step for at, step in zip(found.index, strides, strict=True) if at is not None
-        )
-        whole = max((end - base - size) // strides[found.axis] + 1, 0)
-        lost[max(whole - start, 0) :] = True
+        is_lost = dataset.id.get_chunk_info_by_coord(corner).byte_offset is None
+        lost[max(first - start, 0) : first + found.chunk - start] = is_lost
     return lost
 
 
-def kept(found: SourceColumn, end: int | None, step: int) -> int:
-    """Samples up to the last one that is stored: what lies behind it was never written or cut off.
-
-    Looks at `step` samples at once.
-    """
+def kept(found: SourceColumn, step: int) -> int:
+    """Samples up to the last one that was written.  Looks at `step` samples at once."""
     for stop in range(len(found), 0, -step):
-        lost = unstored(found, max(stop - step, 0), stop, end)
+        lost = unstored(found, max(stop - step, 0), stop)
         if not lost.all():
             return stop - int(np.argmin(lost[::-1]))
     return 0

@@ -1,9 +1,6 @@
 """What libraries read, as files that are read here: a function for each format of FORMATS.
 
 This file is longer than others, as all formats write columns in one way.
-
-ROS bags as MCAP: ROS 1 by its own definitions, the .db3 of ROS 2 message by message. rosbags makes
-Python code of the definitions in a ROS 1 bag and runs it; so every name in them is looked at first.
 """
 
 from __future__ import annotations
@@ -15,7 +12,6 @@ import re
 import warnings
 import zipfile
 import zlib
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import chain
@@ -301,159 +297,6 @@ def _titles(schema: Any, names: list[str]) -> Iterator[str]:
         yield " ".join(name.split()).replace('"', "'") + (f" [{kind.unit}]" if span else "")
 
 
-# ---- ROS bags as MCAP.
-
-
-_TYPE = re.compile(r"[A-Za-z]\w{0,99}(/[A-Za-z]\w{0,99}){1,3}", re.ASCII)
-_FIELD = re.compile(r"[A-Za-z]\w{0,99}", re.ASCII)
-_HEADER = "std_msgs/msg/Header"
-_ZSTD = b"\x28\xb5\x2f\xfd"
-#: bytes of one message, as for MCAP, and of a chunk that is written
-_MESSAGE_BYTES, _CHUNK_BYTES = 1 << 23, 1 << 20
-#: types of one definition, and values of an array of fixed length in it, for which code is made
-_MOST_TYPES, _MOST_VALUES = 500, 1 << 16
-
-
-def convert_bag(source: Path, target: Path, answer: ReadReport) -> None:
-    """Writes the messages of the bag's topics to `target`.  NoNumbers: it has none."""
-    from mcap.writer import CompressionType, Writer
-
-    with source.open("rb") as file:
-        first = file.read(9) == b"#ROSBAG V"
-    written, lost = 0, Counter[str]()
-    with target.open("wb") as made, _opened(source, target, first) as reader:
-        writer = Writer(made, chunk_size=_CHUNK_BYTES, compression=CompressionType.NONE)
-        writer.start(profile="ros2")
-        channels, readable = {}, []
-        for one in reader.connections:
-            kind = str(one.msgtype)
-            try:
-                text, store = _definition(one, first)
-            # the library's own errors are of several trees, and a definition may be anything
-            except Exception as problem:
-                answer.passed_over.append(f"topic {one.topic} of {kind} ({problem})")
-                continue
-            schema = writer.register_schema(kind, "ros2msg", text.encode())
-            channels[one.id] = writer.register_channel(str(one.topic), "cdr", schema), store
-            readable.append(one)
-        # of an empty list the library gives all
-        for one, time_ns, data in reader.messages(readable) if readable else ():
-            channel, store = channels[one.id]
-            try:
-                cdr = _as_cdr(data, store, one.msgtype)
-                if len(cdr) > _MESSAGE_BYTES or not 0 <= time_ns < 1 << 63:
-                    raise ValueError
-            except MemoryError:
-                raise
-            except Exception:
-                lost[str(one.topic)] += 1
-                continue
-            writer.add_message(channel, time_ns, cdr, time_ns)
-            written += 1
-        writer.finish()
-    answer.losses += [
-        f"topic {topic}: {many} messages are damaged and lost" for topic, many in lost.items()
-    ]
-    if not written:
-        raise NoNumbers("it holds no message that can be read")
-
-
-def _opened(source: Path, target: Path, first: bool) -> Any:
-    """The library's reader.  Its name tells the library what a file is, and may not say more."""
-    from rosbags import rosbag1, rosbag2
-
-    if first:
-        return rosbag1.Reader(source)
-    link = target.with_name("bag.db3")
-    link.symlink_to(source)
-    return rosbag2.Reader(link)
-
-
-def _definition(connection: Any, first: bool) -> tuple[str, Any]:
-    """(definition of a topic's messages as of ROS 2, the store that makes CDR of those of ROS 1).
-
-    ValueError, or one of the library's errors: they cannot be read.
-    """
-    from rosbags.interfaces import MessageDefinitionFormat
-    from rosbags.typesys import Stores, get_typestore
-
-    text, kind = str(connection.msgdef.data), str(connection.msgtype)
-    if first:
-        store = _store(text, kind)
-        return store.generate_msgdef(kind, ros_version=2)[0], store
-    if getattr(connection.ext, "serialization_format", "") != "cdr":
-        raise ValueError("its messages are no CDR")
-    if connection.msgdef.format == MessageDefinitionFormat.NONE:
-        return get_typestore(Stores.LATEST).generate_msgdef(kind, ros_version=2)[0], None
-    if connection.msgdef.format != MessageDefinitionFormat.MSG:
-        raise ValueError("its definition is no .msg")
-    return text, None
-
-
-def _as_cdr(data: bytes, store: Any, kind: str) -> bytes:
-    """A message as CDR, made by the store of ROS 1, or unpacked.  ValueError: it is too large."""
-    if store is not None:
-        return bytes(store.ros1_to_cdr(data, kind))
-    if not data.startswith(_ZSTD):
-        return data
-    import zstandard
-
-    if not 0 <= zstandard.frame_content_size(data) <= _MESSAGE_BYTES:
-        raise ValueError
-    return zstandard.ZstdDecompressor().decompress(data)
-
-
-def _store(text: str, kind: str) -> Any:
-    """A store of the types in a definition of ROS 1.  ValueError: it has a name that is none."""
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-    types = get_types_from_msg(text, kind)
-    check_names(types)
-    constants, fields = types.get(_HEADER, ([], []))
-    if fields and fields[0][0] == "seq":  # which ROS 2 does not have, and the library leaves out
-        types[_HEADER] = constants, fields[1:]
-    store = get_typestore(Stores.EMPTY)
-    store.register(types)
-    if kind not in store.fielddefs:
-        raise ValueError(f"it defines {', '.join(store.fielddefs)[:80]}")
-    return store
-
-
-def check_names(types: dict[str, Any]) -> None:
-    """ValueError: a name in parsed definitions is more than a name, or an array is too long."""
-    if len(types) > _MOST_TYPES:
-        raise ValueError(f"it defines more than {_MOST_TYPES} types")
-    for name, (constants, fields) in types.items():
-        for field, described in fields:
-            _check(field, _FIELD)
-            for word, size in _named(described):
-                _check(word, _TYPE if "/" in word else _FIELD)
-                if size > _MOST_VALUES:
-                    raise ValueError(f"it has an array of {size} values")
-        for field, word, value in constants:
-            _check(field, _FIELD)
-            _check(word, _FIELD)
-            if not isinstance(value, bool | int | float | str):
-                raise ValueError("it has a constant that is none")
-        _check(name, _TYPE)
-
-
-def _check(name: object, pattern: re.Pattern[str]) -> None:
-    if not isinstance(name, str) or not pattern.fullmatch(name):
-        raise ValueError(f"{str(name)[:40]!r} is no name")
-
-
-def _named(described: Any) -> Iterable[tuple[str, int]]:
-    """(name of a type, length of an array of it) in the library's description of a field."""
-    kind, inside = described
-    if int(kind) == 1:  # a number or a text
-        yield str(inside[0]), int(inside[1])
-    elif int(kind) == 2:
-        yield str(inside), 0
-    else:
-        yield from ((word, max(size, int(inside[1]))) for word, size in _named(inside[0]))
-
-
 # ---- MDF measurements (versions 3 and 4) as HDF5: a group per clock, its channels and their times.
 #
 # Numbers go through the conversions that the file states. One that is a formula is handed to
@@ -608,81 +451,6 @@ def _tdms_pieces(channel: Any) -> Iterator[NDArray[Any]]:
 
 def _number(value: object) -> float | None:
     return float(value) if isinstance(value, int | float | np.number) else None
-
-
-# ---- Universal files (UFF, sets 58 and 58b) as HDF5: a group per set, its values and its times.
-
-
-#: kinds of function of a set: a general one, a time response; of its axis: unknown, time
-_IN_TIME, _TIME_AXES = (0, 1), (0, 17)
-#: bytes at the end in which a set's end is
-_END_BYTES = 400
-_DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
-
-
-def convert_uff(source: Path, target: Path, answer: ReadReport) -> None:
-    """Writes the sets that are signals in time to `target`."""
-    import pyuff
-
-    with source.open("rb") as stream:
-        stream.seek(max(source.stat().st_size - _END_BYTES, 0))
-        if not stream.read().rstrip().endswith(b"    -1"):
-            answer.losses.append(
-                "the file does not end with the end of a set: a last one may be lost; copy it again"
-            )
-    file = pyuff.UFF(str(source))
-    with new_datasets(target, answer) as to:
-        for number, kind in enumerate(np.atleast_1d(file.get_set_types())):
-            if int(kind) != 58:
-                continue
-            name = f"set_{number + 1}"
-            try:
-                one = file.read_sets(number)
-            except MemoryError:
-                raise
-            # the library says no more than that it could not
-            except Exception:
-                answer.losses.append(f"{name} is damaged and lost; copy the file again")
-                continue
-            if why := _no_signal(one):
-                answer.passed_over.append(f"{name} is {why}")
-                continue
-            _write(to, f"{name}{_place(one)}", one)
-            missing = int(one.get("num_pts", 0)) - len(one["data"])
-            if missing > 0:
-                answer.losses.append(
-                    f"{name}: {missing} of {one['num_pts']} values are not in the file; "
-                    "copy it again"
-                )
-
-
-def _no_signal(one: dict[str, Any]) -> str:
-    """Why a set is no signal in time; '' if it is one."""
-    if np.iscomplexobj(one["data"]) or one.get("func_type", 0) not in _IN_TIME:
-        return f"no signal in time (function {one.get('func_type')})"
-    if one.get("abscissa_spec_data_type", 0) not in _TIME_AXES:
-        return f"over no time (axis {one.get('abscissa_spec_data_type')})"
-    return ""
-
-
-def _place(one: dict[str, Any]) -> str:
-    """The node and direction of a set, as part of a name."""
-    node, direction = one.get("rsp_node", 0), _DIRECTIONS.get(one.get("rsp_dir", 0), "")
-    return f"_node_{node}{'_' if direction else ''}{direction}" if node else ""
-
-
-def _write(to: Datasets, name: str, one: dict[str, Any]) -> None:
-    group = to.group(name)
-    unit = str(one.get("ordinate_axis_units_lab", "") or "").strip()
-    even = one.get("abscissa_spacing", 0) == 1
-    attributes = {"units": unit if unit.upper() != "NONE" else None}
-    if even:
-        attributes["dt"] = one.get("abscissa_inc")
-        attributes["start_s"] = one.get("abscissa_min")
-    many = max(int(one.get("num_pts", 0)), 0)  # behind them stand line ends and padding
-    to.add(group, "values", [np.asarray(one["data"])[:many]], attributes)
-    if not even:
-        to.add(group, "time", [np.asarray(one["x"])[:many]], {"units": "s"})
 
 
 # ---- MATLAB 5 to 7.2 as HDF5, laid out as MATLAB 7.3 writes it: axes turned round.

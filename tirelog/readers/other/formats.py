@@ -72,27 +72,8 @@ FORMATS = {
         "excel",
     ),
     "zip": ConvertedFormat(rb"PK\x03\x04", "a zip archive", "zip", "", "zipfile"),
-    "ROS bag": ConvertedFormat(
-        rb"#ROSBAG V|SQLite format 3\x00",
-        "a ROS bag",
-        "bag",
-        "MCAP",
-        "rosbags",
-        "rosbags",
-        "ros",
-        ("mcap.writer", "rosbags.rosbag1", "rosbags.rosbag2", "rosbags.typesys", "zstandard"),
-    ),
     "MDF": ConvertedFormat(
         rb"MDF     |UnFinMF ", "an MDF measurement", "mdf", "HDF5", "asammdf", "asammdf", "mdf"
-    ),
-    "UFF": ConvertedFormat(  # a set begins with -1 alone, then the number of its kind
-        rb"\s{0,80}?(?:^|\n)(?: {4}-1 *\r?\n){1,2} {0,5}\d{1,4}[bB]? *[\r\n\d]",
-        "a universal file (UFF)",
-        "uff",
-        "HDF5",
-        "pyuff",
-        "pyuff",
-        "uff",
     ),
 }
 #: format -> a regular expression of its first bytes, of all that are read and no text
@@ -107,11 +88,12 @@ _NUMPY = (
     "a = a.T if a.ndim == 2 and len(a) < a.shape[1] else a; "
     "pandas.DataFrame(a).to_csv('log.csv', index=False, header=bool(a.dtype.names))\""
 )
-#: first bytes -> (name, how to make of it what is read)
+_TO_MCAP = "rosbags-convert --src FILE --dst log --dst-storage mcap"
+#: (a regular expression of the first bytes, name, how to make of it what is read)
 _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
     (b"\x93NUMPY", "a numpy array", _NUMPY),
     (b"LOGG\x90\0\0\0", "a CAN log of Vector (.blf)", "export it as csv or mat"),
-    (b"|CF,", "a measurement of imc", "export it as csv, mat or tdms"),
+    (b"[|]CF,", "a measurement of imc", "export it as csv, mat or tdms"),
     (b"\x94\x13", "a binary file of catman", "export it as ASCII or MATLAB"),
     (b"MULTI_STREAM_FIL", "a measurement of Dewesoft", "export it as csv, mat or mdf"),
     (b"<hCNF", "a log of AiM (.xrk)", "export it from Race Studio as csv"),
@@ -120,6 +102,13 @@ _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
     (b"\xd7\0\0\0lf3", "a log of Link (.llg)", "export it from PCLink as csv"),
     (b"ULog\x01\x12\x35", "a log of PX4 (.ulg)", "ulog2csv FILE"),
     (b"\xa3\x95\x80", "a log of ArduPilot (.bin)", "mavlogdump.py --format csv --types IMU FILE"),
+    (b"#ROSBAG V", "a ROS bag", _TO_MCAP),
+    (b"SQLite format 3\0", "a database, as a ROS bag is", _TO_MCAP),
+    (  # a set begins with -1 alone, then the number of its kind
+        rb"\s{0,80}?(?:^|\n)(?: {4}-1 *\r?\n){1,2} {0,5}\d{1,4}[bB]? *[\r\n\d]",
+        "a universal file (UFF)",
+        "export it as csv or mat",
+    ),
     (b"CDF\x01", "a classic netCDF file", "nccopy -k netCDF-4 FILE log.nc"),
     (b"CDF\x02", "a classic netCDF file", "nccopy -k netCDF-4 FILE log.nc"),
     (b"\xd4\xc3\xb2\xa1", "a capture of a network (.pcap)", "export its signals as csv"),
@@ -141,7 +130,7 @@ def name_of(head: bytes) -> str:
 
 def refuse_foreign(head: bytes, log: str) -> None:
     """ReadError: a format that is known and not read."""
-    found = next((one for one in _FOREIGN if head.startswith(one[0])), None)
+    found = next((one for one in _FOREIGN if re.match(one[0], head)), None)
     if found is not None:
         with_extras = ", ".join(name for name, one in FORMATS.items() if one.extra)
         raise ReadError(

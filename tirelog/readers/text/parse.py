@@ -2,9 +2,9 @@
 
 Pure functions without state, so that several blocks are parsed at once.
 
-    block (bytes) --plain_rows: rows like the layout says, as far as they go--> Parsed
-                  --odd_rows: a piece cell by cell, if a row differs--> Parsed
-                                and on with the next row
+    block (bytes) --plain_rows: pyarrow, if all rows are like the layout says--> Parsed
+                  --its halves, if one is not, down to a piece
+                    --odd_rows: cell by cell--> Parsed
 
 Both give the same values: numbers are rounded to the nearest float64. The second way is the
 simplest code, as few rows take it; it says which line and which cell it could not read.
@@ -12,9 +12,9 @@ simplest code, as few rows take it; it says which line and which cell it could n
 
 from __future__ import annotations
 
+import csv
 import math
 import re
-from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -23,26 +23,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
+from pyarrow.csv import ConvertOptions, ParseOptions, ReadOptions, read_csv
 
 from tirelog.readers.text.columns import Columns
-from tirelog.readers.text.kernels import (
-    BETWEEN,
-    CELL_SPAN,
-    FLOAT,
-    GUIDE,
-    HARD,
-    LARGEST,
-    SPAN,
-    TICK,
-    TICK_PLACES,
-    Block,
-    bytes_of,
-    parse_rows,
-    unquoted,
-)
-from tirelog.readers.text.layout import LOST_WORDS, Layout, ungrouped
-from tirelog.readers.text.times import MISSING, Nanoseconds, column_ns
+from tirelog.readers.text.layout import LOST_WORDS, Layout, split_cells, ungrouped
+from tirelog.readers.text.times import MISSING, Nanoseconds, bytes_of, column_ns
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 # ---- What a block of text becomes, and the few steps that both ways of parsing it share.
@@ -50,6 +37,11 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 # RowPlan (what to take out of every block) + block --> Parsed (a block's rows as arrays)
 
 
+#: what is between cells in place of a separator that quoted cells hold, too: the unit separator
+BETWEEN = "\x1f"
+#: most decimals of a tick, an int64 count
+TICK_PLACES = 9
+LARGEST = np.iinfo(np.int64).max
 _TIMED = re.compile(rb"(?m)^(\d{1,2}[-:]\d{1,2}[-:]\d{1,2}(?:\.\d+)?):[ \t]+")
 #: an error code that is not 0, in a cell that may join several
 ERROR_CODE = rb"(?:^|[;, |])[ +]*0*[1-9-]"
@@ -154,24 +146,19 @@ class RowPlan:
         return len(wanted) == len({*wanted}) and inside
 
     @cached_property
-    def roles(self) -> dict[int, tuple[int, int]]:
-        """What the compiled pass makes of each column that is wanted, and its place among such."""
-        columns = self.columns
-        whats = dict.fromkeys(columns.values.values(), FLOAT)
-        whats |= {k: SPAN for k in (columns.clock, columns.errors) if k is not None}
+    def types(self) -> dict[int, pa.DataType]:
+        """What is made of each column that is wanted: floats, counts of ticks, bytes."""
+        columns, count = self.columns, pa.decimal128(19, self.tick_places)
+        types = dict.fromkeys(columns.values.values(), pa.float64())
+        types |= {k: pa.binary() for k in (columns.clock, columns.errors) if k is not None}
         if columns.time is not None:
-            number = TICK if self.exact else FLOAT
-            whats[columns.time] = number if columns.form == "number" else SPAN
+            number = count if self.exact else pa.float64()
+            types[columns.time] = number if columns.form == "number" else pa.binary()
         if columns.number is not None:
-            whats[columns.number] = FLOAT
+            types[columns.number] = pa.float64()
         if columns.peaks:
-            whats |= dict.fromkeys([*self.fronts, *self.listed(self.across)], FLOAT)
-        before = Counter[int]()
-        roles = {}
-        for k, what in whats.items():
-            roles[k] = what, before[what]
-            before[what] += 1
-        return roles
+            types |= dict.fromkeys([*self.fronts, *self.listed(self.across)], pa.float64())
+        return types
 
     @property
     def fronts(self) -> range:
@@ -196,32 +183,53 @@ class RowPlan:
         return [*{*columns.values.values()}, *(k for k in more if k is not None)]
 
 
-def normalized(layout: Layout, block: Block) -> Block:
-    """The block with `between(layout)` between cells and without quotes.
+def between(layout: Layout) -> str:
+    """What is between the cells of a normalized block."""
+    return BETWEEN if layout.enclosed else layout.separator
+
+
+def normalized(layout: Layout, block: bytes) -> bytes:
+    """The block with `between(layout)` between cells, without quotes and blanks around them.
 
     Its last row ends with a newline.
     """
-    quote = layout.quote.encode()
+    separator = between(layout).encode()
     if layout.grouping:
-        text = bytes(block).decode(layout.encoding, errors="surrogateescape")
+        text = block.decode(layout.encoding, errors="surrogateescape")
         text = ungrouped(text, *layout.grouping)
         block = text.encode(layout.encoding, errors="surrogateescape")
     if layout.enclosed:
-        data = bytes_of(block)
-        out = np.empty(data.size, np.uint8)
-        block = out[: unquoted(data, ord(quote), ord(layout.separator), out)].tobytes()
-    elif quote in block:
-        block = block.translate(None, quote)
+        block = unquoted(layout, block)
+    elif layout.quote.encode() in block:
+        block = block.translate(None, layout.quote.encode())
     if layout.timed:
-        block = _TIMED.sub(rb"\1" + bytes([between(layout)]), block)
+        block = _TIMED.sub(rb"\1" + separator, block)
     if not block.endswith(b"\n"):
         block += b"\n"
     if layout.separator == " ":
-        block = single_blanks(block)
+        return single_blanks(block)
+    around = (b" " + separator, separator + b" ", b"\n ")
+    if b" " in block and any(pair in block for pair in around):
+        block = re.sub(rb" *([\r\n" + re.escape(separator) + rb"]) *", rb"\1", block)
     return block
 
 
-def single_blanks(block: Block) -> bytes:
+def unquoted(layout: Layout, block: bytes) -> bytes:
+    """A block whose cells hold separators within quotes, with BETWEEN between them."""
+    lines = block.decode("latin-1").split("\n")
+    rows = list[list[str]]()
+    with suppress(csv.Error):
+        read = csv.reader(
+            lines, delimiter=layout.separator, quotechar=layout.quote, skipinitialspace=True
+        )
+        rows = list(read)
+    if len(rows) != len(lines):  # quotes that do not end with their line
+        alike = (line.replace(layout.quote, '"') for line in lines)
+        rows = [split_cells(line, layout.separator) for line in alike]
+    return "\n".join(map(BETWEEN.join, rows)).encode("latin-1")
+
+
+def single_blanks(block: bytes) -> bytes:
     """A block, which a newline ends, with one blank for each run of blanks and tabs.
 
     At the ends of lines there is none.
@@ -234,11 +242,6 @@ def single_blanks(block: Block) -> bytes:
     kept = ~blank
     kept[firsts[(firsts > 0) & (data[firsts - 1] != 10) & ~at_end]] = True
     return bytes(np.where(blank, np.uint8(32), data)[kept])
-
-
-def between(layout: Layout) -> int:
-    """The byte between the cells of a normalized block."""
-    return BETWEEN if layout.enclosed else ord(layout.separator)
 
 
 def stamps_ns(
@@ -316,13 +319,13 @@ def number_of(cell: bytes, decimal: str) -> tuple[float, bool]:
     return (math.nan if math.isinf(number) else number), math.isnan(number)
 
 
-def odd_rows(plan: RowPlan, line: int, block: Block) -> Parsed:
+def odd_rows(plan: RowPlan, line: int, block: bytes) -> Parsed:
     """The block, which a newline ends, row by row; `line` is the number of its first line."""
     layout, columns, decimal = plan.layout, plan.columns, plan.layout.decimal
-    separator = bytes([between(layout)])
+    separator = between(layout).encode()
     lines = [
         (number, [cell.strip(b" \r") for cell in text.split(separator)])
-        for number, text in enumerate(bytes(block).split(b"\n")[:-1], line)
+        for number, text in enumerate(block.split(b"\n")[:-1], line)
         if text.strip(b" \r")  # blank lines by the million cost no lists of cells
     ]
     stamps = _stamps_of(plan, [cells for _, cells in lines])
@@ -413,107 +416,115 @@ def _tick(cell: str, places: int) -> int:
         return MISSING
 
 
-# ---- Rows of a block that are like the layout says, in one compiled pass.
+# ---- Rows of a block that are like the layout says, by pyarrow's reader of CSV.
 #
 # This is the way that nearly all rows of nearly all logs take.
 #
-#     block, first byte --kernels.parse_rows--> columns of floats, ticks, spans
-#                       --cells that it left, one by one; times: stamps--> Parsed, byte behind
+#     block --padded--> rows of one width --pyarrow--> columns of floats, ticks, bytes
+#                                         --times: stamps--> Parsed
 
 
-#: rows of one pass, and cells that it may leave to a slower parser
-_ROWS, _HARD = 1 << 16, 1 << 15
+#: words for a lost number in the spellings that are looked for; others are read cell by cell
+_LOST = [spelt(word) for word in LOST_WORDS for spelt in (str, str.upper, str.capitalize)]
 
 
-def plain_rows(plan: RowPlan, block: Block, at: int) -> tuple[Parsed, int, bool]:
-    """(rows from the byte `at` on, byte behind them, whether a row for the careful way follows).
-
-    A newline ends the block; `plan.regular` is true.  Lines of `bad_cells` count from 0 at `at`.
-    """
-    columns, roles = plan.columns, plan.roles
-    guides = np.zeros(plan.across, GUIDE)
-    for k, (what, slot) in roles.items():
-        guides[k] = what, slot, plan.tick_places, 0, 0
-    # if all are of the first one's length
-    lines = min((len(block) - at) // (block.find(b"\n", at) + 1 - at) + 1, _ROWS)
-    many = Counter(what for what, _ in roles.values())
-    floats, ticks = np.empty((many[FLOAT], lines)), np.empty((many[TICK], lines), np.int64)
-    spans = np.empty((many[SPAN], lines), CELL_SPAN)
-    begins, hard = np.empty(lines, np.int64), np.empty(_HARD + plan.across, HARD)
-    size, stop, used = parse_rows(
-        bytes_of(block), at, guides, between(plan.layout), ord(plan.layout.decimal), plan.least,
-        plan.layout.ragged and not columns.peaks, begins, floats, ticks, spans, hard,
-    )  # fmt: skip
-    full = used > _HARD or size == lines
-    if 2 * size < lines:  # what is kept must not hold what is not
-        floats, ticks = floats[:, :size].copy(), ticks[:, :size].copy()
+def plain_rows(plan: RowPlan, block: bytes) -> Parsed:
+    """The rows of a normalized block.  ValueError: one is not like the layout says."""
+    layout, columns = plan.layout, plan.columns
+    table = read_csv(
+        pa.BufferReader(_padded(plan, block)),
+        ReadOptions(
+            use_threads=False,
+            block_size=2 * len(block) + 1024,
+            column_names=[str(k) for k in range(plan.across)],
+        ),
+        ParseOptions(delimiter=between(layout), quote_char=False),
+        ConvertOptions(
+            column_types={str(k): kind for k, kind in plan.types.items()},
+            include_columns=[str(k) for k in plan.types],
+            null_values=_LOST,
+            decimal_point=layout.decimal,
+            check_utf8=False,
+        ),
+    )
 
     def numbers(k: int) -> FloatArray:
-        return floats[roles[k][1], :size]
+        valid, stored = table[str(k)].combine_chunks().buffers()
+        found = np.frombuffer(stored, np.float64, table.num_rows)
+        if np.isinf(found).any():
+            raise ValueError("a number that is none")
+        if valid is None:
+            return found
+        known = np.unpackbits(bytes_of(valid), count=table.num_rows, bitorder="little")
+        return np.where(known, found, np.nan)
 
     def cells(k: int) -> tuple[NDArray[np.uint8], IntArray, IntArray]:
-        of_column = spans[roles[k][1], :size]
-        return bytes_of(block), of_column["first"], of_column["stop"]
+        _, offsets, data = table[str(k)].combine_chunks().buffers()
+        places = np.frombuffer(offsets, np.int32, table.num_rows + 1).astype(np.int64)
+        return bytes_of(data or b""), places[:-1], places[1:]
 
     def texts(k: int) -> list[bytes]:
-        _, firsts, stops = cells(k)
-        return [bytes(block[a:b]) for a, b in zip(firsts.tolist(), stops.tolist(), strict=True)]
+        found: list[bytes] = table[str(k)].to_pylist()
+        return found
 
-    listed = plan.listed(plan.across)
-    bad_cells = []
-    for row, k, first, behind in hard[:used].tolist():
-        cell = bytes(block[first:behind])
-        number, unread = number_of(cell, plan.layout.decimal)
-        floats[roles[k][1], row] = number
-        if unread and (k in columns.values.values() or k in listed):
-            bad_cells.append((row, shown(plan.layout, cell)))
     stamps: Nanoseconds | FloatArray | None = None
     if columns.time is not None and columns.form != "number":
         stamps = stamps_ns(plan, cells)
     elif columns.time is not None:
-        stamps = (ticks if plan.exact else floats)[roles[columns.time][1], :size]
-    if stamps is not None and (missing := unreadable(stamps)).any():  # the rows before it are good
-        size = int(np.argmax(missing))
-        stop, full, stamps = int(begins[size]), False, stamps[:size]
-        bad_cells = [bad for bad in bad_cells if bad[0] < size]
-    out = taken_out(plan, numbers, texts, listed, size)
-    out.stamps, out.bad_cells = stamps, bad_cells
-    return out, stop, stop < len(block) and not full
+        stamps = _ticks(table[str(columns.time)]) if plan.exact else numbers(columns.time)
+    if stamps is not None and unreadable(stamps).any():
+        raise ValueError("no readable time")
+    out = taken_out(plan, numbers, texts, plan.listed(plan.across), table.num_rows)
+    out.stamps = stamps
+    return out
 
 
-#: bytes that are read carefully at once, from a row on that is unlike the others: more if the
-#: next such row follows soon, and at most so many, as cells need much memory
-_PIECE_BYTES, _MOST_PIECE_BYTES = 1 << 12, 1 << 18
+def _padded(plan: RowPlan, block: bytes) -> bytes:
+    """The block with rows of as many cells as are looked at, if not all of them have so many.
+
+    ValueError: a row lacks cells that are wanted, or has more than the layout allows.
+    """
+    if plan.least == plan.across and not plan.layout.ragged:
+        return block
+    separator, rows = between(plan.layout).encode(), []
+    for line in block.split(b"\n"):
+        line = line.rstrip(b" \r")
+        more = plan.across - 1 - line.count(separator)
+        if line and more < 0 and plan.layout.ragged and not plan.columns.peaks:
+            line = separator.join(line.split(separator, plan.across)[: plan.across])
+        elif line and not 0 <= more <= plan.across - plan.least:
+            raise ValueError("a row of another width")
+        rows.append(line + separator * more if line else line)
+    return b"\n".join(rows)
 
 
-def parse_block(plan: RowPlan, block: Block) -> Parsed:
+def _ticks(column: pa.ChunkedArray) -> IntArray:
+    """Decimals as counts of their last place.  ValueError: one is none that int64 holds."""
+    stored = column.combine_chunks().buffers()[1]
+    halves = np.frombuffer(stored, np.int64, 2 * len(column)).reshape(-1, 2)
+    if column.null_count or (halves[:, 1] != halves[:, 0] >> 63).any():
+        raise ValueError("no readable time")
+    return halves[:, 0]
+
+
+#: bytes that are read cell by cell, at most, if one of their rows is unlike the others
+_PIECE_BYTES = 1 << 12
+
+
+def parse_block(plan: RowPlan, block: bytes) -> Parsed:
     """The rows of one block, whose lines count from 0."""
-    if not block.strip():
-        return Parsed(
-            {column: np.zeros(0) for column in plan.columns.values.values()},
-            lines=block.count(b"\n"),
-        )
-    block = normalized(plan.layout, block)
-    parts, line, at, piece, careful = (
-        [],
-        0,
-        0,
-        _PIECE_BYTES if plan.regular else _MOST_PIECE_BYTES,
-        True,
-    )
-    while at < len(block):
-        if plan.regular:
-            begin = at
-            parsed, at, careful = plain_rows(plan, block, at)
-            parsed.bad_cells = [(line + row, what) for row, what in parsed.bad_cells]
-            line += parsed.size
-            parts.append(parsed)
-            piece = _PIECE_BYTES if at - begin > piece else min(4 * piece, _MOST_PIECE_BYTES)
-        if careful and at < len(block):
-            stop = block.find(b"\n", at + piece) + 1 or len(block)
-            parts.append(odd_rows(plan, line, block[at:stop]))
-            line += block.count(b"\n", at, stop)
-            at = stop
-    parsed = concatenated_rows(parts)
-    parsed.lines = line
+    parsed = concatenated_rows(_parts(plan, 0, normalized(plan.layout, block)))
+    parsed.lines = block.count(b"\n")
     return parsed
+
+
+def _parts(plan: RowPlan, line: int, block: bytes) -> list[Parsed]:
+    """The rows of a block of whole lines, of which the first has the number `line`."""
+    if plan.regular:
+        with suppress(ValueError):
+            return [plain_rows(plan, block)]
+    half = block.find(b"\n", len(block) // 2) + 1
+    if len(block) <= _PIECE_BYTES or half == len(block) or not block.strip():
+        return [odd_rows(plan, line, block)]
+    first, second = block[:half], block[half:]
+    return _parts(plan, line, first) + _parts(plan, line + first.count(b"\n"), second)

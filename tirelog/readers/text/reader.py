@@ -58,7 +58,6 @@ from tirelog.readers.text.columns import (
     successive,
     time_unit,
 )
-from tirelog.readers.text.kernels import LARGEST, TICK_PLACES
 from tirelog.readers.text.layout import (
     LOST_WORDS,
     Layout,
@@ -67,7 +66,7 @@ from tirelog.readers.text.layout import (
     sniff,
     split_cells,
 )
-from tirelog.readers.text.parse import Parsed, RowPlan, parse_block
+from tirelog.readers.text.parse import LARGEST, TICK_PLACES, Parsed, RowPlan, parse_block
 from tirelog.readers.text.peaks import GratingTracker
 from tirelog.readers.text.source import LONGEST_LINE_BYTES, ByteSource
 from tirelog.readers.text.times import MISSING, ROUNDS_NS, month_first, unwrapped

@@ -22,20 +22,26 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.readers.text.kernels import Bytes, bytes_of
 from tirelog.vocabulary.arrays import IntArray
 
 Nanoseconds = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
 #: in place of a time that cannot be read
 MISSING = np.iinfo(np.int64).min
 #: what a byte of a time is: a byte like the pattern's, or a digit of a field
 AS_IT_IS, YEAR, MONTH, DAY, HOUR, MINUTE, SECOND, FRACTION, HALF_DAY_HOUR, UNUSED = range(10)
 #: years that int64 holds in nanoseconds from 1970
 _FIRST_YEAR, _LAST_YEAR = 1678, 2261
+
+
+def bytes_of(block: Any) -> Bytes:
+    """The bytes of a block as an array."""
+    return np.frombuffer(block, np.uint8)
 
 
 def times_alike(
