@@ -338,7 +338,7 @@ def _footprint(work: Work, options: Options) -> Part:
 
 def _check_footprint(options: Options) -> None:
     """UsageError for an impossible low-pass or ratio of frictions."""
-    from tirelog.strain.footprint.slip_onset import FrictionRatio
+    from tirelog.strain.footprint.measure import FrictionRatio
 
     cutoff_in(options)
     FrictionRatio.given(options.get("friction_ratio"))
@@ -350,7 +350,7 @@ def _footprint_by_strain(recording: Recording, options: Options) -> bool:
 
 
 def _footprint_of_accelerometers(recording: Recording, options: Options) -> Iterator[Part]:
-    from tirelog.strain.footprint.fronts import accelerometer_footprints
+    from tirelog.strain.footprint.footprint import accelerometer_footprints
     from tirelog.strain.speed import not_turning
 
     found = accelerometer_footprints(recording)
@@ -385,7 +385,7 @@ def _steady_step_m_s(options: Options) -> float:
 
 
 def _phase_shift(recording: Recording, options: Options) -> Iterator[Part]:
-    from tirelog.wheel.table import measure_with
+    from tirelog.wheel.calibration import measure_with
 
     calibration = _calibration(options)
     zero, forces = str(options.get("zero", "auto")), bool(options.get("forces", False))
@@ -405,7 +405,7 @@ def phase_shift_parts(
     found: Iterable[EdgeTimes], calibration: Calibration | None
 ) -> Iterator[Part]:
     """The rows of one log, accelerometer by accelerometer."""
-    from tirelog.wheel.table import table
+    from tirelog.wheel.calibration import table
 
     for p in found:
         columns = table(p, calibration)

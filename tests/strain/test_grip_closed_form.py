@@ -16,7 +16,7 @@ from tirelog.strain.slip import (
     refuse_frictions,
     strain_shift_of,
 )
-from tirelog.wheel.table import wheel_angle_of
+from tirelog.wheel.phase_shift import wheel_angle_of
 
 ONE = np.ones((1, 1))
 BRAKES = np.array([-3.0, -3.0, -0.3])
