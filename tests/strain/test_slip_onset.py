@@ -9,7 +9,6 @@ from tests.strain.conftest import lopsided, make_drive
 from tests.strain.strain_truth import Beam, Ring
 from tirelog.simulation import Scenario, simulate, to_recording
 from tirelog.simulation.scenario.schema import Manoeuvre, Planted, Sensor
-from tirelog.strain.footprint import measure
 from tirelog.strain.footprint.footprint import choose_form, footprint
 from tirelog.strain.footprint.measure import NO_FORM, TOO_SMALL
 from tirelog.strain.passages.find import find_passages
@@ -164,24 +163,3 @@ def test_a_form_is_learnt_of_passages_that_roll_freely():
     assert np.isfinite(error).sum() > 0.4 * np.isfinite(onset).sum()
     assert np.sqrt(np.nanmean(error**2)) < 0.0015
     assert np.mean(np.abs(error) < 0.005) > 0.98
-
-
-def test_onsets_that_start_from_others_are_as_true_as_those_looked_for(radius_m, monkeypatch):
-    """Most passages start from the onset of one that was looked for everywhere."""
-    followed = []
-    plain = measure.followed_onsets
-
-    def counted(windows, form, waves, found, *asked):
-        plain(windows, form, waves, found, *asked)
-        followed.append(np.isfinite(found["best"]))
-
-    monkeypatch.setattr(measure, "followed_onsets", counted)
-    errors, seen = [], []
-    for searched in (measure.SEARCHED, 10**6):
-        monkeypatch.setattr(measure, "SEARCHED", searched)
-        logs = [Mixed(radius_m, 14.0, 0.15, seed, 2.0) for seed in (1670, 1671)]
-        errors.append(np.sqrt(np.mean(np.concatenate([log.error_m for log in logs]) ** 2)))
-        seen.append(np.mean([log.seen.sum() / log.slips.sum() for log in logs]))
-    assert np.concatenate(followed).mean() > 0.9
-    assert errors[0] < 1.1 * errors[1]
-    assert seen[0] > seen[1] - 0.02

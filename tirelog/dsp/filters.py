@@ -461,8 +461,7 @@ def outliers(x: FloatArray, least: FloatArray | float) -> BoolArray:
 
 def medians_beside(x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Medians of the BESIDE values before each of x (n,), and of those after it, (n,) each."""
-    beside = np.pad(x, BESIDE, mode="reflect")
-    medians = np.median(sliding_window_view(beside, BESIDE), axis=1)
+    medians = np.median(sliding_window_view(np.pad(x, BESIDE, mode="reflect"), BESIDE), axis=1)
     return medians[: x.size], medians[BESIDE + 1 : BESIDE + 1 + x.size]
 
 

@@ -346,8 +346,7 @@ def steady_stretches(
     with np.errstate(invalid="ignore"):
         joined = (np.abs(np.diff(speed_m_s)) < step_m_s) & next_known[:-1]
     after, before = np.append(joined, False), np.append(False, joined)
-    stretch = np.where(after | before, np.cumsum(after & ~before) - 1, -1)
-    return stretch[: speed_m_s.size]
+    return np.where(after | before, np.cumsum(after & ~before) - 1, -1)[: speed_m_s.size]
 
 
 def moving_average(values: FloatArray, stretch: IntArray) -> FloatArray:
@@ -773,8 +772,7 @@ def regressions(
 
     The regressions are rows of a table; None if there are too few revolutions.
     """
-    clean = good(found.dissipation.quality)
-    stretch = np.where(clean, found.dissipation.stretch, -1)
+    stretch = np.where(good(found.dissipation.quality), found.dissipation.stretch, -1)
     lines = [
         regression(name, found.passages.speed_m_s, found.columns[name], stretch)
         for name in ("dissipation_factor_1_m", "specific_power_m3_s2")

@@ -362,9 +362,8 @@ def _remarks(
     pressure: Channel | None,
 ) -> tuple[str, ...]:
     """What the summary says of a channel."""
-    ramps = int((found["stretch"] == "ramp").sum())
-    leaks = found["leak"][np.nan_to_num(found["leak"]) != 0]
-    text = f"{channel.name}: {ramps} ramp(s), {int((found['stretch'] == 'stop').sum())} stop(s)"
+    names, leaks = found["stretch"].tolist(), found["leak"][np.nan_to_num(found["leak"]) != 0]
+    text = f"{channel.name}: {names.count('ramp')} ramp(s), {names.count('stop')} stop(s)"
     if np.isfinite(found["strain_slope_1_Pa"][0]):
         text += (
             f"; {1e11 * found['strain_slope_1_Pa'][0]:.2f} microstrain/bar, straight to "
@@ -374,13 +373,13 @@ def _remarks(
         text += (
             f"; strain lost at stops {', '.join(f'{1e6 * leak:.1f}' for leak in leaks)} microstrain"
         )
+    static = recording.setup.tire.static_footprint_length_m
     remarks = [text]
     if pressure is None:
         remarks.append(
             "no inflation_pressure channel: rates in time only; name one in the setup, or divide "
             "strain_change by the change of the pressure"
         )
-    static = recording.setup.tire.static_footprint_length_m
     if static is not None:
         remarks.append(f"static footprint of the setup: {1e3 * static:.1f} mm")
     return tuple(remarks)

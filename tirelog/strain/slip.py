@@ -292,25 +292,20 @@ def grip_of(
             static_friction * friction.se,
         )
         told = int(np.isfinite(columns["adhesion_share"]).sum())
-        remarks = [
+        said = (
             f"{found.channel.name}: an onset of slip in {told} of {len(found.passages)} passages; "
             f"friction by the brush with {static_friction:g} sticking, {sliding:.3g} sliding and "
             f"{stiffness_ratio:g} times the stiffness that slides as a whole at slip 1 only"
-        ]
-        if load is None:
-            remarks.append("no forces: the setup's [conditions] has no load_N")
-        else:
-            remarks.append(
+        )
+        of_forces = "no forces: the setup's [conditions] has no load_N"
+        if load is not None:
+            signed = int(np.isfinite(columns["longitudinal_force_N"]).sum())
+            of_forces = (
                 f"forces take the passage of median length to carry {load:g} N, and the length to "
-                f"grow as load^{load_exponent:g}"
+                f"grow as load^{load_exponent:g}; {told - signed} longitudinal forces are empty: "
+                f"below {SIGN_M_S2:g} m/s^2 the acceleration does not tell drive from braking"
             )
-            unsigned = told - int(np.isfinite(columns["longitudinal_force_N"]).sum())
-            if unsigned:
-                remarks.append(
-                    f"{unsigned} longitudinal forces are empty: below {SIGN_M_S2:g} m/s^2 the "
-                    "acceleration does not tell drive from braking"
-                )
-        yield TableRows(columns, (*found.remarks, *remarks))
+        yield TableRows(columns, (*found.remarks, said, of_forces))
 
 
 def refuse_frictions(
@@ -363,8 +358,7 @@ def grip_columns(
         np.asarray(footprint[n], float) for n in ("length_se_m", "slip_onset_se_m")
     )
     with np.errstate(invalid="ignore", divide="ignore"):
-        raw = onset / length + 0.5
-        share = np.clip(raw, 0.0, 1.0)
+        share = np.clip(onset / length + 0.5, 0.0, 1.0)
         share_se = np.hypot(onset_se, onset / length * length_se) / length
         used = friction_used(share, static_friction, sliding_friction)
         u = 2.0 * share - 1.0
@@ -373,9 +367,8 @@ def grip_columns(
         by_sliding = friction_used(share, 0.0, 1.0) * sliding_se
         every = np.linspace(0.0, 1.0, 1001)
         most = friction_used(every, static_friction, sliding_friction)
-        peak = every[np.argmax(most)]
         # beyond the peak more slip gives less: nothing is left
-        left = np.where(share > peak, 1.0 - used / most.max(), 0.0)
+        left = np.where(share > every[np.argmax(most)], 1.0 - used / most.max(), 0.0)
         left = np.where(np.isfinite(share), left, np.nan)
     columns = {name: footprint[name] for name in _COPIED} | {
         "adhesion_share": share,

@@ -194,8 +194,7 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
     turn, pieces = 2 * steps, count_teeth(channel, found, steps)
     if found.form == "counter":
         counted, turn = teeth_of_counter(channel, steps)
-        starts = range(0, counted.size, BLOCK_SAMPLES)
-        pieces = (counted[at : at + BLOCK_SAMPLES] for at in starts)
+        pieces = (counted[at : at + BLOCK_SAMPLES] for at in range(0, counted.size, BLOCK_SAMPLES))
     learner, builder = PitchLearner(turn), KnotBuilder(turn)
     passages, missing, extra, sample = 0, 0, 0, np.zeros(0, TEETH)
     uneven = [np.zeros(0)]

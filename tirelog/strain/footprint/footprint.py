@@ -240,8 +240,7 @@ def _hidden(work: Records, passages: Passages, slipping: BoolArray) -> FloatArra
 def _time_at(xi_m: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
     """Time from the patch centre to the distance `xi_m`; NaN if the wheel stops before."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        root = np.sqrt(speed_m_s**2 + 2.0 * acceleration_m_s2 * xi_m)
-        return 2.0 * xi_m / (speed_m_s + root)
+        return 2.0 * xi_m / (speed_m_s + np.sqrt(speed_m_s**2 + 2.0 * acceleration_m_s2 * xi_m))
 
 
 def _assembled(
@@ -507,35 +506,29 @@ def _remarks(recording: Recording, rows: FootprintOfChannel, cutoff: Cutoff) -> 
         few = f"{channel.name}: too few passages to learn the shape of the edges; no lengths"
         return (too_slow,) if 2 * slow > len(passages) else (few,)
     length, form = float(np.nanmedian(found.length_m)), float(np.nanmedian(found.form_se_m))
-    known = np.isfinite(found.cutoff_Hz)
-    low, high = float(found.cutoff_Hz[known].min()), float(found.cutoff_Hz[known].max())
+    low, high = float(np.nanmin(found.cutoff_Hz)), float(np.nanmax(found.cutoff_Hz))
     range_ = f"{low:.0f} Hz" if high - low < 1.0 else f"{low:.0f} to {high:.0f} Hz"
+    static = recording.setup.tire.static_footprint_length_m
+    doubted = int(having(found.quality, Quality.FORM_UNCLEAR).sum())
+    onsets = np.isfinite(found.slip["onset_m"]).any()
     text = (
         f"{channel.name}: median contact length {1e3 * length:.2f} mm, with an error of "
         f"{1e3 * form:.2f} mm that all rows share (shape of the edges); "
         f"low-pass {cutoff} = {range_}"
     )
-    static = recording.setup.tire.static_footprint_length_m
     if static is not None:
         text += f"; static footprint {1e3 * static:.1f} mm, dynamic / static {length / static:.3f}"
-    remarks = [text, too_slow] if slow else [text]
-    if np.isfinite(found.slip["onset_m"]).any():
-        remarks.append(
-            f"{channel.name}: slip onsets take a ratio of sliding to sticking friction of "
-            f"{rows.friction.value:.3g} +- {rows.friction.se:g}"
-        )
-    doubted = int(having(found.quality, Quality.FORM_UNCLEAR).sum())
-    if doubted:
-        remarks.append(
-            f"{channel.name}: {Quality.FORM_UNCLEAR.word}: {doubted} passages are unlike "
-            "any that a tire's carcass makes on a flat road; their lengths may be wrong by half"
-        )
-    if not learnt.free_rolling:
-        remarks.append(
-            f"{channel.name}: no stretch of steady speed; the form was learnt from driven or "
-            "braked passages"
-        )
-    return tuple(remarks)
+    told = {
+        text: True,
+        too_slow: slow > 0,
+        f"{channel.name}: slip onsets take a ratio of sliding to sticking friction of "
+        f"{rows.friction.value:.3g} +- {rows.friction.se:g}": onsets,
+        f"{channel.name}: {Quality.FORM_UNCLEAR.word}: {doubted} passages are unlike any that a "
+        "tire's carcass makes on a flat road; their lengths may be wrong by half": doubted > 0,
+        f"{channel.name}: no stretch of steady speed; the form was learnt from driven or braked "
+        "passages": not learnt.free_rolling,
+    }
+    return tuple(sentence for sentence, is_so in told.items() if is_so)
 
 
 # ---- The table `footprint` of an accelerometer: contact length between the fronts of each passage.
@@ -548,10 +541,6 @@ def _remarks(recording: Recording, rows: FootprintOfChannel, cutoff: Cutoff) -> 
 # the middle between the two levels: a fixed share of the step at every speed (errata on P4). No
 # encoder is needed: the passages themselves are the clock.
 
-#: columns of lengths that only a strain's derivatives have
-_OF_STRAIN = (
-    "length_form_se_m", "length_d2_m", "length_d2_se_m", "length_d1_m", "length_d1_se_m",
-)  # fmt: skip
 #: a passage's own kinematics tell the angle so far to either side [rad]; half a turn on it is the
 #: next one's
 _OWN_RAD = 2.6
@@ -585,7 +574,9 @@ def footprint_of_accelerometer(recording: Recording, channel: Channel) -> Passag
     columns = identity_columns(recording.log, passages) | {
         "length_m": length,
         "length_se_m": passages.radius_m * np.hypot(fronts["width_se_rad"], of_speed),
-        **dict.fromkeys(_OF_STRAIN, nothing),
+        # only a strain's derivatives have these
+        **dict.fromkeys(("length_form_se_m", "length_d2_m", "length_d2_se_m"), nothing),
+        **dict.fromkeys(("length_d1_m", "length_d1_se_m"), nothing),
         "entry_time_s": entry_s,
         "exit_time_s": exit_s,
         "edge_asymmetry": np.where(untold, np.nan, asymmetry),

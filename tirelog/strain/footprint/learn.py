@@ -300,8 +300,7 @@ def _fits(
     """
     # in half of the time: what the straight lines of so few points miss, up to 5e-5 of a passage's
     # height, is a tenth of the noise of the quietest log; half as many miss four times as much
-    plain = replace(reference, residuals=None)
-    table, grid = form_table(plain, number, half_window_m, 2048)
+    table, grid = form_table(replace(reference, residuals=None), number, half_window_m, 2048)
     found, left = np.zeros(len(sample.row), FIT), np.zeros((2, CELLS))
     every, grids = np.zeros(len(sample.row), np.int64), np.stack([grid])
     # weak knowledge of a passage's own damping and tilt; twice as much lets the noise of a passage

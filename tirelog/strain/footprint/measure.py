@@ -654,8 +654,7 @@ def look_at_some(look: PassageForms, most: int) -> tuple[IntArray, float, float]
     kept = list(look.averaged(rows))
     for windows in kept:
         look.fit(windows)
-    known = rows[~work["vague"][rows] & np.isfinite(work["fits"]["length_m"][rows])]
-    free = _free(look, known)
+    free = _free(look, rows[~work["vague"][rows] & np.isfinite(work["fits"]["length_m"][rows])])
     if not free.size:
         return rows, 1.0, np.inf
     among = np.zeros(len(look.passages), bool)
@@ -720,8 +719,7 @@ def measure_windows(
                 look.passages.noise / np.sqrt(plain.averaged),
                 key % 8,
             )
-    unsought = ~clear & (work["slip"]["reason"] == TOO_SMALL)
-    work["slip"]["reason"][unsought] = NO_FORM
+    work["slip"]["reason"][~clear & (work["slip"]["reason"] == TOO_SMALL)] = NO_FORM
 
 
 def find_onsets(look: PassageForms, friction: FrictionRatio, scatter: float) -> None:

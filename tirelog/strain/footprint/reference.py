@@ -599,8 +599,7 @@ def descend(
                 right = before.gradient[kept] - damped[np.ix_(kept, out)] @ step[out]
                 step[kept] = np.linalg.solve(damped[np.ix_(kept, kept)], right)
             share /= max(1.0, float(np.max(np.abs(step[:_SHARED]) / _MOST_STEP)))
-            moved = np.clip(before.theta + share * step, low, high)
-            trial = judged(problem, moved, size, length)
+            trial = judged(problem, np.clip(before.theta + share * step, low, high), size, length)
             if trial.cost < before.cost:
                 here = trial
                 break

@@ -220,8 +220,7 @@ def _scatter(signal: Signal, template: Template, at: Records) -> FloatArray:
     rest = values - np.interp(phi, template.phi_rad, template.points["value"])
     place = (phi / template.window_rad + 1.0) * 0.5 * SCATTER_PARTS
     part = np.clip(place.astype(np.int64), 0, SCATTER_PARTS - 1)
-    size = np.abs(rest)
-    sizes = [size[part == k] for k in range(SCATTER_PARTS)]
+    sizes = [np.abs(rest)[part == k] for k in range(SCATTER_PARTS)]
     sigma = np.array([np.median(one) / NORMAL_MEDIAN if one.size else 0.0 for one in sizes])
     noise = signal.noise / np.median(np.abs(found["height"]))
     padded = np.pad(np.sqrt(np.maximum(sigma**2 - noise**2, 0.0)), 1)

@@ -345,8 +345,7 @@ def _lost_share(channel: Channel, begin_s: float, end_s: float) -> float:
     expected = float(high - low)
     if channel.axis.explicit is None:
         expected = max(expected, (end_s - begin_s) * channel.axis.rate_Hz)
-    there = np.count_nonzero(np.isfinite(channel.read(low, high + 1)))
-    return 1.0 - there / (expected + 1.0)
+    return 1.0 - np.count_nonzero(np.isfinite(channel.read(low, high + 1))) / (expected + 1.0)
 
 
 def between(
