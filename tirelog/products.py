@@ -338,10 +338,10 @@ def _footprint(work: Work, options: Options) -> Part:
 
 def _check_footprint(options: Options) -> None:
     """UsageError for an impossible low-pass or ratio of frictions."""
-    from tirelog.strain.footprint.measure import FrictionRatio
+    from tirelog.strain.footprint.measure import friction_of
 
     cutoff_in(options)
-    FrictionRatio.given(options.get("friction_ratio"))
+    friction_of(options.get("friction_ratio"))
 
 
 def _footprint_by_strain(recording: Recording, options: Options) -> bool:

@@ -479,12 +479,6 @@ def dissipation(
 # stretches scatter about the line.
 
 
-#: a stretch is cut when its speed has moved by this much [m/s]: a slow coast-down is no single
-#: speed; twice as much halves the points of such a stretch and leaves others alone
-PIECE_M_S = 1.0
-#: probability that an interval covers; and the one of the test whether a parabola is needed; half
-#: the rest, 0.975, makes intervals a seventh wider
-COVERED = 0.95
 #: the sentence on a line whose errors hold although its means lie far off
 SCATTERED = "stretches scatter more than their revolutions, which the errors count"
 
@@ -511,21 +505,22 @@ COLUMNS = (
 
 
 def _reach(free: int) -> float:
-    """Half of the COVERED interval in standard errors: the t quantile for `free` degrees."""
+    """Half of the 95 % interval in standard errors: the t quantile for `free` degrees."""
     from scipy.special import stdtrit  # a tenth of a second that the table alone does without
 
-    return float(stdtrit(max(free, 1), 0.5 + 0.5 * COVERED))
+    return float(stdtrit(max(free, 1), 0.975))
 
 
 def pieces(speed_m_s: FloatArray, stretch: IntArray) -> IntArray:
     """Number of the piece of each row of sorted `stretch` (n,).
 
-    A piece is a stretch, cut when its speed has moved by PIECE_M_S.
+    A piece is a stretch, cut when its speed has moved by 1 m/s: a slow coast-down is no single
+    speed; twice as much halves the points of such a stretch and leaves others alone.
     """
     out, number, low, high = np.zeros(stretch.size, np.int64), 0, speed_m_s[0], speed_m_s[0]
     for row in range(1, stretch.size):
         low, high = min(low, speed_m_s[row]), max(high, speed_m_s[row])
-        if stretch[row] != stretch[row - 1] or high - low > PIECE_M_S:
+        if stretch[row] != stretch[row - 1] or high - low > 1.0:
             number, low, high = number + 1, speed_m_s[row], speed_m_s[row]
         out[row] = number
     return out

@@ -25,7 +25,7 @@ from tirelog.dsp.filters import unlike_neighbours
 from tirelog.errors import UsageError
 from tirelog.physics.pressure import STATIC_FRICTION
 from tirelog.strain.footprint.footprint import footprints_of
-from tirelog.strain.footprint.measure import FrictionRatio
+from tirelog.strain.footprint.measure import friction_of
 from tirelog.strain.passages.find import trusted_passages
 from tirelog.strain.passages.passage_flags import TURN_RAD
 from tirelog.strain.speed import speed_channels, speed_columns, turns_around
@@ -261,7 +261,6 @@ EXPONENT_SD = 0.15
 #: acceleration [m/s^2] from which its sign is that of the traction: a grade of 6 % asks for as much
 #: the other way; twice as much leaves the force of gentle driving without its sign
 SIGN_M_S2 = 0.6
-_COPIED = ("log", "channel", "revolution", "time_s", "speed_m_s", "slip_onset_reason", "quality")
 
 
 def grip_of(
@@ -279,8 +278,7 @@ def grip_of(
     load = recording.setup.conditions.load_N
     ratio = None if sliding_friction is None else sliding_friction / static_friction
     for found in footprints_of(recording, ratio):
-        friction = found.friction
-        sliding = static_friction * friction.value
+        sliding = static_friction * found.friction[0]
         columns = grip_columns(
             found.columns,
             static_friction,
@@ -289,7 +287,7 @@ def grip_of(
             load_exponent,
             load,
             found.passages.acceleration_m_s2,
-            static_friction * friction.se,
+            static_friction * found.friction[1],
         )
         told = int(np.isfinite(columns["adhesion_share"]).sum())
         said = (
@@ -326,7 +324,7 @@ def refuse_frictions(
                 f"{option} {value:g}", allowed=f"{low:g} to {high:g} is allowed", do="correct it"
             )
     if sliding_friction is not None:
-        FrictionRatio.given(sliding_friction / static_friction)
+        friction_of(sliding_friction / static_friction)
 
 
 def friction_used(
@@ -370,7 +368,9 @@ def grip_columns(
         # beyond the peak more slip gives less: nothing is left
         left = np.where(share > every[np.argmax(most)], 1.0 - used / most.max(), 0.0)
         left = np.where(np.isfinite(share), left, np.nan)
-    columns = {name: footprint[name] for name in _COPIED} | {
+    columns = {
+        **{name: footprint[name] for name in ("log", "channel", "revolution", "time_s")},
+        **{name: footprint[name] for name in ("speed_m_s", "slip_onset_reason", "quality")},
         "adhesion_share": share,
         "adhesion_share_se": share_se,
         "brush_slip": (1.0 - share) / stiffness_ratio,

@@ -21,7 +21,7 @@ from tirelog.dsp.filters import UNLIKE_SPEED, unlike_neighbours
 from tirelog.errors import UsageError
 from tirelog.strain.passages.find import Passages, passages_of
 from tirelog.strain.passages.passage_flags import TURN_RAD
-from tirelog.vocabulary.arrays import FloatArray, Records, TableRows, records
+from tirelog.vocabulary.arrays import Records, TableRows, records
 from tirelog.vocabulary.kinds import STRAIN_KINDS
 from tirelog.vocabulary.quality import Quality, QualityFlags, having, marked, quality_column
 from tirelog.wheel.rolling import FREE_M_S2, LEAST_TURNS, TURNS, rolling
@@ -124,17 +124,6 @@ def turns_around(passages: Passages) -> Records:
     )
 
 
-def period(passages: Passages) -> FloatArray:
-    """Time of one revolution around each passage [s].
-
-    Half of the time between the passages before and after if these are one turn away, else a turn
-    at the passage's speed.
-    """
-    step = np.diff(passages.time_s, prepend=np.nan, append=np.nan)
-    both = passages.turn_before & passages.turn_after
-    return np.where(both, 0.5 * (step[:-1] + step[1:]), TURN_RAD / passages.omega_rad_s)
-
-
 @dataclass(frozen=True)
 class PassageRows(TableRows):
     """Rows of a table with one row per passage of `channel`."""
@@ -166,6 +155,11 @@ def speed_columns(
     `radius_se_m` is the radius' error if it was calibrated, `rate_error` that of the sampling rate,
     as a share.
     """
+    # half of the time between the passages before and after if these are one turn away, else a turn
+    # at the passage's speed
+    step = np.diff(passages.time_s, prepend=np.nan, append=np.nan)
+    both = passages.turn_before & passages.turn_after
+    period = np.where(both, 0.5 * (step[:-1] + step[1:]), TURN_RAD / passages.omega_rad_s)
     with np.errstate(over="ignore", invalid="ignore"):  # an error without bounds is none
         share = np.hypot(radius_se_m / passages.radius_m, rate_error)
         error = np.hypot(passages.speed_se_m_s, share * passages.speed_m_s)
@@ -174,7 +168,7 @@ def speed_columns(
         # keep what no reader can use
         absurd = error > np.maximum(np.abs(passages.speed_m_s), 1.0)
     return identity_columns(log, passages) | {
-        "period_s": period(passages),
+        "period_s": period,
         "speed_se_m_s": np.where(absurd, np.nan, error),
         "acceleration_m_s2": passages.acceleration_m_s2,
         "quality": quality_column(speed_quality(passages) | marked(absurd, Quality.ERROR_UNKNOWN)),

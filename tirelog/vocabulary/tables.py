@@ -350,7 +350,6 @@ _ALL = (
             TableOption("every", "--every", int, "Keep every Nth sample."),
         ),
         made_by="tirelog.wheel.phase_shift:wheel_angle_of",
-        checked_by="tirelog.wheel.phase_shift:refuse_every",
         picture="tirelog.plots.tables:rows_picture",
         driven=False,
         stretch="own",

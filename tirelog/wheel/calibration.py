@@ -73,11 +73,6 @@ _COVARIANCE = ValueKind(
     _is_covariance,
     partial(np.array, dtype=float),
 )
-_COEFFICIENTS = ValueKind(
-    "two or three finite numbers",
-    lambda value: _ROW.fits(value) and len(value) in (2, 3),
-    partial(np.array, dtype=float),
-)
 _SLOPE, _BOUND, _SMALL, _ANGLE = (
     number(low, high) for low, high in ((-1e3, 1e3), (-1e4, 1e4), (0.0, 1e3), (0.0, 360.0))
 )
@@ -105,7 +100,14 @@ class ForceMap(Record):
 
     keys: ClassVar = {
         "centre_deg": (_BOUND, None),
-        "coefficients_N": (_COEFFICIENTS, None),
+        "coefficients_N": (
+            ValueKind(
+                "two or three finite numbers",
+                lambda value: _ROW.fits(value) and len(value) in (2, 3),
+                partial(np.array, dtype=float),
+            ),
+            None,
+        ),
         "covariance": (_COVARIANCE, None),
         "low_deg": (_BOUND, None),
         "high_deg": (_BOUND, None),

@@ -527,12 +527,6 @@ STRETCH_S = 0.1
 MOST_ROWS = 600_000
 
 
-def refuse_every(every: int | None = None) -> None:
-    """UsageError: not even every sample."""
-    if every is not None and every < 1:
-        raise UsageError(f"--every {every}", allowed="1 or more is allowed", do="correct it")
-
-
 def wheel_angle_of(
     recording: Recording,
     start: float | None = None,
@@ -556,8 +550,8 @@ def wheel_angle_of(
         int(np.clip(np.ceil(float(channel.axis.index(time))), 0, channel.size))
         for time in (start, stop)
     )
-    step = every or 1
-    rows = len(range(first, last, step))
+    step = 1 if every is None else every
+    rows = len(range(first, last, step)) if step > 0 else 0
     if not 0 < rows <= MOST_ROWS:
         raise UsageError(
             f"{start:g} to {stop:g} s hold {rows} samples",

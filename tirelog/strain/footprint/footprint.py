@@ -37,9 +37,9 @@ from tirelog.strain.footprint.measure import (
     FITS,
     SLIP,
     TOO_WIDE,
-    FrictionRatio,
     PassageForms,
     find_onsets,
+    friction_of,
     look_at_some,
     measure_windows,
     nothing_measured,
@@ -170,7 +170,7 @@ def footprint(
     cutoff: Cutoff | None = None,
     block_samples: int = BLOCK_SAMPLES,
     settled: EdgeForm | None = None,
-    friction: FrictionRatio | None = None,
+    friction: tuple[float, float] | None = None,
 ) -> Any:
     """The footprint at each of `passages` of the strain `channel`, (n,) of FOOTPRINT.
 
@@ -179,7 +179,7 @@ def footprint(
     `cutoff` of the low-pass (auto); `settled`: the form of its passages, which is learnt here if it
     is not given; `friction`: of the tread, the usual one if it is not given.
     """
-    cutoff, friction = cutoff or Cutoff(), friction or FrictionRatio()
+    cutoff, friction = cutoff or Cutoff(), friction or friction_of(None)
     n = len(passages)
     if settled is None and not passages.doubt:
         settled = choose_form(channel, passages, block_samples)
@@ -371,7 +371,7 @@ class FootprintOfChannel(PassageRows):
 
     footprint: Any
     learnt: EdgeForm | None
-    friction: FrictionRatio
+    friction: tuple[float, float]
 
 
 def footprints_of(
@@ -413,7 +413,7 @@ def footprint_of_channel(
     refuse_cutoff(recording, channel, cutoff)
     if friction_ratio is None:
         friction_ratio = recording.setup.tire.friction_ratio
-    friction = FrictionRatio.given(friction_ratio)
+    friction = friction_of(friction_ratio)
     found = footprint(channel, passages, cutoff, block_samples, settled, friction)
     columns = identity_columns(recording.log, passages) | {
         "length_m": found.length_m,
@@ -522,7 +522,7 @@ def _remarks(recording: Recording, rows: FootprintOfChannel, cutoff: Cutoff) -> 
         text: True,
         too_slow: slow > 0,
         f"{channel.name}: slip onsets take a ratio of sliding to sticking friction of "
-        f"{rows.friction.value:.3g} +- {rows.friction.se:g}": onsets,
+        f"{rows.friction[0]:.3g} +- {rows.friction[1]:g}": onsets,
         f"{channel.name}: {Quality.FORM_UNCLEAR.word}: {doubted} passages are unlike any that a "
         "tire's carcass makes on a flat road; their lengths may be wrong by half": doubted > 0,
         f"{channel.name}: no stretch of steady speed; the form was learnt from driven or braked "

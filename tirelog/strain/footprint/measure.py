@@ -66,10 +66,6 @@ FIRST, LAST, COARSE, FINE = -0.8, 0.94, 22, 5
 #: sliding over sticking friction of P2 Table 1 (0.6 / 0.8) and its standard deviation: from 0.6 to
 #: 1.0 all are as likely; twice as much doubles the share of an onset's error by it
 RATIO, RATIO_SD = 0.75, 0.13
-#: free passages that are asked what a traction removes from them, and rows with less than this
-#: share of the gain beyond what free ones leave are not looked at; twice as many are good to 0.7 of
-#: the scatter, in twice the time
-ASKED, LEAST_SHARE = 96, 0.5
 #: an onset is alone if others this far from it (share of the half length) leave so many more
 #: squared sigmas; half as many keep a hundredth more of the onsets
 APART, ALONE = 0.28, 20.0
@@ -85,9 +81,6 @@ ENOUGH, WORST_LEFT = 1.0, 4.0
 #: far a solution is trusted about where the form was put; twice as far follows solutions that the
 #: next start is nearer to
 START_STEP, TRUST = 0.05, 0.025
-#: onsets that are looked for everywhere, and from which those of other passages start; twice as
-#: many are like more passages, and take twice as long
-SEARCHED = 16
 NO_FORM, TOO_SMALL, TOO_WIDE, AT_EDGE, NOT_ALONE = (
     "no_form",
     "slip_too_small",
@@ -137,28 +130,20 @@ def traction_waves(
     return grid_of(reference, number, half_window_m, by_point * load)[0]
 
 
-@dataclass(frozen=True)
-class FrictionRatio:
-    """Sliding over sticking friction of the tread, and its standard error."""
+def friction_of(ratio: float | None) -> tuple[float, float]:
+    """Ratio of sliding to sticking friction and its standard error, by a setup or an option.
 
-    value: float = RATIO
-    se: float = RATIO_SD
-
-    @classmethod
-    def given(cls, ratio: float | None) -> FrictionRatio:
-        """The exact one of a setup or an option; None gives the usual one.
-
-        UsageError for a ratio that no tread has.
-        """
-        if ratio is None:
-            return cls()
-        if not 0.2 <= ratio <= 1.2:
-            raise UsageError(
-                f"ratio of sliding to sticking friction {ratio:g}",
-                allowed="0.2 to 1.2 is allowed",
-                do="correct friction_ratio, --friction-ratio or --sliding-friction",
-            )
-        return cls(ratio, 0.0)
+    None gives the usual one.  UsageError for a ratio that no tread has.
+    """
+    if ratio is None:
+        return RATIO, RATIO_SD
+    if not 0.2 <= ratio <= 1.2:
+        raise UsageError(
+            f"ratio of sliding to sticking friction {ratio:g}",
+            allowed="0.2 to 1.2 is allowed",
+            do="correct friction_ratio, --friction-ratio or --sliding-friction",
+        )
+    return ratio, 0.0
 
 
 def sought_onsets(
@@ -229,12 +214,10 @@ def as_starts(found: Records, told: Records, scatter: float) -> BoolArray:
     return np.asarray(alone & (told["reason"] == ""))
 
 
-def slip_onsets(
-    found: Records, form_error: float, friction: FrictionRatio, scatter: float
-) -> Records:
+def slip_onsets(found: Records, form_error: float, friction_se: float, scatter: float) -> Records:
     """Onsets with their errors, or why not: (n,) of SLIP, of `found` (n,) of ONSET.
 
-    `form_error` of an onset as a share of the half length; that of `friction` adds to it;
+    `form_error` of an onset as a share of the half length; that of the frictions' ratio adds to it;
     `scatter`: how much larger residuals of free passages are than the noise.
     """
     L, onsets = found["half_length_m"], onset_grid(1.0)
@@ -263,7 +246,7 @@ def slip_onsets(
     # change of an onset over that of the ratio, as a share of the half length: logs of simulated
     # beams have 0.15 to 0.2, of rings 0.05 to 0.1; twice as much doubles an error that covers
     # already
-    shared = np.hypot(np.hypot(0.015, form_error), 0.25 * friction.se)
+    shared = np.hypot(np.hypot(0.015, form_error), 0.25 * friction_se)
     error = np.hypot(own * missed, shared * L)
     reason = np.full(best.size, "", object)
     reason[rival - left < ALONE * scale] = NOT_ALONE
@@ -638,7 +621,7 @@ class PassageForms:
         fits = work["fits"]
         # no row with less misfit than that can hold an onset
         misfit = (fits["chi2"] - scatter**2) * np.maximum(fits["used"] - OWN, 1.0)
-        asked = ~work["vague"] & np.isfinite(fits["length_m"]) & (misfit > LEAST_SHARE * gain)
+        asked = ~work["vague"] & np.isfinite(fits["length_m"]) & (misfit > 0.5 * gain)
         for part, sigma, knot in self.by_form(windows.take(asked)):
             self.work["driven"][part.row] = self.forms.gains(knot, part, sigma) > gain
 
@@ -658,7 +641,9 @@ def look_at_some(look: PassageForms, most: int) -> tuple[IntArray, float, float]
     if not free.size:
         return rows, 1.0, np.inf
     among = np.zeros(len(look.passages), bool)
-    among[_spread(free, ASKED)] = True
+    # passages that are asked what a traction removes from them; twice as many are good to 0.7 of
+    # the scatter, in twice the time
+    among[_spread(free, 96)] = True
     gains = [
         look.forms.gains(knot, part, sigma)
         for windows in kept
@@ -722,7 +707,7 @@ def measure_windows(
     work["slip"]["reason"][~clear & (work["slip"]["reason"] == TOO_SMALL)] = NO_FORM
 
 
-def find_onsets(look: PassageForms, friction: FrictionRatio, scatter: float) -> None:
+def find_onsets(look: PassageForms, friction: tuple[float, float], scatter: float) -> None:
     """Slip onsets of the rows that are driven, by the brush of this `friction`.
 
     Some are looked for everywhere. Others start from that of a passage whose length is nearest to
@@ -732,7 +717,8 @@ def find_onsets(look: PassageForms, friction: FrictionRatio, scatter: float) -> 
     driven = np.flatnonzero(look.work["driven"])
     if not driven.size:
         return
-    first = _spread(driven, SEARCHED)
+    # twice as many starts are like more passages, and take twice as long
+    first = _spread(driven, 16)
     found = _onsets(look, first, None, friction, scatter)
     starts = found[as_starts(found, look.work["slip"][first], scatter)]
     rest = np.setdiff1d(driven, first, assume_unique=True)
@@ -752,7 +738,7 @@ def _onsets(
     look: PassageForms,
     rows: IntArray,
     starts: Records | None,
-    friction: FrictionRatio,
+    friction: tuple[float, float],
     scatter: float,
 ) -> Records:
     """Fill the onsets of the `rows`, ascending: what was found of them, (k,) of ONSET.
@@ -771,7 +757,7 @@ def _onsets(
                 shift = work["fits"]["shift_m"][windows.row] - forms.shift_m[knot]
                 found["without_m"] = np.nan_to_num(shift)
                 form = forms.columns[knot], forms.grids[knot]
-                waves = forms.traction(knot, ratio=friction.value)
+                waves = forms.traction(knot, ratio=friction[0])
                 if starts is None:
                     rough = windows.reduced(times)
                     sought_onsets(windows, rough, form, waves, found, sigma, scatter)
@@ -784,7 +770,7 @@ def _onsets(
     onsets = onsets[np.argsort(onsets["row"])]
     told = onsets if starts is None else onsets[np.isfinite(onsets["best"])]
     of_row = told["row"].astype(np.int64)
-    work["slip"][of_row] = slip_onsets(told, forms.form_error, friction, scatter)
+    work["slip"][of_row] = slip_onsets(told, forms.form_error, friction[1], scatter)
     return onsets
 
 

@@ -82,9 +82,6 @@ TERMS = 7
 SHAPES = TERMS - 1 + 3
 #: orders of the Bessel functions: up to that of the last test, and one more for its slope
 ORDERS = 2 * TERMS + 2
-#: start of a downward recurrence (order), and the argument above which the upward one is stable;
-#: twice as deep a start takes twice as long for the same digits
-_DEEP, _STABLE = 44, 16.0
 
 
 def _series() -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -110,7 +107,9 @@ def spherical_bessels(z: FloatArray) -> FloatArray:
     By their recurrence (DLMF 10.51.1), upwards if that is stable, else downwards (Miller).
     """
     first = np.sin(z) / z
-    steps = (2.0 * np.arange(_DEEP + 1.0)[:, None, None] + 1.0) / z
+    # the order that the downward recurrence starts at; twice as deep a start takes twice as long
+    # for the same digits
+    steps = (2.0 * np.arange(44 + 1.0)[:, None, None] + 1.0) / z
     upward = [first, (first - np.cos(z)) / z]
     for step in steps[1 : ORDERS - 1]:
         upward.append(step * upward[-1] - upward[-2])
@@ -121,7 +120,8 @@ def spherical_bessels(z: FloatArray) -> FloatArray:
     # scaled by whichever of the first two is not near a zero of its own
     larger = np.abs(upward[0]) > np.abs(upward[1])
     found *= np.where(larger, upward[0], upward[1]) / np.where(larger, found[0], found[1])
-    return np.where(z > _STABLE, upward, found).swapaxes(0, 1)
+    # above this argument the upward one is stable
+    return np.where(z > 16.0, upward, found).swapaxes(0, 1)
 
 
 def _transforms(j: FloatArray) -> FloatArray:
@@ -315,9 +315,6 @@ for _n in range(1, 14):  # Legendre polynomials (DLMF 18.9.1); `numpy.polynomial
 _ON_PATCH = np.column_stack(
     [*(_P[_n] - _P[_n + 2] for _n in range(2, 13, 2)), _P[2], _P[3] - _P[5], -_P[1]]
 )
-#: shares of a step and its damping that are tried one after the other with a form: shorter steps go
-#: on along bent valleys, damped ones lead to them
-TRIALS = ((1.0, 0.0), (0.4, 0.0), (1.0, 1e-4), (1.0, 1e-2), (1.0, 1.0))
 #: a mean length that is held is held to this
 _HELD = 1e-4
 
@@ -589,7 +586,9 @@ def descend(
     low[TREAD], high[TREAD] = theta[[TREAD] * 2] if problem.own else (LOWEST[TREAD], HIGHEST[TREAD])
     for _ in range(steps):
         before = here
-        for share, damping in TRIALS:
+        # shares of a step and its damping that are tried one after the other: shorter steps go on
+        # along bent valleys, damped ones lead to them
+        for share, damping in ((1.0, 0.0), (0.4, 0.0), (1.0, 1e-4), (1.0, 1e-2), (1.0, 1.0)):
             damped = before.normal + np.diag(damping * np.diag(before.normal))
             step = np.linalg.solve(damped, before.gradient)
             out = (before.theta + step < low) | (before.theta + step > high)

@@ -131,8 +131,6 @@ def _width_turns(channel: Channel, pulses: Records) -> float:
 #: only if they are more turns than this, and no doubt is left.  Twice as many look twice in some
 #: short logs, which find the same
 FEW_PULSES = 8
-#: and so many times the highest are left out: jumps of so many sizes; twice as many look as often
-MOST_LEVELS = 3
 
 
 @dataclass(frozen=True)
@@ -221,8 +219,8 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
         del data  # memory
         return _measured(signal, radius_m, pulses)
     found = _measured(signal, radius_m, pulses)
-    # a few jumps of the instrument may be higher than all that the tire does
-    for without in range(1, MOST_LEVELS + 1):
+    # a few jumps of the instrument, of up to three sizes, may be higher than all that the tire does
+    for without in (1, 2, 3):
         other = _measured(signal, radius_m, pulses_in(channel, data, sign, without)[0])
         if not other.doubt and other.turn_after.sum() > max(found.turn_after.sum(), FEW_PULSES):
             return other
