@@ -100,3 +100,13 @@ def test_a_clock_that_runs_slow_is_found_and_no_instrument_that_is_slower(drive)
     late, found = ends[:-1] > JUMP_S, marked(stamps, np.interp(ends, true, stamps))
     assert found[late][1:].all()
     assert not found[~late][:-1].any()
+
+
+@pytest.mark.parametrize(("first", "stop"), [(0, 1), (0, 2), (-3, -1), (-2, -1), (20, 24)])
+def test_a_clock_that_runs_slow_for_a_turn_or_two_is_found_at_the_ends_too(first, stop):
+    true, ends = np.arange(SECONDS * 2500.0) / 2500.0, steady_turns(*DRIVES["constant"])
+    begin_s, end_s = ends[first], ends[stop]
+    stamps = true + 0.1 * (np.clip(true, begin_s, end_s) - begin_s)
+    found = marked(stamps, np.interp(ends, true, stamps))
+    late = (ends[:-1] > begin_s - 1e-9) & (ends[1:] < end_s + 1e-9)
+    np.testing.assert_array_equal(found, late)

@@ -318,29 +318,27 @@ def even_axis(channel: Channel) -> TimeAxis | None:
     if axis.explicit is None or size < 2 * PIECE_SAMPLES:
         return None
     starts = np.linspace(0, size - PIECE_SAMPLES, PIECES).astype(np.int64)
-    pieces = [(s, axis.time(s, s + PIECE_SAMPLES)) for s in starts.tolist()]
-    middles = starts + 0.5 * (PIECE_SAMPLES - 1.0)
-    means = np.array([float(np.mean(time)) for _, time in pieces])
+    stop = starts + PIECE_SAMPLES
+    times, values = (
+        np.stack([read(*ends) for ends in zip(starts.tolist(), stop.tolist(), strict=True)])
+        for read in (axis.time, channel.read)
+    )
+    middles, means = 0.5 * (starts + stop - 1.0), times.mean(axis=1)
     period, begin = np.polyfit(middles, means, 1)
     # means of the stamps of an even clock without a gap leave their line by less than a sample
     if not period > 0.0 or np.ptp(means - begin - period * middles) > period:
         return None
-    follows, moved, left = [], [], []
-    for first, time in pieces:
-        values = channel.read(first, first + PIECE_SAMPLES)
-        slope = 0.25 * (values[4:] - values[:-4])
-        # less the cubic through four neighbours
-        late, off = slope * np.diff(time / period, 4) / 6.0, np.diff(values, 4) / 6.0
-        known = np.isfinite(late + off)
-        follows.append(float(late[known] @ off[known]))
-        moved.append(float(late[known] @ late[known]))
-        left.append(white_noise(values))
-    squares = sum(moved)
+    # less the cubic through four neighbours
+    slope, off = 0.25 * (values[:, 4:] - values[:, :-4]), np.diff(values, 4) / 6.0
+    late = slope * np.diff(times / period, 4) / 6.0
+    known = np.isfinite(late + off)
+    follows, squares = float(late[known] @ off[known]), float(late[known] @ late[known])
     # standard deviation of white noise less the cubic through its neighbours
-    error = float(np.nanmedian(left)) * (70.0 / 36.0) ** 0.5
+    noises = [white_noise(piece) for piece in values]
+    error = float(np.nanmedian(noises)) * (70.0 / 36.0) ** 0.5
     # share of the stamps' scatter that values of scattered samples follow is one, of even ones
     # none; it must be known to so many of its errors
-    if 0.5 * np.sqrt(squares) < 5.0 * error or sum(follows) > 0.5 * squares:
+    if 0.5 * np.sqrt(squares) < 5.0 * error or follows > 0.5 * squares:
         return None
     return TimeAxis.uniform(size, float(1.0 / period), float(begin))
 
