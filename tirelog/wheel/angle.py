@@ -111,17 +111,15 @@ SPEED_WINDOW_S = 0.443 / 20.0
 class WheelAngle:
     """The wheel angle as a function of time, and what is doubtful in it.
 
-    `angle`: the function of time; `pitch`: the learnt table; `backward` (n,) knots at which the
-    wheel rolls back; `untold` (stretches,) True if nothing shows the direction after a standstill;
-    `uneven_s` (m,) times of teeth beside which the count was mended, or may have lost teeth;
-    `remarks`: sentences on the whole log.
+    `angle`: the function of time; `backward` (n,) knots at which the wheel rolls back; `untold`
+    (stretches,) True if nothing shows the direction after a standstill; `uneven_s` (m,) times of
+    teeth beside which the count was mended, or may have lost teeth; `remarks`: sentences on the
+    whole log.
     """
 
     channel: str
     steps: int
-    form: str
     angle: AngleFunction
-    pitch: PitchTable
     backward: np.ndarray
     untold: np.ndarray
     uneven_s: FloatArray
@@ -221,7 +219,7 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
     remarks = _remarks(found, (missing, extra), (backward, untold))
     remarks += _pitch_remarks(found.form, steps, pitch, sample, edge_s)
     return WheelAngle(
-        channel.name, steps, found.form, function, pitch, backward, untold,
+        channel.name, steps, function, backward, untold,
         np.concatenate(uneven), tuple(f"channel {channel.name}: {one}" for one in remarks),
     )  # fmt: skip
 
@@ -258,10 +256,7 @@ def _by_angle(channel: Channel, steps: int) -> WheelAngle:
     rate = np.gradient(2 * np.pi * turns, time).astype(np.float32)
     function = AngleFunction(time, turns, 2 * np.pi, rate, np.zeros(time.size, np.int32), noise)
     backward, untold = np.diff(turns, prepend=turns[0]) < 0, np.zeros(1, bool)
-    pitch = PitchTable(np.zeros(2 * steps))
-    return WheelAngle(
-        channel.name, steps, "angle", function, pitch, backward, untold, np.zeros(0), ()
-    )
+    return WheelAngle(channel.name, steps, function, backward, untold, np.zeros(0), ())
 
 
 def _scatter(turns: FloatArray) -> float:

@@ -153,13 +153,13 @@ def _undriven(
 #: `length_m` takes a traction into account if there is a slip onset; `form_se_m`: the share of its
 #: error that comes from not knowing the tire's pressure and carcass, with the same sign in all
 #: rows; times of the edges [s]; `edge_asymmetry`: (exit - entry) / (exit + entry) of the sizes of
-#: the second derivative's extrema, positive if the exit edge is the sharper one, and their
-#: abscissae from the patch centre; what was measured; `cutoff_Hz` of the low-pass; flags
+#: the second derivative's extrema, positive if the exit edge is the sharper one; what was measured;
+#: `cutoff_Hz` of the low-pass; flags
 FOOTPRINT = np.dtype(
     [("length_m", "f8"), ("length_se_m", "f8"), ("form_se_m", "f8"), ("length_d2_m", "f8"),
      ("length_d2_se_m", "f8"), ("length_d1_m", "f8"), ("length_d1_se_m", "f8"),
      ("entry_time_s", "f8"), ("exit_time_s", "f8"), ("edge_asymmetry", "f8"),
-     ("d2_entry_m", "f8"), ("d2_exit_m", "f8"), ("fits", FITS), ("slip", SLIP),
+     ("fits", FITS), ("slip", SLIP),
      ("cutoff_Hz", "f8"), ("quality", "u4")]
 )  # fmt: skip
 
@@ -302,8 +302,6 @@ def _assembled(
         entry_time_s=entry,
         exit_time_s=leave,
         edge_asymmetry=asymmetry,
-        d2_entry_m=edges["entry_m"] + fits["shift_m"],
-        d2_exit_m=edges["exit_m"] + fits["shift_m"],
         fits=fits,
         slip=slip,
         cutoff_Hz=asked_Hz,
