@@ -323,7 +323,8 @@ def even_axis(channel: Channel) -> TimeAxis | None:
         np.stack([read(*ends) for ends in zip(starts.tolist(), stop.tolist(), strict=True)])
         for read in (axis.time, channel.read)
     )
-    middles, means = 0.5 * (starts + stop - 1.0), times.mean(axis=1)
+    middles = 0.5 * (starts + stop - 1.0)
+    means = times.mean(axis=1)
     period, begin = np.polyfit(middles, means, 1)
     # means of the stamps of an even clock without a gap leave their line by less than a sample
     if not period > 0.0 or np.ptp(means - begin - period * middles) > period:

@@ -382,7 +382,8 @@ class AngleFunction:
 
     def at(self, time_s: FloatArray) -> FloatArray:
         """Angle [rad] at the times, NaN outside of the knots, shape as given."""
-        result, at = np.full(time_s.shape, np.nan), finite(time_s).ravel()
+        result = np.full(time_s.shape, np.nan)
+        at = finite(time_s).ravel()
         if self.time_s.size > 1:
             _hermite(
                 at, self.time_s, self.count, self.rate_rad_s, self.unit_rad, result.reshape(-1)

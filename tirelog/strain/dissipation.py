@@ -127,7 +127,8 @@ def _filter(channel: Channel, passages: Passages) -> tuple[FloatArray, int, bool
     # instrument that averages must leave of these waves; and the scatter of the samples' times
     # about even ones, in periods, beyond which slopes from sample to sample are wrong: a tenth
     # makes 1 %
-    least, mean = 6.0 / PASS * wanted, running_mean_of(channel.recorded or channel)
+    least = 6.0 / PASS * wanted
+    mean = running_mean_of(channel.recorded or channel)
     passed = float(averaging_gain(np.array(2.0 * np.pi * least / rate * mean), mean))
     limited = edge < least or passed < 0.995 or stamp_scatter(channel.axis) > 0.05
     return differentiator(rate / averaged, edge, averaged), averaged, limited
@@ -354,7 +355,8 @@ def moving_average(values: FloatArray, stretch: IntArray) -> FloatArray:
 
     NaN outside of stretches. NaN values are left out.
     """
-    row, known = np.arange(values.size), np.isfinite(values)
+    row = np.arange(values.size)
+    known = np.isfinite(values)
     total = np.append(0.0, np.cumsum(np.where(known, values, 0.0)))
     count = np.append(0, np.cumsum(known))
     edges = np.concatenate([[0], np.flatnonzero(np.diff(stretch)) + 1, [row.size]])
@@ -591,7 +593,8 @@ def regression(
     line, covariance, free = _through(powers[:, :2], means, variance)
     to_zero = np.array([1.0, -middle])
     slope, slope_se = float(line[1]), float(np.sqrt(covariance[1, 1]))
-    reach, left = slope_se * _reach(free), np.abs(means - powers[:, :2] @ line)
+    reach = slope_se * _reach(free)
+    left = np.abs(means - powers[:, :2] @ line)
     parabola, curvature_se, bent = (float("nan"),) * 3, float("nan"), False
     if speeds >= 3:
         (a, b, c), of_curve, spare = _through(powers, means, variance)

@@ -362,7 +362,8 @@ def _remarks(
     pressure: Channel | None,
 ) -> tuple[str, ...]:
     """What the summary says of a channel."""
-    names, leaks = found["stretch"].tolist(), found["leak"][np.nan_to_num(found["leak"]) != 0]
+    names = found["stretch"].tolist()
+    leaks = found["leak"][np.nan_to_num(found["leak"]) != 0]
     text = f"{channel.name}: {names.count('ramp')} ramp(s), {names.count('stop')} stop(s)"
     if np.isfinite(found["strain_slope_1_Pa"][0]):
         text += (

@@ -77,8 +77,9 @@ def _slip(
 ) -> TableRows:
     found = rolling(reference, wheel)
     radius, radius_se, said = _radius(recording, reference, found)
+    metres = found.rows["metres"]
     with np.errstate(invalid="ignore", divide="ignore"):
-        period, metres = (wheel["end_s"] - wheel["begin_s"]) / wheel["turns"], found.rows["metres"]
+        period = (wheel["end_s"] - wheel["begin_s"]) / wheel["turns"]
         slip = 1.0 - TURN_RAD * radius / metres
         share = np.abs(1.0 - slip)
         error = np.hypot(found.rows["se"] / metres, radius_se / radius) * share

@@ -553,7 +553,8 @@ def table(p: EdgeTimes, calibration: Calibration | None) -> Mapping[str, object]
     Rows from whose phase shift the calibration's telemetry delay was removed carry the word
     `delay_removed`.
     """
-    nan, quality = np.full(p.time_s.size, np.nan), p.quality
+    quality = p.quality
+    nan = np.full(p.time_s.size, np.nan)
     cleaned = dict.fromkeys(("width_deg", "shift_deg", "corrected_deg"), nan)
     if calibration is not None:
         cleaned = clean_passages(p, calibration)

@@ -259,7 +259,8 @@ def find_pulses(data: Decimated, without: int = 0) -> Records:
     """The pulses of `data`; `without`: how many times the highest are no patch's heights."""
     noise = data.noise
     bounds = np.append(np.minimum(data.parts, data.values.size), data.values.size)
-    rough, room = [], np.empty(data.values.size + 1, np.int32)
+    rough = []
+    room = np.empty(data.values.size + 1, np.int32)
     for start, stop in pairwise(bounds):
         count = turning_points(data.values[start:stop], LEAST_SIGMAS * noise, room)
         rough.append(start + room[:count].astype(np.int64))

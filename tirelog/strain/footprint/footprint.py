@@ -187,10 +187,10 @@ def footprint(
         work, asked = nothing_measured(n), np.full(n, np.nan)
     else:
         look = PassageForms.of(channel, passages, settled, block_samples, settled.forms)
-        work, nyquist = look.work, 0.5 * channel.axis.rate_Hz
-        speed, wave_number = passages.speed_m_s, settled.wave_number_1_m
+        work, speed = look.work, passages.speed_m_s
+        nyquist = 0.5 * channel.axis.rate_Hz
         # what is asked for may lie above what samples hold
-        asked = cutoff.frequency(speed, passages.radius_m, wave_number)
+        asked = cutoff.frequency(speed, passages.radius_m, settled.wave_number_1_m)
         if cutoff.unit == "auto":
             asked = np.minimum(asked, 0.9 * nyquist)
         clear = ~settled.unclear(speed)

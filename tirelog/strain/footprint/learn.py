@@ -324,7 +324,8 @@ def _averages(
 
     `unlike`: what a mean misses, as a share of its height.
     """
-    family, made = reference.family.up_to(HIGHEST_SHARE), np.zeros(len(samples), AVERAGE)
+    family = reference.family.up_to(HIGHEST_SHARE)
+    made = np.zeros(len(samples), AVERAGE)
     kappa = family.kappa_1_m
     basis = cell_basis(family.radius_m, kappa.size, half_window_m)
     every = family.spectra(reference.forms)
@@ -345,7 +346,8 @@ def _averages(
         # weight of a cell without samples, so that a class without any is known to nothing and not
         # unknown
         weight = (counts > 0.0) / (sigma2 / (height * size) ** 2 + unlike**2) + 1e-6
-        one["speed_m_s"], one["weight"] = sample.speed_m_s, weight
+        one["speed_m_s"] = sample.speed_m_s
+        one["weight"] = weight
         one["values"] = (plain + moved + left / many) / size
     return made
 

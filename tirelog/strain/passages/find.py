@@ -242,7 +242,8 @@ def _measured(signal: Signal, radius_m: float, pulses: Records) -> Passages:
     rolled = passage_flags.too_fast_to_stop(np.minimum(omega[1:], omega[:-1]), radius_m)
     whole = np.where(turned | untimed, 0, passage_flags.whole_turns(time_s, linked, rolled))
     linked = np.append(np.where(whole > 0, whole == 1, linked), False)[: time_s.size]
-    window_rad, lost = 0.0, np.zeros(turns.size, np.int64)
+    window_rad = 0.0
+    lost = np.zeros(turns.size, np.int64)
     if template:
         window_rad = template.window_rad
         lost = passage_flags.lost_between(channel, time_s, omega, turns, window_rad)

@@ -100,7 +100,8 @@ def kinematics(time_s: FloatArray, time_se_s: FloatArray, turns_after: FloatArra
     `turns_after` (n,): whole turns to the next passage, 0 if that is not known (and for the
     last).
     """
-    n, linked = time_s.size, turns_after > 0
+    n = time_s.size
+    linked = turns_after > 0
     after = np.where(linked, np.diff(time_s, append=np.nan), np.nan)
     before = np.append(np.nan, after)[:n]
     mean_after = TURN_RAD * turns_after / after
