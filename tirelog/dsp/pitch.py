@@ -549,8 +549,13 @@ class KnotBuilder:
         self._variance, self._freedom = 0.0, 0.0
         self._laid = np.zeros(MOST_REACH + 1)  # cubics of each reach
 
-    def add(self, new: Records, margin: int = MOST_REACH + 4) -> None:
-        """Knots of what is held and the `new` teeth, (n,) of TEETH, but for the last `margin`."""
+    def add(self, teeth: Records) -> None:
+        """The next teeth, (n,) of TEETH."""
+        for start in range(0, teeth.size, PIECE):
+            self._add(teeth[start : start + PIECE], MOST_REACH + 4)
+
+    def _add(self, new: Records, margin: int) -> None:
+        """Knots of what is held and the `new` teeth, but for the last `margin`."""
         teeth = np.concatenate([self._held, new])
         stop = max(teeth.size - margin, self._first)
         unit_rad, knots = 2 * np.pi / self.turn, np.zeros(stop - self._first, KNOT)
@@ -571,7 +576,7 @@ class KnotBuilder:
 
     def knots(self) -> Records:
         """All knots, (n,) of KNOT; nothing can be added after."""
-        self.add(self._held[:0], 0)
+        self._add(self._held[:0], 0)
         return np.concatenate(self._parts)
 
     def noise_rad(self, otherwise: float) -> float:

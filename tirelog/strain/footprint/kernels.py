@@ -247,7 +247,7 @@ def _add_residuals(
         left[1, cell] += 1.0
 
 
-# ---- Compiled: a traction beside a passage's form, for each of many onsets (`slip_onset`).
+# ---- Compiled: a traction beside a passage's form, for each of many onsets (`measure`).
 #
 #     columns and products of a row (`kernels`) + a traction's wave for each onset
 #         --> the joint solution of least misfit
