@@ -74,8 +74,8 @@ def derivatives(
     if count % 2 == 0:  # the highest frequency has no phase, and two halves between samples
         first[:, -1] = 0.0
         second[:, -1] *= 0.5 if upsample > 1 else 1.0
-    first, second = (np.fft.irfft(one, n=count * upsample, axis=1) for one in (1j * first, second))
-    return first, second, np.sqrt(2.0 / count * noise)
+    slope, bend = (np.fft.irfft(one, n=count * upsample, axis=1) for one in (1j * first, second))
+    return slope, bend, np.sqrt(2.0 / count * noise)
 
 
 def _passed(rate_Hz: float, cutoff_Hz: FloatArray, count: int) -> FloatArray:
