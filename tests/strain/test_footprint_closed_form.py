@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.special import erf, eval_legendre
 
 from tirelog.data.recording import Channel, Recording, TimeAxis
@@ -10,6 +11,37 @@ from tirelog.errors import UsageError
 from tirelog.products import tables_of
 from tirelog.strain.footprint.measure import gather_windows
 from tirelog.strain.footprint.reference import SHAPES, EdgeFamily
+
+
+def test_a_spectrum_fulfils_the_contact():
+    """p = k_t (delta - xi^2 / 2R - w) inside the patch: both together are a parabola."""
+    family, form = EdgeFamily(0.305, 900.0), np.array([[0.055, 0.04, 0.4, 1.5, 0.0, 0.0]])
+    (L, ell, tension, tread, *_), kappa = form[0], family.kappa_1_m
+    wave, terms = kappa * L, np.arange(0, 14, 2)
+    transforms = np.column_stack([by_quadrature(n, wave) for n in terms])
+    pressure = (family.spectra(form)[0, :, 0] / family.receptance(form)[0]).real / L
+    series = np.linalg.lstsq(transforms, pressure, rcond=None)[0]
+    np.testing.assert_allclose(transforms @ series, pressure, atol=1e-8 * np.abs(pressure).max())
+    square = kappa**2
+    stiffness = ell**4 * square**2 + tension * ell**2 * square + 1.0
+    x = np.linspace(0.0, 0.9, 10)
+    displacement = (
+        L / (np.pi * 0.305) * np.cos(np.multiply.outer(x, wave)) @ (transforms @ series / stiffness)
+    )
+    load = (1.0 - x**2) * sum(c * eval_legendre(n, x) for n, c in zip(terms, series, strict=True))
+    parabola = load + np.expm1(tread) * displacement
+    line = np.polyfit(x**2, parabola, 1)
+    assert np.ptp(parabola - np.polyval(line, x**2)) < 1e-3 * np.ptp(parabola)
+    assert line[0] == pytest.approx(-1.0, rel=2e-3)
+
+
+def by_quadrature(order, wave):
+    """Transform of (1 - x^2) P_n(x) over the patch."""
+
+    def term(x):
+        return 2.0 * (1 - x**2) * eval_legendre(order, x)
+
+    return np.array([quad(term, 0, 1, weight="cos", wvar=z)[0] for z in wave])
 
 
 def test_a_tire_s_own_pressure_and_stiffness():
