@@ -324,10 +324,10 @@ def _footprint(work: Work, options: Options) -> Part:
 
 def _check_footprint(options: Options) -> None:
     """UsageError for an impossible low-pass or ratio of frictions."""
-    from tirelog.strain.footprint.slip_onset import FrictionRatio
+    from tirelog.strain.footprint.measure import friction_of
 
     cutoff_in(options)
-    FrictionRatio.given(options.get("friction_ratio"))
+    friction_of(options.get("friction_ratio"))
 
 
 def _footprint_by_strain(recording: Recording, options: Options) -> bool:
@@ -336,7 +336,7 @@ def _footprint_by_strain(recording: Recording, options: Options) -> bool:
 
 
 def _footprint_of_accelerometers(recording: Recording, options: Options) -> Iterator[Part]:
-    from tirelog.strain.footprint.fronts import accelerometer_footprints
+    from tirelog.strain.footprint.footprint import accelerometer_footprints
     from tirelog.strain.speed import not_turning
 
     found = accelerometer_footprints(recording)
@@ -371,7 +371,7 @@ def _steady_step_m_s(options: Options) -> float:
 
 
 def _phase_shift(recording: Recording, options: Options) -> Iterator[Part]:
-    from tirelog.wheel.table import measure_with
+    from tirelog.wheel.calibration import measure_with
 
     calibration = _calibration(options)
     zero, forces = str(options.get("zero", "auto")), bool(options.get("forces", False))
@@ -391,7 +391,7 @@ def phase_shift_parts(
     found: Iterable[EdgeTimes], calibration: Calibration | None
 ) -> Iterator[Part]:
     """The rows of one log, accelerometer by accelerometer."""
-    from tirelog.wheel.table import table
+    from tirelog.wheel.calibration import table
 
     for p in found:
         columns = table(p, calibration)

@@ -162,7 +162,6 @@ def test_contributions_sum_to_the_whole():
         (lambda: tirelog.speed("none.csv"), "none.csv: cannot be read"),
         (lambda: tirelog.footprint("log.csv", cutoff="fast"), "400Hz"),
         (lambda: tirelog.dissipation("log.csv", steady_step_m_s=0), "^steady_step_m_s 0; allowed"),
-        (lambda: tirelog.inflation("log.csv", from_Pa=1e5), "^from_Pa and to_Pa go together"),
         (lambda: tirelog.load_model("none.toml"), "none.toml"),
         (lambda: tirelog.predict(7, speed_m_s=9.0), "int is no model"),
         (lambda: tirelog.speed("log.csv", setup=7), "int is no setup"),

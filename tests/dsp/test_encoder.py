@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicHermiteSpline
 
 from tirelog.data.recording import Channel, TimeAxis
-from tirelog.dsp.pitch import AngleFunction
 from tirelog.dsp.teeth import count_teeth, crossings, probe, teeth_of_counter
 
 RATE, STEPS = 10_000.0, 48
@@ -128,18 +126,3 @@ def test_counters_that_fall_or_have_a_sign_climb_with_the_wheel(count):
     error = found["count"] / turn - np.interp(found["time_s"], time, turns)
     assert found["forward"].all()
     assert np.ptp(error) < 1.01 * 25.0 / RATE
-
-
-@pytest.mark.parametrize("order", [np.sort, np.asarray])
-def test_the_angle_is_the_spline_through_the_knots(order):
-    random = np.random.default_rng(5)
-    time = np.linspace(0, 10, 200) + random.uniform(-0.01, 0.01, 200)
-    count = np.cumsum(random.integers(0, 5, 200)).astype(np.int32)
-    rate = random.uniform(10, 60, 200).astype(np.float32)
-    function = AngleFunction(time, count, 0.07, rate, np.zeros(200, np.int32), 1e-4)
-    at = order(random.uniform(time[0], time[-1], 3000))
-    np.testing.assert_allclose(
-        function.at(at), CubicHermiteSpline(time, 0.07 * count, rate.astype(float))(at), atol=1e-8
-    )
-    outside = function.at(np.array([time[0] - 1e-9, time[0], time[-1], time[-1] + 1e-9, np.nan]))
-    assert np.isfinite(outside).tolist() == [False, True, True, False, False]

@@ -10,7 +10,7 @@ from tirelog.inference.cells.cells import cells_of
 from tirelog.inference.cells.pieces import pieces_of_logs
 from tirelog.inference.measured import measured
 from tirelog.physics import Model
-from tirelog.strain.footprint.fronts import accelerometer_footprints
+from tirelog.strain.footprint.footprint import accelerometer_footprints
 from tirelog.strain.passages.find import find_passages
 from tirelog.vocabulary.quality import Quality, having
 

@@ -9,8 +9,8 @@ from tirelog.data.recording import Channel, Recording, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.errors import UsageError
 from tirelog.products import tables_of
-from tirelog.strain.footprint.family import SHAPES, EdgeFamily
 from tirelog.strain.footprint.measure import gather_windows
+from tirelog.strain.footprint.reference import SHAPES, EdgeFamily
 
 
 def test_a_spectrum_fulfils_the_contact():

@@ -136,7 +136,6 @@ def test_dissipation_and_its_lines(command, rolling):
         ("dissipation", ["--steady-step", "0"], "--steady-step"),
         ("dissipation", ["--fit", "--from", "1"], "of the whole log"),
         ("dissipation", ["--from", "1", "--plot", "page.png"], "of the whole log"),
-        ("inflation", ["--from-pressure", "1e5"], "--to-pressure"),
     ],
 )
 def test_what_cannot_be_done_is_refused(command, rolling, name, arguments, says):

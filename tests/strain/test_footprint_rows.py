@@ -127,14 +127,6 @@ def test_a_log_of_few_samples_a_passage_has_its_rows(radius_m, rate_Hz, noise_pm
     assert not (good(found.quality) & ~having(found.quality, Quality.PATCH_SHORT)).any()
 
 
-def test_creeping_back_and_standing_still_lose_no_row(radius_m):
-    plan = [0, 8, 11, 20, 23, 33], [8, 8, 0, 0, -6, -6]
-    turned = make_drive(*plan, seed=1502, pulse=Beam(speeds=(0.0, 9.0)), **CALM)
-    passages, found = of(turned.channel, radius_m)
-    assert len(found.quality) == len(passages) == found.length_m.size
-    assert having(speed_quality(passages), Quality.REVERSING | Quality.STANDSTILL).any()
-
-
 def test_the_table_has_every_row_and_a_reason_for_each_missing_onset(made, radius_m):
     setup = Setup(Tire(rolling_radius_m=radius_m, static_footprint_length_m=0.126))
     recording = Recording("drive.csv", {"strain_1": made.channel}, setup)

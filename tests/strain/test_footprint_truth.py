@@ -10,7 +10,6 @@ from tests.strain.conftest import lopsided, make_drive, shoulders, trapezium
 from tests.strain.strain_truth import Beam, Ring
 from tirelog.dsp.filters import Cutoff
 from tirelog.strain.footprint.footprint import _told, footprint
-from tirelog.strain.footprint.learn import learn_reference
 from tirelog.strain.footprint.measure import find_edges
 from tirelog.strain.passages.find import find_passages
 from tirelog.vocabulary.quality import Quality, good, having
@@ -183,22 +182,3 @@ def test_a_patch_that_gets_shorter_is_no_traction(radius_m):
     assert later.sum() > 60
     assert abs(np.median(error)) < 0.005
     assert np.mean(np.abs(error) < 1.96 * total) > 0.95
-
-
-def test_a_form_is_the_same_from_wherever_it_starts(radius_m):
-    """From another grating's, 4 % longer with a stiffer tread, as from averages."""
-    made = make_drive([0, 20], [9, 18], pulse=Ring(0.02, 8.0e6), seed=1460, **CALM)
-    passages = find_passages(made.channel, radius_m)
-    learnt = learn_reference(made.channel, passages)
-    far = replace(learnt, reference=_elsewhere(learnt.reference))
-    again = learn_reference(made.channel, passages, like=far)
-    one, other = learnt.reference, again.reference
-    assert one.family == other.family
-    assert other.misfit == pytest.approx(one.misfit, rel=2e-3)
-    assert (2 * np.abs(other.forms[:, 0] - one.forms[:, 0]) < one.length_se_m).all()
-
-
-def _elsewhere(form):
-    """The form with others of its numbers at each speed."""
-    forms = form.forms * [1.04, 1.1, 1.0, 1.0, 1.0, 1.0] + [0.0, 0.0, 0.0, 0.8, 0.0, 0.0]
-    return replace(form, forms=forms, shifts_m=form.shifts_m + 0.002)

@@ -3,32 +3,20 @@
 import numpy as np
 import pytest
 
-from tests.physics.brush_shear import traction
 from tests.strain.strain_truth import Beam
 from tirelog.data.recording import Channel, Recording, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.errors import UsageError
-from tirelog.physics.pressure import transition
 from tirelog.strain.slip import (
     EXPONENT_SD,
-    friction_used,
     grip_columns,
     refuse_frictions,
     strain_shift_of,
 )
-from tirelog.wheel.table import wheel_angle_of
+from tirelog.wheel.phase_shift import wheel_angle_of
 
 ONE = np.ones((1, 1))
 BRAKES = np.array([-3.0, -3.0, -0.3])
-
-
-def test_the_friction_used_is_the_traction_summed():
-    L, F, x = 0.06, 3500.0, np.linspace(-0.06, 0.06, 40001)
-    for slip in (0.02, 0.15, 0.4, 0.9):
-        tau = traction(x[None, :], F * ONE, L * ONE, slip * ONE)[0]
-        share = (transition(slip * ONE, L * ONE).item() + L) / (2.0 * L)
-        told = friction_used(np.array([share]), 0.8, 0.6)[0]
-        assert told == pytest.approx(tau.sum() * (x[1] - x[0]) / F, rel=1e-3)
 
 
 def grip(onset_m, stiffness=1.0, load_N=None):

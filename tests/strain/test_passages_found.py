@@ -129,13 +129,6 @@ def test_standard_errors_cover_in_the_manoeuvres(radius_m):
     assert np.mean(pull < 2) > 0.92
 
 
-def test_acceleration_on_a_ramp(radius_m):
-    d = make_drive([0, 2, 12], [6, 6, 26], seed=1260)
-    ramp = (d.time_s > 2.6) & (d.time_s < 11.5)
-    found = find_passages(d.channel, radius_m)
-    np.testing.assert_allclose(found.acceleration_m_s2[ramp], 2.0, atol=0.05)
-
-
 @pytest.mark.parametrize("start_turns", [0.5, 0.95, 1.0, 1.05])
 def test_standing_with_the_grating_in_the_patch_adds_nothing(radius_m, start_turns):
     d = make_drive([0, 10, 15], [0, 0, 12], seed=1003, start_turns=start_turns)
@@ -200,13 +193,3 @@ def test_stop_and_go_is_not_taken_for_a_way_back(radius_m, start_turns):
     d = make_drive([0, 8, 10, 12, 20], [6, 6, 0, 6, 6], seed=1011, start_turns=start_turns)
     found = find_passages(d.channel, radius_m)
     assert not having(found.quality | found.break_after, Quality.REVERSING).any()
-
-
-def test_the_centre_is_the_same_angle_at_every_speed(radius_m):
-    """The odd part of the waveform grows with speed."""
-    centres = []
-    for speed in (6.0, 25.0):
-        d = make_drive([0, 20], [speed, speed], seed=1009)
-        found = find_passages(d.channel, radius_m)
-        centres.append(np.median((found.time_s - d.time_s) * speed))
-    assert abs(centres[1] - centres[0]) < 1e-3

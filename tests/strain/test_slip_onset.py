@@ -9,9 +9,8 @@ from tests.strain.conftest import lopsided, make_drive
 from tests.strain.strain_truth import Beam, Ring
 from tirelog.simulation import Scenario, simulate, to_recording
 from tirelog.simulation.scenario.schema import Manoeuvre, Planted, Sensor
-from tirelog.strain.footprint import measure
 from tirelog.strain.footprint.footprint import choose_form, footprint
-from tirelog.strain.footprint.slip_onset import NO_FORM, TOO_SMALL
+from tirelog.strain.footprint.measure import NO_FORM, TOO_SMALL
 from tirelog.strain.passages.find import find_passages
 from tirelog.vocabulary.quality import good
 
@@ -133,27 +132,15 @@ def test_errors_hold_where_the_pressure_is_no_parabola(radius_m):
     assert np.mean(pulls < 1.96) > 0.9
 
 
-@pytest.mark.parametrize("speed", [10.0, 16.0])
-def test_most_passages_of_a_log_pull(radius_m, speed):
-    """At one speed: the form is that of the others, which alone are alike."""
-    log = Mixed(radius_m, speed, 0.12, 1695, noise_pm=4.0, slip_s=32)
+@pytest.mark.parametrize(("speed", "slip"), [(10.0, 0.12), (12.0, 0.2)])
+def test_lengths_are_within_their_errors_if_most_passages_pull(radius_m, speed, slip):
+    """The form has the slip in it, so there is no onset, and lengths are 2 to 9 % short."""
+    log = Mixed(radius_m, speed, slip, 1695, noise_pm=4.0, slip_s=32)
     assert log.slips.sum() > 1.2 * log.rolls.sum()
-    assert log.seen.sum() > 0.8 * log.slips.sum()
-    assert not np.isfinite(log.onset_m[log.rolls]).any()
-    assert np.sqrt(np.mean(log.error_m**2)) < 0.002
-    assert abs(np.nanmedian(log.found.length_m[log.rolls]) - 0.11) < 0.0005
-
-
-def test_another_grating_knows_that_most_passages_pull(radius_m):
-    settled = None
-    for seed in (1696, 1697):
-        channel, begins_s, _ = mixed_log(radius_m, 13.0, 0.12, seed, noise_pm=4.0, slip_s=32)
-        passages = find_passages(channel, radius_m)
-        settled = choose_form(channel, passages, like=settled)
-        assert settled.chosen
-        seen = np.isfinite(footprint(channel, passages, settled=settled).slip["onset_m"])
-        assert seen[passages.time_s > begins_s + 0.5].mean() > 0.8
-        assert not seen[passages.time_s < begins_s - 0.5].any()
+    assert not np.isfinite(log.onset_m).any()
+    error = np.abs(log.found.length_m - 0.11)
+    total = np.hypot(log.found.length_se_m, log.found.form_se_m)
+    assert np.mean((error < 1.96 * total)[np.isfinite(error)]) > 0.95
 
 
 def test_a_form_is_learnt_of_passages_that_roll_freely():
@@ -176,24 +163,3 @@ def test_a_form_is_learnt_of_passages_that_roll_freely():
     assert np.isfinite(error).sum() > 0.4 * np.isfinite(onset).sum()
     assert np.sqrt(np.nanmean(error**2)) < 0.0015
     assert np.mean(np.abs(error) < 0.005) > 0.98
-
-
-def test_onsets_that_start_from_others_are_as_true_as_those_looked_for(radius_m, monkeypatch):
-    """Most passages start from the onset of one that was looked for everywhere."""
-    followed = []
-    plain = measure.followed_onsets
-
-    def counted(windows, form, waves, found, *asked):
-        plain(windows, form, waves, found, *asked)
-        followed.append(np.isfinite(found["best"]))
-
-    monkeypatch.setattr(measure, "followed_onsets", counted)
-    errors, seen = [], []
-    for searched in (measure.SEARCHED, 10**6):
-        monkeypatch.setattr(measure, "SEARCHED", searched)
-        logs = [Mixed(radius_m, 14.0, 0.15, seed, 2.0) for seed in (1670, 1671)]
-        errors.append(np.sqrt(np.mean(np.concatenate([log.error_m for log in logs]) ** 2)))
-        seen.append(np.mean([log.seen.sum() / log.slips.sum() for log in logs]))
-    assert np.concatenate(followed).mean() > 0.9
-    assert errors[0] < 1.1 * errors[1]
-    assert seen[0] > seen[1] - 0.02

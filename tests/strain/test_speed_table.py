@@ -89,16 +89,6 @@ def test_radius_is_calibrated_within_its_error(radius_m):
     assert np.abs(pulls).max() < 4
 
 
-def test_calibrated_speeds_and_their_errors():
-    knots, speeds = [0, 40], [15, 15]
-    drive, car = make_drive(knots, speeds, seed=1309), vehicle_speed(knots, speeds, noise=0.1)
-    radius = "unloaded_radius_m = 0.33"
-    [columns], remarks = speed_tables(drive.channel, car, calibrate=True, radius=radius)
-    assert "calibrated against car over" in remarks[0]
-    assert np.abs(columns["speed_m_s"] - 15.0).max() < 4 * columns["speed_se_m_s"].max()
-    assert columns["speed_se_m_s"].min() > 1e-3
-
-
 def test_lost_samples_of_the_reference_leave_their_turns_out(radius_m):
     knots, speeds = [0, 40], [15, 15]
     whole = vehicle_speed(knots, speeds, rate_Hz=100.0)

@@ -1,6 +1,5 @@
 """Closed form: what pictures of revolutions show of waveforms that are known, a panel per log."""
 
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tests.cli.conftest import Command, folder, tirelog
+from tests.cli.conftest import folder, tirelog
 from tests.diagnosis.toy import stack_of
 from tirelog.data.recording import Conditions, Stack
 from tirelog.plots.record import picture
@@ -94,10 +93,3 @@ def test_each_log_has_its_panel_or_colour_in_microstrain(kind: str) -> None:
     said = " ".join(words)
     assert "microstrain" in said
     assert "µ" not in said
-
-
-@pytest.mark.parametrize(("kind", "suffix"), [("polar", "svg"), ("waterfall", "pdf")])
-def test_the_command_draws_it(folder: Path, tirelog: Command, kind: str, suffix: str) -> None:
-    path = folder / f"p.{suffix}"
-    assert tirelog("plot", "log.csv", "-o", str(path), "--kind", kind).status == 0
-    assert path.read_bytes()[:5] in (b"<?xml", b"%PDF-")

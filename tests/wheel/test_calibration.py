@@ -7,9 +7,15 @@ from tests.wheel.phase_truth import DYNAMIC, RAMP, Drive, Encoder, Tread, record
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.errors import SetupError, UsageError
 from tirelog.vocabulary.quality import Quality, having
-from tirelog.wheel.calibration import calibrate, clean_passages, read_calibration, write_calibration
+from tirelog.wheel.calibration import (
+    calibrate,
+    clean_passages,
+    read_calibration,
+    table,
+    with_zero,
+    write_calibration,
+)
 from tirelog.wheel.phase_shift import measure_phase_shift
-from tirelog.wheel.table import table, with_zero
 
 TREND = (0.03, 0.0015)  # degrees per m/s and per (m/s)^2 about 10 m/s
 WIDTH = (-0.05, -0.002)

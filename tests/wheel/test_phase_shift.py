@@ -188,9 +188,8 @@ def test_accelerometer_without_a_patch():
 
 @pytest.mark.parametrize("steps", [44, 47, 60, 96])
 def test_wrong_number_of_steps(steps):
-    with pytest.raises(SetupError, match="steps = 48") as told:
+    with pytest.raises(SetupError, match="steps = 48"):
         run(Drive(*STEADY), Tread(), steps=steps)
-    assert ("pitch table does not repeat" in str(told.value)) == (steps != 96)
 
 
 @pytest.mark.parametrize(("rate_Hz", "factor"), [(1000.0, r"(10|9\.99)"), (20_000.0, r"0\.5")])

@@ -8,8 +8,8 @@ from tirelog.data.recording import Channel, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.runs.ingest import open_recording
 from tirelog.wheel.angle import wheel_angle
+from tirelog.wheel.phase_shift import encoder_speed
 from tirelog.wheel.rolling import off_clock
-from tirelog.wheel.table import encoder_speed
 
 RATE_HZ, RADIUS_M = 10_000.0, 0.3
 

@@ -28,8 +28,7 @@ def __getattr__(name: str) -> Any:
 
 #: options whose argument in Python has another name
 _ARGUMENTS = {
-    "-o": "output", "--plot": "path", "--set": "values", "--from": "start",
-    "--to": "stop", "--from-pressure": "from_Pa", "--to-pressure": "to_Pa",
+    "-o": "output", "--plot": "path", "--set": "values", "--from": "start", "--to": "stop",
     "--steady-step": "steady_step_m_s",
 }  # fmt: skip
 #: a command, which stays, or an option

@@ -253,21 +253,13 @@ def calibrate(
     return calibrated(parts, forces=forces)[0]
 
 
-def inflation(
-    logs: Logs,
-    setup: SetupLike | None = None,
-    *,
-    from_Pa: float | None = None,
-    to_Pa: float | None = None,
-) -> pd.DataFrame:
+def inflation(logs: Logs, setup: SetupLike | None = None) -> pd.DataFrame:
     """Strain against inflation pressure in a static test: slope, linearity, leaks at stops.
 
     Parameters
     ----------
     logs, setup
         As for `speed`.
-    from_Pa, to_Pa : float, optional
-        Pressures at the beginning and the end [Pa], if no channel records them.
 
     Returns
     -------
@@ -287,7 +279,7 @@ def inflation(
     >>> round(1e11 * float(table.strain_slope_1_Pa[0]), 1)  # microstrain per bar
     1000.1
     """
-    return _table("inflation", logs, setup, {"from_Pa": from_Pa, "to_Pa": to_Pa})
+    return _table("inflation", logs, setup, {})
 
 
 def table_function(table: LogTable) -> Callable[..., pd.DataFrame]:

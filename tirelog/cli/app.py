@@ -375,8 +375,6 @@ METAVARS: Mapping[str, str] = {
     "step": "S",
     "load": "N",
     "pressure": "PA",
-    "from_Pa": "PA",
-    "to_Pa": "PA",
     "hub_mass": "KG",
     "hub_inertia": "KG_M2",
     "sensor": "DEGREES",

@@ -42,8 +42,7 @@ from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, KINDS, STRAIN_KINDS, WAVELENGTH_KINDS
 from tirelog.vocabulary.quality import Quality, having
-from tirelog.wheel.phase_shift import measure_phase_shift
-from tirelog.wheel.table import encoder_speed
+from tirelog.wheel.phase_shift import encoder_speed, measure_phase_shift
 
 # ---- What a series most likely is: by its unit, its name and its size. A guess, and called
 # one.

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.errors import UsageError
-from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, none_of
 
@@ -34,9 +33,6 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, good, none_of
 
 
 ComplexArray = NDArray[np.complex128]
-
-#: order of the Butterworth filter; forwards and backwards it acts twice
-ORDER = 4
 
 
 def closed(windows: FloatArray) -> FloatArray:
@@ -56,35 +52,6 @@ def closed(windows: FloatArray) -> FloatArray:
     return out
 
 
-@compiled
-def _derived(
-    spectra: ComplexArray, step_Hz: float, cutoff_Hz: FloatArray, count: int, upsample: int,
-    out: ComplexArray, noise: FloatArray,
-) -> None:  # fmt: skip
-    """Fills `out` (2, n, f): spectra of the first and second derivative of low-passed rows.
-
-    `spectra` (n, f) of `count` samples, frequencies `step_Hz` apart, `cutoff_Hz` (n,). Also filled:
-    `noise` (n, 2), as `derivatives` tells it. In one pass, as the low-pass is what takes long.
-    """
-    last = spectra.shape[1] - 1
-    for row in range(spectra.shape[0]):
-        second = third = 0.0
-        for k in range(last + 1):
-            turning = 2.0 * np.pi * k * step_Hz
-            passed = 1.0 / (1.0 + (k * step_Hz / cutoff_Hz[row]) ** (2 * ORDER))
-            square = turning**2
-            power = (passed * square) ** 2
-            second += power
-            third += power * square
-            one = passed * upsample * turning * spectra[row, k]
-            out[0, row, k] = complex(-one.imag, one.real)
-            out[1, row, k] = -turning * one
-        if count % 2 == 0:  # the highest frequency has no phase, and two halves between samples
-            out[0, row, last] = 0.0
-            out[1, row, last] *= 0.5 if upsample > 1 else 1.0
-        noise[row, 0], noise[row, 1] = np.sqrt(2.0 / count * second), np.sqrt(2.0 / count * third)
-
-
 def window_spectra(windows: FloatArray) -> ComplexArray:
     """FFT of the rows of `windows`, closed."""
     return np.fft.rfft(closed(windows), axis=1)
@@ -98,19 +65,34 @@ def derivatives(
     Of rows of `count` samples with `spectra`, at `upsample` x `count` points, (n, m) each; standard
     deviations (n, 2) of the second and of the third derivative, for noise of one per sample.
     """
-    shaped = np.empty((2, *spectra.shape), np.complex128)
-    noise = np.empty((len(spectra), 2))
-    _derived(spectra, rate_Hz / count, cutoff_Hz, count, upsample, shaped, noise)
-    first, second = (np.fft.irfft(one, n=count * upsample, axis=1) for one in shaped)
-    return first, second, noise
+    turning = 2.0 * np.pi * np.fft.rfftfreq(count, 1.0 / rate_Hz)
+    passed = _passed(rate_Hz, cutoff_Hz, count)
+    power = (passed * turning**2) ** 2
+    noise = np.stack([power.sum(axis=1), power @ turning**2], axis=1)
+    first = upsample * passed * turning * spectra
+    second = -turning * first
+    if count % 2 == 0:  # the highest frequency has no phase, and two halves between samples
+        first[:, -1] = 0.0
+        second[:, -1] *= 0.5 if upsample > 1 else 1.0
+    slope, bend = (np.fft.irfft(one, n=count * upsample, axis=1) for one in (1j * first, second))
+    return slope, bend, np.sqrt(2.0 / count * noise)
+
+
+def _passed(rate_Hz: float, cutoff_Hz: FloatArray, count: int) -> FloatArray:
+    """Gain of the low-pass at the frequencies of rows of `count` samples, (n, count // 2 + 1).
+
+    A Butterworth filter of order 4, which acts forwards and backwards.
+    """
+    ratio = np.fft.rfftfreq(count, 1.0 / rate_Hz) / cutoff_Hz[:, None]
+    # squares of squares are quicker than a power of floats
+    return np.asarray(1.0 / (1.0 + np.square(np.square(np.square(ratio)))))
 
 
 def lowpassed(
     spectra: ComplexArray, rate_Hz: float, cutoff_Hz: FloatArray, count: int, upsample: int
 ) -> FloatArray:
     """The rows of `spectra` low-passed, (n, m), arguments as of `derivatives`."""
-    ratio = np.fft.rfftfreq(count, 1.0 / rate_Hz) / cutoff_Hz[:, None]
-    shaped = spectra * (upsample / (1.0 + ratio ** (2 * ORDER)))
+    shaped = spectra * (upsample * _passed(rate_Hz, cutoff_Hz, count))
     if count % 2 == 0:
         shaped[:, -1] *= 0.5 if upsample > 1 else 1.0
     return np.fft.irfft(shaped, n=count * upsample, axis=1)
@@ -229,9 +211,7 @@ class Cutoff:
         word = text.strip().lower()
         if word in ("auto", "rest"):
             return cls(word)
-        found = re.fullmatch(
-            r"\s*([0-9]*\.?[0-9]+(?:[eE][0-9]+)?)\s*(k?hz|x)\s*", text, re.IGNORECASE
-        )
+        found = re.fullmatch(r"([0-9]*\.?[0-9]+(?:e[0-9]+)?)\s*(hz|khz|x)", word)
         if not found or float(found[1]) <= 0:
             raise UsageError(
                 f"cut-off {text!r}",
@@ -239,12 +219,8 @@ class Cutoff:
                 "frequency, as 40x",
                 do="mend it",
             )
-        unit = found[2].lower()
-        return (
-            cls("x", float(found[1]))
-            if unit == "x"
-            else cls("Hz", float(found[1]) * (1000.0 if unit == "khz" else 1.0))
-        )
+        unit, times = {"x": ("x", 1.0), "hz": ("Hz", 1.0), "khz": ("Hz", 1e3)}[found[2]]
+        return cls(unit, times * float(found[1]))
 
     def frequency(
         self, speed_m_s: FloatArray, radius_m: float, wave_number_1_m: float
@@ -272,10 +248,6 @@ class Cutoff:
 # on how the log is read.
 
 
-#: order of the difference; that of white noise has sqrt(binomial(2 order, order)) standard
-#: deviations
-DIFFERENCE_ORDER = 6
-DIFFERENCE_GAIN = comb(2 * DIFFERENCE_ORDER, DIFFERENCE_ORDER) ** 0.5
 #: median of |x| of a normal variable, in standard deviations
 NORMAL_MEDIAN = 0.6744897501960817
 #: pieces that are looked at, and samples per piece; a piece starts at a multiple of its length
@@ -288,9 +260,10 @@ def white_noise(values: FloatArray) -> float:
     NaN if fewer than 7 samples stand in a row.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        sizes = np.abs(np.diff(values, DIFFERENCE_ORDER))
+        sizes = np.abs(np.diff(values, 6))
     sizes = sizes[np.isfinite(sizes)]
-    return float(np.median(sizes) / NORMAL_MEDIAN / DIFFERENCE_GAIN) if sizes.size else np.nan
+    # those of white noise have sqrt(binomial(12, 6)) standard deviations
+    return float(np.median(sizes) / NORMAL_MEDIAN / comb(12, 6) ** 0.5) if sizes.size else np.nan
 
 
 def step_of(values: FloatArray) -> float:
@@ -345,29 +318,28 @@ def even_axis(channel: Channel) -> TimeAxis | None:
     if axis.explicit is None or size < 2 * PIECE_SAMPLES:
         return None
     starts = np.linspace(0, size - PIECE_SAMPLES, PIECES).astype(np.int64)
-    pieces = [(s, axis.time(s, s + PIECE_SAMPLES)) for s in starts.tolist()]
-    middles = starts + 0.5 * (PIECE_SAMPLES - 1.0)
-    means = np.array([float(np.mean(time)) for _, time in pieces])
+    stop = starts + PIECE_SAMPLES
+    times, values = (
+        np.stack([read(*ends) for ends in zip(starts.tolist(), stop.tolist(), strict=True)])
+        for read in (axis.time, channel.read)
+    )
+    middles = 0.5 * (starts + stop - 1.0)
+    means = times.mean(axis=1)
     period, begin = np.polyfit(middles, means, 1)
     # means of the stamps of an even clock without a gap leave their line by less than a sample
     if not period > 0.0 or np.ptp(means - begin - period * middles) > period:
         return None
-    follows, moved, left = [], [], []
-    for first, time in pieces:
-        values = channel.read(first, first + PIECE_SAMPLES)
-        slope = 0.25 * (values[4:] - values[:-4])
-        # less the cubic through four neighbours
-        late, off = slope * np.diff(time / period, 4) / 6.0, np.diff(values, 4) / 6.0
-        known = np.isfinite(late + off)
-        follows.append(float(late[known] @ off[known]))
-        moved.append(float(late[known] @ late[known]))
-        left.append(white_noise(values))
-    squares = sum(moved)
+    # less the cubic through four neighbours
+    slope, off = 0.25 * (values[:, 4:] - values[:, :-4]), np.diff(values, 4) / 6.0
+    late = slope * np.diff(times / period, 4) / 6.0
+    known = np.isfinite(late + off)
+    follows, squares = float(late[known] @ off[known]), float(late[known] @ late[known])
     # standard deviation of white noise less the cubic through its neighbours
-    error = float(np.nanmedian(left)) * (70.0 / 36.0) ** 0.5
+    noises = [white_noise(piece) for piece in values]
+    error = float(np.nanmedian(noises)) * (70.0 / 36.0) ** 0.5
     # share of the stamps' scatter that values of scattered samples follow is one, of even ones
     # none; it must be known to so many of its errors
-    if 0.5 * np.sqrt(squares) < 5.0 * error or sum(follows) > 0.5 * squares:
+    if 0.5 * np.sqrt(squares) < 5.0 * error or follows > 0.5 * squares:
         return None
     return TimeAxis.uniform(size, float(1.0 / period), float(begin))
 
@@ -453,8 +425,6 @@ def sliding_median(x: FloatArray, width: int) -> FloatArray:
 
 #: values on either side whose median says what is usual, whatever two of them are
 BESIDE = 5
-#: an outlier leaves them by so many of the usual distances
-MOST_OFF = 8.0
 #: share of its speed by which a wheel is unlike the turns around; one turn's acceleration is less
 UNLIKE_SPEED = 0.02
 
@@ -484,13 +454,13 @@ def outliers(x: FloatArray, least: FloatArray | float) -> BoolArray:
     before, after = (x - side for side in medians_beside(x))
     usual = sliding_median(np.maximum(np.abs(before), np.abs(after)), 2 * BESIDE + 1)
     off = np.where(before * after > 0.0, np.minimum(np.abs(before), np.abs(after)), 0.0)
-    return np.asarray(off > MOST_OFF * usual + least)
+    # an outlier leaves them by so many of the usual distances
+    return np.asarray(off > 8.0 * usual + least)
 
 
 def medians_beside(x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Medians of the BESIDE values before each of x (n,), and of those after it, (n,) each."""
-    beside = np.pad(x, BESIDE, mode="reflect")
-    medians = np.median(sliding_window_view(beside, BESIDE), axis=1)
+    medians = np.median(sliding_window_view(np.pad(x, BESIDE, mode="reflect"), BESIDE), axis=1)
     return medians[: x.size], medians[BESIDE + 1 : BESIDE + 1 + x.size]
 
 

@@ -16,7 +16,7 @@ follows them instead of averaging: what the cubics leave of that size tells how 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from operator import attrgetter
 from typing import Any
@@ -266,9 +266,9 @@ def steps_that_repeat(
     At a constant speed errors of edges between samples, of standard deviation `grid_s` [s], repeat
     with any number of steps. The best one's share is what they cannot have made.
     """
-    starts, stops = runs(np.diff(teeth["count"]) == 1)
-    longest = int(np.argmax(stops - starts)) if starts.size else 0
-    time_s = teeth["time_s"][starts[longest] : stops[longest] + 1] if starts.size else np.zeros(0)
+    even = zip(*runs(np.diff(teeth["count"]) == 1), strict=True)
+    parts = [teeth["time_s"][start : stop + 1] for start, stop in even]
+    time_s = max(parts, key=len, default=np.zeros(0))
     if time_s.size < 64:
         return steps, 0.0, 0.0
     pace = np.gradient(time_s)
@@ -306,7 +306,7 @@ def _hermite(
     """
     n, k = time.size, 0
     low = high = np.nan
-    start = first = second = third = angle = 0.0
+    first = second = third = angle = 0.0
     for i in range(at.size):
         t = at[i]
         if not low <= t < high:
@@ -317,17 +317,12 @@ def _hermite(
                 k += 1
             else:
                 k = min(np.searchsorted(time, t, side="right") - 1, n - 2)
-            low, high = time[k], time[k + 1]
-            start, angle, first, last = (
-                low,
-                count[k] * unit,
-                np.float64(rate[k]),
-                np.float64(rate[k + 1]),
-            )
+            low, high, angle = time[k], time[k + 1], count[k] * unit
+            first, last = np.float64(rate[k]), np.float64(rate[k + 1])
             h = high - low if high > low else 1.0
             mean = (count[k + 1] - count[k]) * unit / h
             second, third = (3 * mean - 2 * first - last) / h, (first + last - 2 * mean) / h**2
-        s = t - start
+        s = t - low
         result[i] = angle + s * (first + s * (second + s * third))
 
 
@@ -341,7 +336,7 @@ class AngleFunction:
 
     The edges of pulses and counts lie between two samples, so such errors grow with the speed and
     are alike from tooth to tooth: `grid_rad` has their standard deviation at each knot, `noise_rad`
-    is their median. It is empty for other sensors.
+    is their median. None for other sensors.
     """
 
     time_s: FloatArray
@@ -350,7 +345,7 @@ class AngleFunction:
     rate_rad_s: NDArray[np.float32]
     stretch: NDArray[np.int32]
     noise_rad: float
-    grid_rad: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+    grid_rad: NDArray[np.float32] | None = None
 
     def _knot_at(self, time_s: FloatArray) -> IntArray:
         """The knot before each time, or the first one; NaN counts as the end."""
@@ -359,13 +354,13 @@ class AngleFunction:
 
     def noise_at(self, time_s: FloatArray) -> FloatArray:
         """Standard deviation [rad] of the angles at times, of which NaN counts as the end."""
-        if not self.grid_rad.size:
+        if self.grid_rad is None:
             return np.full(time_s.shape, self.noise_rad)
         return self.grid_rad[self._knot_at(time_s)].astype(np.float64)
 
     def shared_noise_at(self, time_s: FloatArray) -> FloatArray:
         """The part of `noise_at` [rad] that angles a patch apart have in common, at times."""
-        return self.noise_at(time_s) if self.grid_rad.size else np.zeros(time_s.shape)
+        return np.zeros(time_s.shape) if self.grid_rad is None else self.noise_at(time_s)
 
     def stretch_at(self, time_s: FloatArray) -> IntArray:
         """Number of the stretch at times, of which NaN counts as the end."""
@@ -388,14 +383,10 @@ class AngleFunction:
     def at(self, time_s: FloatArray) -> FloatArray:
         """Angle [rad] at the times, NaN outside of the knots, shape as given."""
         result = np.full(time_s.shape, np.nan)
+        at = finite(time_s).ravel()
         if self.time_s.size > 1:
             _hermite(
-                finite(time_s).ravel(),
-                self.time_s,
-                self.count,
-                self.rate_rad_s,
-                self.unit_rad,
-                result.reshape(-1),
+                at, self.time_s, self.count, self.rate_rad_s, self.unit_rad, result.reshape(-1)
             )
         return result
 
@@ -444,10 +435,7 @@ def _cubic_weights() -> tuple[FloatArray, FloatArray]:
     MOST_REACH + 1), the middle at MOST_REACH. Up to LEAST_REACH the middle point itself is its
     value.
     """
-    value, slope = (
-        np.zeros((MOST_REACH + 1, 2 * MOST_REACH + 1)),
-        np.zeros((MOST_REACH + 1, 2 * MOST_REACH + 1)),
-    )
+    value, slope = np.zeros((2, MOST_REACH + 1, 2 * MOST_REACH + 1))
     value[:, MOST_REACH] = 1.0
     for reach in range(LEAST_REACH, MOST_REACH + 1):
         here = slice(MOST_REACH - reach, MOST_REACH + reach + 1)
@@ -567,29 +555,24 @@ class KnotBuilder:
             self._add(teeth[start : start + PIECE], MOST_REACH + 4)
 
     def _add(self, new: Records, margin: int) -> None:
-        """Knots of what is held and `new`, but for the last `margin`."""
+        """Knots of what is held and the `new` teeth, but for the last `margin`."""
         teeth = np.concatenate([self._held, new])
         stop = max(teeth.size - margin, self._first)
         unit_rad, knots = 2 * np.pi / self.turn, np.zeros(stop - self._first, KNOT)
         sums = np.zeros((MOST_REACH + 1, self.turn), SUMS)
         number = _local_cubics(teeth, unit_rad, self._first, stop, self._last, knots, sums)
-        self._note_scatter(sums)
         if number:
             self._last = float(knots["time_s"][number - 1])
             self._parts.append(knots[:number].copy())  # a view would keep the whole array alive
         begin = max(stop - margin, 0)
         self._held, self._first = teeth[begin:], stop - begin
-
-    def _note_scatter(self, sums: Records) -> None:
-        """Notes what the cubics of each reach left.
-
-        Each class of counts about its own mean: a cubic that keeps w of a passage leaves 1 - w.
-        """
-        number, total, squares = (sums[name].copy() for name in ("number", "total", "squares"))
-        left = (squares - total**2 / np.maximum(number, 1.0)).sum(axis=1)[LEAST_REACH:]
+        # what the cubics of each reach left, each class of counts about its own mean: a cubic that
+        # keeps w of a passage leaves 1 - w
+        count, total, squares = (sums[name] for name in ("number", "total", "squares"))
+        left = (squares - total**2 / np.maximum(count, 1.0)).sum(axis=1)[LEAST_REACH:]
         self._variance += float(np.sum(left / (1 - VALUE[LEAST_REACH:, MOST_REACH])))
-        self._freedom += float((number - (number > 0))[LEAST_REACH:].sum())
-        self._laid += number.sum(axis=1)
+        self._freedom += float((count - (count > 0))[LEAST_REACH:].sum())
+        self._laid += count.sum(axis=1)
 
     def knots(self) -> Records:
         """All knots, (n,) of KNOT; nothing can be added after."""
@@ -620,9 +603,9 @@ def angle_function(
     their counts those of the wheel; `noise_rad` standard deviation of a knot; `edge_s` that of the
     time of an edge between two samples, 0 if passages are no edges.
     """
-    value, slope = (
-        np.stack([_around(error_rad, row) for row in weights]) for weights in (VALUE, SLOPE)
-    )
+    # the weighted sums of the errors around each count of a turn
+    place = np.arange(error_rad.size)[:, None] + np.arange(2 * MOST_REACH + 1) - MOST_REACH
+    value, slope = (weights @ error_rad[place % error_rad.size].T for weights in (VALUE, SLOPE))
     unit_rad, latest = 2 * np.pi / error_rad.size, -np.inf
     for start in range(0, knots.size, PIECE):
         piece = knots[start : start + PIECE]
@@ -636,12 +619,13 @@ def angle_function(
         piece["rate_rad_s"] /= 1 - slope[reach, place] / unit_rad
         time = np.maximum.accumulate(np.maximum(piece["time_s"] - late, latest))
         piece["time_s"], latest = time, float(time[-1])
-    rate, grid = knots["rate_rad_s"].copy(), np.zeros(0, np.float32)
+    time, count, rate, stretch = (
+        knots[name].copy() for name in ("time_s", "count", "rate_rad_s", "stretch")
+    )
+    grid = None
     if edge_s:
         grid = np.abs(rate) * _grid_s(knots, edge_s).astype(np.float32)
         noise_rad = float(np.median(grid))
-    columns = (knots[name].copy() for name in ("time_s", "count", "stretch"))
-    time, count, stretch = columns
     return AngleFunction(time, count, unit_rad, rate, stretch, noise_rad, grid)
 
 
@@ -661,11 +645,3 @@ def _grid_s(knots: Records, edge_s: float) -> FloatArray:
     )
     variance = np.maximum(edge_s**2 - left, kept / (1 - kept) * left)
     return np.sqrt(np.where(laid, variance, edge_s**2))
-
-
-def _around(error_rad: FloatArray, weights: FloatArray) -> FloatArray:
-    """The weighted sum of the errors around each count of a turn, shape as given."""
-    place = np.arange(error_rad.size)
-    return np.asarray(
-        sum(w * error_rad[(place + j - MOST_REACH) % error_rad.size] for j, w in enumerate(weights))
-    )

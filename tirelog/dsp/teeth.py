@@ -190,13 +190,8 @@ FOLLOW_S = 0.3
 #: a signal whose range is within so many standard deviations of its noise does not move; twice as
 #: many call a weak signal standstill, half as many take noise for teeth
 STILL_SIGMA = 6.0
-#: amplitudes of a log's pieces, those with so many swings, closer together than this do not follow
-#: the speed (a Hall sensor); nearer to one, a Hall sensor whose teeth differ counts as an
-#: inductive one
-STEADY_AMPLITUDE, LEAST_SWINGS = 0.6, 6
-#: samples this near to the upper or the lower level, in half ranges, are on it; a signal with more
-#: than this share of its samples there is square. Twice the distance takes a sine for one
-ON_LEVEL, SQUARE_SHARE = 0.2, 0.7
+#: a signal with more than this share of its samples near one of its two levels is square
+SQUARE_SHARE = 0.7
 
 
 @dataclass(frozen=True)
@@ -266,10 +261,12 @@ def probe(channel: Channel, pieces: int = 24, length: int = 2048) -> Probe:
     ):  # also numbers too large to be squared
         return Probe("dead", amplitude, noise)
     # a piece with several swings shows a whole one, however slowly the wheel turns
-    turning = (swings >= LEAST_SWINGS) & (amplitudes > STILL_SIGMA * noise)
+    turning = (swings >= 6) & (amplitudes > STILL_SIGMA * noise)
     moving = turning if turning.any() else amplitudes > 0.3 * amplitude
     usual = float(np.quantile(amplitudes[moving], 0.25))
-    steady = float(np.min(amplitudes[moving])) > STEADY_AMPLITUDE * amplitude
+    # amplitudes of pieces closer together than this do not follow the speed (a Hall sensor); nearer
+    # to one, a Hall sensor whose teeth differ counts as an inductive one
+    steady = float(np.min(amplitudes[moving])) > 0.6 * amplitude
     least = max(STILL_SIGMA * noise, 0.7 * usual if steady else 0.01 * amplitude)
     form = "square" if np.median(on_level[moving]) > SQUARE_SHARE else "sine"
     # longer if the amplitude does not follow the speed, so that a wheel that begins to turn shows a
@@ -293,7 +290,9 @@ def _piece(x: FloatArray) -> tuple[float, ...]:
     """
     low, high, step = float(x.min()), float(x.max()), np.diff(x)
     away, half = x - 0.5 * (low + high), 0.5 * (high - low)
-    on_level = float(np.mean(np.abs(away) > (1 - ON_LEVEL) * half))
+    # samples this near to the upper or the lower level, in half ranges, are on it; twice the
+    # distance takes a sine for a square
+    on_level = float(np.mean(np.abs(away) > (1 - 0.2) * half))
     side = away[np.abs(away) > 0.5 * half] > 0
     moved = np.abs(step[step != 0])
     return (
@@ -424,11 +423,6 @@ def _hysteresis(x: FloatArray, rate_Hz: float, found: Probe) -> tuple[FloatArray
 # samples (size,) of counts or angles --changes, unwrapped--> times (n,) [s] and turns (n,) [1]
 
 
-#: times per second that an angle channel keeps; twice as many follow twice as quick a shake in
-#: twice the memory
-ANGLE_KNOTS_Hz = 500.0
-
-
 def turns_of_counts(
     channel: Channel, size: float, is_angle: bool = False
 ) -> tuple[FloatArray, FloatArray]:
@@ -440,7 +434,9 @@ def turns_of_counts(
     """
     times, counts = [np.zeros(0)], [np.zeros(0)]
     wrap, offset, last = size if is_angle else 0.0, 0.0, np.nan
-    every = max(int(channel.axis.rate_Hz / ANGLE_KNOTS_Hz), 1)
+    # times per second that an angle channel keeps; twice as many follow twice as quick a shake in
+    # twice the memory
+    every = max(int(channel.axis.rate_Hz / 500.0), 1)
     for start, block in channel.blocks():
         known = np.flatnonzero(np.isfinite(block))
         x, index = block[known], (start + known).astype(np.float64)
@@ -639,7 +635,10 @@ def _regular(teeth: Records, slowest: float) -> Records:
     if steps.size < 12:
         teeth["uneven"] = True
         return teeth
-    if _all_regular(steps):
+    # if no interval differs much from those five before and after, no closer look is needed
+    before, after = np.append(steps[5:10], steps[:-5]), np.append(steps[5:], steps[-10:-5])
+    share = steps / (0.5 * (before + after))
+    if np.all((share > SHORT) & (share < LONG)):
         return teeth
     # half teeth may be unlike in pairs: each is held against the two before and after of its kind
     around = sliding_window_view(np.pad(steps, 4, mode="reflect"), 9)[:, ::2]
@@ -669,16 +668,6 @@ def _regular(teeth: Records, slowest: float) -> Records:
             max(n - whole, 0) // 2,
         )
     return teeth[keep]
-
-
-def _all_regular(steps: FloatArray) -> bool:
-    """Whether no interval of `steps` (n,) [samples] differs much from those five before and after.
-
-    At the ends: one of them. Then no closer look is needed.
-    """
-    before, after = np.append(steps[5:10], steps[:-5]), np.append(steps[5:], steps[-10:-5])
-    usual = 0.5 * (before + after)
-    return bool(np.all((SHORT * usual < steps) & (steps < LONG * usual)))
 
 
 def _turning_points(channel: Channel, found: Probe, index: FloatArray, slow: Integers) -> list[int]:

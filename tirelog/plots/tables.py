@@ -556,7 +556,7 @@ _SINCE = "strain since the start [microstrain]"
 
 def _stops(recording: Recording, found: InflationOfChannel) -> Panel:
     """Strain over time; its stops are shaded, with what is lost in each."""
-    s, test = found.series, found.inflation
+    s, test = found.series, found.columns
     marks = [line(s["time_s"], MICRO * (s["strain"] - s["strain"][0]), width=1.4)]
     for stretch, start, duration, leak in zip(
         test["stretch"], test["time_s"], test["duration_s"], test["leak"], strict=True
@@ -574,14 +574,14 @@ def _stops(recording: Recording, found: InflationOfChannel) -> Panel:
 
 def _ramps(recording: Recording, found: InflationOfChannel) -> Panel:
     """Strain over the inflation pressure, with its straight line."""
-    s, test = found.series, found.inflation
+    s, test = found.series, found.columns
     marks = []
     if np.isfinite(s["pressure_Pa"]).any():
         ends = np.array([np.nanmin(s["pressure_Pa"]), np.nanmax(s["pressure_Pa"])])
-        rise = test["slope_1_Pa"][0] * (ends - np.nanmean(s["pressure_Pa"]))
-        se = 1e11 * test["slope_se_1_Pa"][0]
+        rise = test["strain_slope_1_Pa"][0] * (ends - np.nanmean(s["pressure_Pa"]))
+        se = 1e11 * test["strain_slope_se_1_Pa"][0]
         text = (
-            f"{1e11 * test['slope_1_Pa'][0]:.1f}{f' ± {se:.1g}' if np.isfinite(se) else ''} "
+            f"{1e11 * test['strain_slope_1_Pa'][0]:.1f}{f' ± {se:.1g}' if np.isfinite(se) else ''} "
             f"microstrain/bar, straight to {100 * test['nonlinearity'][0]:.1f} %"
         )
         strain = MICRO * (s["strain"].mean() - s["strain"][0] + rise)

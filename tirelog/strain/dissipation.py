@@ -81,32 +81,16 @@ def sums_within(values: FloatArray, low: IntArray, high: IntArray) -> FloatArray
 
 #: pass edge of the differentiator, in half lengths: wave number x half length
 PASS = 20.0
-#: and at most this share of the Nyquist frequency; below LEAST the derivative itself is lost;
-#: nearer to one, the filter needs many more coefficients
-SHARE_OF_NYQUIST, LEAST = 0.8, 6.0
-#: what an instrument that averages must leave of the waves that hold a patch's edges
-LEAST_PASSED = 0.995
-#: scatter of the samples' times about even ones, in periods, beyond which slopes from sample to
-#: sample are wrong: a tenth makes 1 %
-MOST_UNEVEN = 0.05
 #: the patch with its shoulders, in half windows of the passages
 SHOULDERS = 1.6
-#: a gap in the patch with its shoulders is bridged up to so many means, half a period of the pass
-#: edge, and elsewhere up to this share of a turn; twice as many means bridge a whole period, whose
-#: slope is lost, and twice the share half a turn
-BRIDGED_MEANS, BRIDGED_TURNS = 2.0, 0.25
 #: parts of a revolution, each judged beside the same part of the turns around
 PARTS = 24
 #: so many turns are those around; a part is far off by FAR of its usual distances and LEAST_OFF of
 #: the usual factor; a turn is unlike those around if its patch is off by UNLIKE of it at least, or
 #: the parts that are far off by PARTS_UNLIKE
 TURNS, FAR, LEAST_OFF, UNLIKE, PARTS_UNLIKE = 9, 12.0, 0.0025, 0.02, 0.01
-#: a patch that its form leaves over by so many times the usual; of clean logs it is 1.5 at most
-FAR_MISFIT = 4.0
 #: step in the height (logarithm) that no road, load or speed makes from one turn to the next
 LOOSE = 0.22
-#: share of a log's turns with bursts from which all have them, seen or not
-MOST_BURSTS = 0.5
 #: samples worked on at once
 MOST_AT_ONCE = 1 << 16
 #: constant speed: the step from one revolution to the next (P1 4) [m/s], and revolutions of a
@@ -137,12 +121,16 @@ def _filter(channel: Channel, passages: Passages) -> tuple[FloatArray, int, bool
     # means are taken of as many samples as leave this many per period of the pass edge; twice as
     # many take twice as long and change what the filter passes no more
     averaged = int(2 ** np.floor(np.log2(max(rate / (4.0 * wanted), 1.0))))
-    edge = min(wanted, SHARE_OF_NYQUIST * 0.5 * rate / averaged)
+    # nearer to the Nyquist frequency than this share the filter needs many more coefficients
+    edge = min(wanted, 0.8 * 0.5 * rate / averaged)
+    # below this share of the wanted edge, 6 half lengths, the derivative itself is lost; what an
+    # instrument that averages must leave of these waves; and the scatter of the samples' times
+    # about even ones, in periods, beyond which slopes from sample to sample are wrong: a tenth
+    # makes 1 %
+    least = 6.0 / PASS * wanted
     mean = running_mean_of(channel.recorded or channel)
-    edge_rad = np.array(2.0 * np.pi * LEAST / PASS * wanted / rate * mean)
-    passed = float(averaging_gain(edge_rad, mean))
-    limited = edge < LEAST / PASS * wanted or passed < LEAST_PASSED
-    limited |= stamp_scatter(channel.axis) > MOST_UNEVEN
+    passed = float(averaging_gain(np.array(2.0 * np.pi * least / rate * mean), mean))
+    limited = edge < least or passed < 0.995 or stamp_scatter(channel.axis) > 0.05
     return differentiator(rate / averaged, edge, averaged), averaged, limited
 
 
@@ -220,15 +208,6 @@ def _edges(
     return np.maximum.accumulate(np.rint(middle + half * side + curve * side**2), axis=1)
 
 
-def _means(values: FloatArray, averaged: int) -> FloatArray:
-    """Means of `averaged` neighbours, NaN if any of them is lost."""
-    return (
-        values
-        if averaged == 1
-        else values[: values.size // averaged * averaged].reshape(-1, averaged).mean(axis=1)
-    )
-
-
 def _energies(
     channel: Channel,
     passages: Passages,
@@ -277,7 +256,8 @@ def _energies(
                 # a place more for changes, and `bridged` judges a sample by three on either side
                 first, final = max(start - half - 4, begin), min(stop + half + 4, end)
                 raw = filled.read(first * averaged, final * averaged)
-                means = bridged(np.ascontiguousarray(_means(raw, averaged)), wild)
+                whole = raw[: raw.size // averaged * averaged].reshape(-1, averaged)
+                means = bridged(whole.mean(axis=1) if averaged > 1 else whole[:, 0].copy(), wild)
                 slope = np.empty(means.size)
                 derivative(means, side, slope)
                 edges = np.clip(parts[rows], start, stop) - first
@@ -299,8 +279,6 @@ def _factors(
     median is the noise. A part that is far off the same part of the turns around holds a
     disturbance, or a hit of the road; away from the patch only if it is above it.
     """
-    if not parts.shape[0]:
-        return np.zeros(0), np.zeros(0), np.zeros(0, bool)
     opposite = np.abs(np.arange(PARTS) + 0.5 - 0.5 * PARTS) > 0.25 * PARTS
     share = np.median(parts[:, opposite] / np.maximum(sizes[:, opposite], 1e-300), axis=1)
     floor = sliding_median(share, TURNS)[:, None]
@@ -348,10 +326,13 @@ def _in_long_gap(channel: Channel, passages: Passages, averaged: int) -> BoolArr
     axis, index = channel.axis, passages.index
     turn = 2.0 * np.pi / passages.omega_rad_s * axis.rate_Hz
     shoulders = SHOULDERS * passages.window_rad / (2.0 * np.pi) * turn
-    near = in_gap(axis, index, shoulders, BRIDGED_MEANS * averaged)
+    # a gap in the patch with its shoulders is bridged up to so many means, half a period of the
+    # pass edge; twice as many bridge a whole period, whose slope is lost
+    near = in_gap(axis, index, shoulders, 2.0 * averaged)
     low, high = index - 0.5 * turn, index + 0.5 * turn
     missing = axis.missing_before(high) - axis.missing_before(low)
-    return np.asarray(near | (missing > BRIDGED_TURNS * turn))
+    # elsewhere up to this share of a turn; twice the share bridges half a turn
+    return np.asarray(near | (missing > 0.25 * turn))
 
 
 def steady_stretches(
@@ -363,29 +344,24 @@ def steady_stretches(
     speeds step by less than `step_m_s` in size (errata: P1 prints the step without its absolute
     value, and braking would always pass).
     """
-    n = speed_m_s.size
-    if n < 2:
-        return np.full(n, -1)
     with np.errstate(invalid="ignore"):
         joined = (np.abs(np.diff(speed_m_s)) < step_m_s) & next_known[:-1]
-    inside = np.concatenate([joined, [False]]) | np.concatenate([[False], joined])
-    starts = inside & ~np.concatenate([[False], joined])
-    return np.where(inside, np.cumsum(starts) - 1, -1)
+    after, before = np.append(joined, False), np.append(False, joined)
+    return np.where(after | before, np.cumsum(after & ~before) - 1, -1)[: speed_m_s.size]
 
 
-def moving_average(values: FloatArray, stretch: IntArray, width: int = AVERAGED) -> FloatArray:
-    """Centred mean over `width` rows within each stretch, narrower at its ends.
+def moving_average(values: FloatArray, stretch: IntArray) -> FloatArray:
+    """Centred mean over AVERAGED rows within each stretch, narrower at its ends.
 
     NaN outside of stretches. NaN values are left out.
     """
-    n = values.size
-    good = np.isfinite(values)
-    total = np.concatenate([[0.0], np.cumsum(np.where(good, values, 0.0))])
-    count = np.concatenate([[0], np.cumsum(good)])
-    row = np.arange(n)
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(stretch)) + 1, [n]])
+    row = np.arange(values.size)
+    known = np.isfinite(values)
+    total = np.append(0.0, np.cumsum(np.where(known, values, 0.0)))
+    count = np.append(0, np.cumsum(known))
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(stretch)) + 1, [row.size]])
     run = np.searchsorted(edges, row, side="right") - 1
-    reach = np.minimum(width // 2, np.minimum(row - edges[run], edges[run + 1] - 1 - row))
+    reach = np.minimum(AVERAGED // 2, np.minimum(row - edges[run], edges[run + 1] - 1 - row))
     low, high = row - reach, row + reach + 1
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = (total[high] - total[low]) / (count[high] - count[low])
@@ -399,7 +375,6 @@ def dissipation(
     quality: QualityFlags,
     *,
     steady_step_m_s: float = STEADY_STEP_M_S,
-    averaged: int = AVERAGED,
     block_samples: int = BLOCK_SAMPLES,
 ) -> Any:
     """The dissipation in each revolution of the strain `channel`, (n,) of DISSIPATION.
@@ -407,7 +382,7 @@ def dissipation(
     Its columns are attributes.
 
     `area_m2` of the section (None: no specific power); `quality` (n,): the flags that the speeds
-    already have; `averaged`: revolutions of a moving average.
+    already have.
     """
     n = len(passages)
     if not np.isfinite(passages.speed_m_s).any():
@@ -464,13 +439,20 @@ def dissipation(
         )
     error = np.where(absurd, np.nan, error)
     bursts = doubted(channel, Quality.SPIKE, *_bounds(passages, passages.index))
-    bursts = of_the_log(bursts | having(quality, Quality.SPIKE), MOST_BURSTS)
-    quality = quality | marked(absurd, Quality.ERROR_UNKNOWN) | marked(bursts, Quality.SPIKE)
+    # share of a log's turns with bursts from which all have them, seen or not
+    bursts = of_the_log(bursts | having(quality, Quality.SPIKE), 0.5)
     share = passages.misfit / np.abs(passages.height)
-    unlike |= share > FAR_MISFIT * sliding_median(share, min(TURNS, n))
-    quality = quality | marked(unlike, Quality.UNLIKE_NEIGHBOURS)
-    quality |= marked(_loose(passages.height, factor), Quality.IMPLAUSIBLE)
-    quality = quality | marked(_in_long_gap(channel, passages, of_each), Quality.GAP)
+    # a patch that its form leaves over by so many times the usual; of clean logs it is 1.5 at most
+    unlike |= share > 4.0 * sliding_median(share, min(TURNS, n))
+    quality = (
+        quality
+        | marked(absurd, Quality.ERROR_UNKNOWN)
+        | marked(bursts, Quality.SPIKE)
+        | marked(unlike, Quality.UNLIKE_NEIGHBOURS)
+        | marked(_loose(passages.height, factor), Quality.IMPLAUSIBLE)
+        | marked(_in_long_gap(channel, passages, of_each), Quality.GAP)
+        | marked(np.full(n, limited), Quality.CUTOFF)
+    )
     power = speed**2 * area_m2 * factor if area_m2 is not None else np.full(n, np.nan)
     stretch = steady_stretches(speed, passages.turn_after, steady_step_m_s)
     clean = good(quality)
@@ -480,10 +462,10 @@ def dissipation(
         factor_se_1_m=error,
         specific_power_m3_s2=power,
         steady=stretch >= 0,
-        factor_mean_1_m=moving_average(np.where(clean, factor, np.nan), stretch, averaged),
-        specific_power_mean_m3_s2=moving_average(np.where(clean, power, np.nan), stretch, averaged),
+        factor_mean_1_m=moving_average(np.where(clean, factor, np.nan), stretch),
+        specific_power_mean_m3_s2=moving_average(np.where(clean, power, np.nan), stretch),
         stretch=stretch,
-        quality=quality | np.uint32(Quality.CUTOFF) if limited else quality,
+        quality=quality,
     ).view(np.recarray)
 
 
@@ -499,12 +481,6 @@ def dissipation(
 # stretches scatter about the line.
 
 
-#: a stretch is cut when its speed has moved by this much [m/s]: a slow coast-down is no single
-#: speed; twice as much halves the points of such a stretch and leaves others alone
-PIECE_M_S = 1.0
-#: probability that an interval covers; and the one of the test whether a parabola is needed; half
-#: the rest, 0.975, makes intervals a seventh wider
-COVERED = 0.95
 #: the sentence on a line whose errors hold although its means lie far off
 SCATTERED = "stretches scatter more than their revolutions, which the errors count"
 
@@ -531,21 +507,22 @@ COLUMNS = (
 
 
 def _reach(free: int) -> float:
-    """Half of the COVERED interval in standard errors: the t quantile for `free` degrees."""
+    """Half of the 95 % interval in standard errors: the t quantile for `free` degrees."""
     from scipy.special import stdtrit  # a tenth of a second that the table alone does without
 
-    return float(stdtrit(max(free, 1), 0.5 + 0.5 * COVERED))
+    return float(stdtrit(max(free, 1), 0.975))
 
 
 def pieces(speed_m_s: FloatArray, stretch: IntArray) -> IntArray:
     """Number of the piece of each row of sorted `stretch` (n,).
 
-    A piece is a stretch, cut when its speed has moved by PIECE_M_S.
+    A piece is a stretch, cut when its speed has moved by 1 m/s: a slow coast-down is no single
+    speed; twice as much halves the points of such a stretch and leaves others alone.
     """
     out, number, low, high = np.zeros(stretch.size, np.int64), 0, speed_m_s[0], speed_m_s[0]
     for row in range(1, stretch.size):
         low, high = min(low, speed_m_s[row]), max(high, speed_m_s[row])
-        if stretch[row] != stretch[row - 1] or high - low > PIECE_M_S:
+        if stretch[row] != stretch[row - 1] or high - low > 1.0:
             number, low, high = number + 1, speed_m_s[row], speed_m_s[row]
         out[row] = number
     return out
@@ -574,14 +551,11 @@ def _through(
     if free < 1:
         found, inverse, _ = solved(0.0)
         return found, np.full_like(inverse, np.nan), 0
-    low, high = 0.0, float(np.ptp(means)) ** 2
-    if solved(low)[2] > free:
-        # halvings of the interval that holds the scatter between stretches
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if solved(middle)[2] > free else (low, middle)
-    else:
-        high = 0.0
+    low, high = 0.0, float(np.ptp(means)) ** 2 if solved(0.0)[2] > free else 0.0
+    # halvings of the interval that holds the scatter between stretches
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if solved(middle)[2] > free else (low, middle)
     found, inverse, left = solved(high)
     return found, inverse * (left / free), free
 
@@ -617,22 +591,19 @@ def regression(
     middle = float(speed.mean())
     powers = np.vander(speed - middle, 3, increasing=True)
     line, covariance, free = _through(powers[:, :2], means, variance)
-    left = means - powers[:, :2] @ line
     to_zero = np.array([1.0, -middle])
     slope, slope_se = float(line[1]), float(np.sqrt(covariance[1, 1]))
     reach = slope_se * _reach(free)
+    left = np.abs(means - powers[:, :2] @ line)
     parabola, curvature_se, bent = (float("nan"),) * 3, float("nan"), False
     if speeds >= 3:
-        curve, of_curve, spare = _through(powers, means, variance)
-        a, b, c = (float(x) for x in curve)
-        parabola, curvature_se = (
-            (a - b * middle + c * middle**2, b - 2.0 * c * middle, c),
-            float(np.sqrt(of_curve[2, 2])),
-        )
+        (a, b, c), of_curve, spare = _through(powers, means, variance)
+        parabola = float(a - b * middle + c * middle**2), float(b - 2.0 * c * middle), float(c)
+        curvature_se = float(np.sqrt(of_curve[2, 2]))
         bent = spare > 0 and abs(c) > curvature_se * _reach(spare)
-    sigmas = np.abs(left) / np.sqrt(variance)
+    sigmas = float((left / np.sqrt(variance)).max())
     about = y - (line[0] + slope * (v - middle))
-    judgement = _judgement(speeds, free, bent, float(sigmas.max()))
+    judgement = _judgement(speeds, free, bent, sigmas)
     return {
         "quantity": quantity,
         "intercept": float(to_zero @ line),
@@ -649,8 +620,8 @@ def regression(
         "degrees_of_freedom": free,
         "slowest_m_s": float(v.min()),
         "fastest_m_s": float(v.max()),
-        "miss": float(np.abs(left).max()),
-        "miss_sigmas": float(sigmas.max()),
+        "miss": float(left.max()),
+        "miss_sigmas": sigmas,
         "parabola": parabola,
         "curvature": parabola[2],
         "curvature_se": curvature_se,
@@ -701,8 +672,6 @@ def dissipation_of_channel(
     channel: Channel,
     passages: Passages,
     steady_step_m_s: float = STEADY_STEP_M_S,
-    averaged: int = AVERAGED,
-    block_samples: int = BLOCK_SAMPLES,
 ) -> DissipationOfChannel:
     """The dissipation of one strain channel of `recording`."""
     found = dissipation(
@@ -711,8 +680,6 @@ def dissipation_of_channel(
         recording.setup.tire.area_m2,
         speed_quality(passages),
         steady_step_m_s=steady_step_m_s,
-        averaged=averaged,
-        block_samples=block_samples,
     )
     columns = identity_columns(recording.log, passages) | {
         "dissipation_factor_1_m": found.factor_1_m,
@@ -796,11 +763,6 @@ def _in_bending(surface: str | None, height_m: float | None) -> str:
     )
 
 
-def clean_rows(found: DissipationOfChannel) -> IntArray:
-    """The stretch of each row, -1 if a quality word spoils the row or its speed is not constant."""
-    return np.where(good(found.dissipation.quality), found.dissipation.stretch, -1)
-
-
 def regressions(
     log: str, found: DissipationOfChannel
 ) -> tuple[dict[str, Any] | None, tuple[str, ...]]:
@@ -808,7 +770,7 @@ def regressions(
 
     The regressions are rows of a table; None if there are too few revolutions.
     """
-    stretch = clean_rows(found)
+    stretch = np.where(good(found.dissipation.quality), found.dissipation.stretch, -1)
     lines = [
         regression(name, found.passages.speed_m_s, found.columns[name], stretch)
         for name in ("dissipation_factor_1_m", "specific_power_m3_s2")

@@ -6,8 +6,7 @@
                             that leaks past the gauge)
 
 P2 fills from 1.7 to 2.3 bar; the strain grows linearly, and drops a little at the two stops where
-the gauge is read. Without a pressure channel the pressures at the beginning and at the end may be
-given; without them only rates in time are known.
+the gauge is read. Without a pressure channel only rates in time are known.
 """
 
 from __future__ import annotations
@@ -18,7 +17,6 @@ from operator import itemgetter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.errors import UsageError
@@ -55,21 +53,8 @@ MEANS = np.dtype(
 )  # fmt: skip
 
 
-#: columns (k,) of the stretches, the whole first:
-#:   stretch            'whole', 'ramp' or 'stop'
-#:   time_s, duration_s its beginning and how long it lasts
-#:   strain, strain_se, pressure_Pa   means, and the standard error
-#:   strain_change, pressure_change_Pa   from beginning to end
-#:   slope_1_Pa, slope_se_1_Pa   strain on pressure; NaN if that is not known or does not change
-#:   rate_1_s           of the strain
-#:   nonlinearity       largest deviation of the strain from its straight line on the pressure (on
-#:                      time, without pressure) as a share of its range, ramps and whole
-#:   leak, leak_se      strain lost at a stop, 0 if it is not significant
-Inflation = dict[str, NDArray[Any]]
-
-
-def means(channel: Channel, step_s: float = MEAN_S) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Times, means and standard deviations of `channel` in cells of `step_s`.
+def means(channel: Channel) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Times, means and standard errors of `channel` in cells of MEAN_S.
 
     From the start of the log; NaN if a cell holds nothing.
     """
@@ -80,12 +65,12 @@ def means(channel: Channel, step_s: float = MEAN_S) -> tuple[FloatArray, FloatAr
             allowed=f"an inflation test of up to {LONGEST_S / 86400.0:g} days is allowed",
             do="give the log of the test alone, or mend its stamps",
         )
-    cells = max(int(np.ceil((channel.axis.duration_s + 1.0 / channel.axis.rate_Hz) / step_s)), 1)
+    cells = max(int(np.ceil((channel.axis.duration_s + 1.0 / channel.axis.rate_Hz) / MEAN_S)), 1)
     sums, origin = np.zeros((3, cells)), np.nan
     for first, values in channel.blocks(BLOCK_SAMPLES):
         good = np.isfinite(values)
         time, values = channel.axis.time(first, first + values.size)[good], values[good]
-        cell = np.clip(((time - start) / step_s).astype(np.int64), 0, cells - 1)
+        cell = np.clip(((time - start) / MEAN_S).astype(np.int64), 0, cells - 1)
         origin = values[0] if np.isnan(origin) and values.size else origin
         for power in range(3):  # of small numbers, which keep the digits of the squares
             sums[power] += np.bincount(cell, (values - origin) ** power, cells)
@@ -94,17 +79,11 @@ def means(channel: Channel, step_s: float = MEAN_S) -> tuple[FloatArray, FloatAr
         mean = total / count
         spread = np.sqrt(np.maximum(square / count - mean**2, 0.0))
     error = spread / np.sqrt(np.maximum(count, 1))
-    return start + (np.arange(float(cells)) + 0.5) * step_s, mean + np.nan_to_num(origin), error
+    return start + (np.arange(float(cells)) + 0.5) * MEAN_S, mean + np.nan_to_num(origin), error
 
 
-def series(
-    strain: Channel, pressure: Channel | None, ends_Pa: tuple[float, float] | None = None
-) -> Records:
-    """The means of a strain channel with the pressure at the same times, (n,) of MEANS.
-
-    `ends_Pa`: pressures at begin and end if there is no channel. With `ends_Pa` the pressure is
-    taken to follow the strain from one to the other, so only the whole's slope has a meaning.
-    """
+def series(strain: Channel, pressure: Channel | None) -> Records:
+    """The means of a strain channel with the pressure at the same times, (n,) of MEANS."""
     time, values, error = means(strain)
     known = np.isfinite(values) & np.isfinite(error)  # the square of an absurd value is no number
     if known.sum() < 2 * SHORTEST:
@@ -113,18 +92,15 @@ def series(
             allowed="an inflation test lasts seconds",
             do="give the whole log",
         )
-    time, values = time[known], values[known]
+    noise = np.median(error[known])
     found = records(
-        MEANS, time_s=time, strain=values, pressure_Pa=np.nan, noise=np.median(error[known])
+        MEANS, time_s=time[known], strain=values[known], pressure_Pa=np.nan, noise=noise
     )
     if pressure is not None:
         when, level, _ = means(pressure)
         told = np.isfinite(level)
         if told.any():
-            found["pressure_Pa"] = np.interp(time, when[told], level[told])
-    elif ends_Pa is not None and values[-1] != values[0]:
-        share = (values - values[0]) / (values[-1] - values[0])
-        found["pressure_Pa"] = ends_Pa[0] + share * (ends_Pa[1] - ends_Pa[0])
+            found["pressure_Pa"] = np.interp(found["time_s"], when[told], level[told])
     return found
 
 
@@ -191,15 +167,13 @@ def _settled(values: Records, edges: IntArray) -> IntArray:
     return settled
 
 
-#: a line with kinks: its chi-square, the times of its kinks, its level at its ends and kinks, the
-#: design
-KinkedLine = tuple[float, FloatArray, FloatArray, FloatArray]
-
-
-def _kinked(values: Records, kinks_s: FloatArray) -> KinkedLine:
+def _kinked(
+    values: Records, kinks_s: FloatArray
+) -> tuple[float, FloatArray, FloatArray, FloatArray]:
     """A line with kinks through the means `values`: straight pieces that hang together.
 
-    Its kinks start at `kinks_s`. The design has columns for its levels, then for the kinks' places.
+    Its chi-square, the times of its kinks, which start at `kinks_s`, its level at its ends and
+    kinks, and the design: columns for its levels, then for the kinks' places.
     """
     time, strain = values["time_s"] - values["time_s"][0], values["strain"]
     kinks, margin = kinks_s - values["time_s"][0], 2.0 * MEAN_S
@@ -214,11 +188,7 @@ def _kinked(values: Records, kinks_s: FloatArray) -> KinkedLine:
         move = np.linalg.lstsq(design, strain, rcond=None)[0][nodes.size :]
         # no kink passes another, or leaves the means
         fence = np.concatenate([[margin], 0.5 * (kinks[1:] + kinks[:-1]), [time[-1] - margin]])
-        moved = np.clip(kinks + move, fence[:-1], np.maximum(fence[1:], fence[:-1]))
-        settled = np.abs(moved - kinks).max(initial=0.0) < 1e-6
-        kinks = moved
-        if settled:
-            break
+        kinks = np.clip(kinks + move, fence[:-1], np.maximum(fence[1:], fence[:-1]))
     left = strain - hats @ level
     noise = float(values["noise"][0])
     chi2 = float(left @ left) / noise**2 if noise > 0 else 0.0
@@ -261,51 +231,53 @@ def _lost(values: Records, before: int, low: int, high: int, after: int) -> tupl
 
 
 def _row(
-    values: Records, name: str, low: int, high: int, around: tuple[int, int], measured: bool
+    values: Records, name: str, low: int, high: int, around: tuple[int, int]
 ) -> dict[str, float | str]:
-    """One stretch of the means [low, high); `measured`: the pressure was recorded.
+    """The table's columns of one stretch of the means [low, high).
 
     `around`: where the stretches beside it begin and end.
     """
     part, noise = values[low:high], float(values["noise"][0])
-    time, strain, pressure = part["time_s"], part["strain"], part["pressure_Pa"].copy()
-    if not measured and name != "whole":
-        pressure[:] = np.nan
-    rate, _, against_time = _line(time, strain, noise)
-    slope, slope_se, bent = _line(pressure, strain, noise) if name != "stop" else (np.nan,) * 3
-    if not measured:
-        slope_se, bent = np.nan, against_time if name != "stop" else np.nan
-    leak = _lost(values, around[0], low, high, around[1]) if name == "stop" else (np.nan, np.nan)
+    time, strain, pressure = part["time_s"], part["strain"], part["pressure_Pa"]
+    rate, _, bent = _line(time, strain, noise)
+    slope = slope_se = leak = leak_se = float("nan")
+    if name == "stop":
+        bent = slope
+        leak, leak_se = _lost(values, around[0], low, high, around[1])
+    elif np.isfinite(pressure).any():
+        slope, slope_se, bent = _line(pressure, strain, noise)
     return {
         "stretch": name,
         "time_s": float(time[0] - 0.5 * MEAN_S),
         "duration_s": float(time[-1] - time[0] + MEAN_S),
+        "inflation_pressure_Pa": float(pressure.mean()),
+        "pressure_change_Pa": float(pressure[-1] - pressure[0]),
         "strain": float(strain.mean()),
         "strain_se": noise / np.sqrt(strain.size),
-        "pressure_Pa": float(pressure.mean()),
         "strain_change": float(strain[-1] - strain[0]),
-        "pressure_change_Pa": float(pressure[-1] - pressure[0]),
-        "slope_1_Pa": slope,
-        "slope_se_1_Pa": slope_se,
-        "rate_1_s": rate,
+        "strain_slope_1_Pa": slope,
+        "strain_slope_se_1_Pa": slope_se,
+        "strain_rate_1_s": rate,
+        # largest deviation of the strain from its straight line on the pressure (on time, without
+        # pressure) as a share of its range
         "nonlinearity": bent,
-        "leak": leak[0],
-        "leak_se": leak[1],
+        "leak": leak,
+        "leak_se": leak_se,
     }
 
 
-def inflation(
-    strain: Channel, pressure: Channel | None, ends_Pa: tuple[float, float] | None = None
-) -> tuple[Inflation, Records]:
-    """The static test of one strain channel: its stretches, and the means they come from."""
-    values = series(strain, pressure, ends_Pa)
+def inflation(strain: Channel, pressure: Channel | None) -> tuple[dict[str, Any], Records]:
+    """The static test of one strain channel: the table's columns, and the means behind them.
+
+    The rows are the whole, then its ramps and stops.
+    """
+    values = series(strain, pressure)
     ramps, edges = inflation_stretches(values)
-    measured, size = pressure is not None, values.size
-    rows = [_row(values, "whole", 0, size, (0, size), measured)]
-    fences = [0, *edges.tolist(), size]
+    rows = [_row(values, "whole", 0, values.size, (0, values.size))]
+    fences = [0, *edges.tolist(), values.size]
     for k, ramp in enumerate(ramps.tolist()):
         before, low, high, after = fences[k : k + 4]
-        rows.append(_row(values, "ramp" if ramp else "stop", low, high, (before, after), measured))
+        rows.append(_row(values, "ramp" if ramp else "stop", low, high, (before, after)))
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}, values
 
 
@@ -317,37 +289,18 @@ def inflation(
 
 @dataclass(frozen=True)
 class InflationOfChannel(TableRows):
-    """The table's rows of one channel, its stretches, and the means behind them."""
+    """The table's rows of one channel, and the means behind them."""
 
     channel: Channel
-    inflation: Inflation
     series: Records
 
 
-def refuse_one_end(from_Pa: float | None = None, to_Pa: float | None = None) -> None:
-    """UsageError for one end of a ramp without the other, or two that are the same."""
-    if (from_Pa, to_Pa) != (None, None) and (None in (from_Pa, to_Pa) or from_Pa == to_Pa):
-        raise UsageError(
-            "--from-pressure and --to-pressure go together and differ",
-            allowed="allowed are two pressures in Pa",
-            do="e.g. --from-pressure 1.7e5 --to-pressure 2.3e5",
-        )
-
-
-def inflation_of(
-    recording: Recording, from_Pa: float | None = None, to_Pa: float | None = None
-) -> Iterator[InflationOfChannel]:
-    """The static test of each strain channel of `recording`.
-
-    `from_Pa` and `to_Pa`: inflation pressures [Pa] at both ends of a ramp that no channel records.
-    """
-    refuse_one_end(from_Pa, to_Pa)
-    ends_Pa = None if from_Pa is None or to_Pa is None else (from_Pa, to_Pa)
-    pressures = recording.of_kind("inflation_pressure")
-    pressure = pressures[0] if pressures else None
+def inflation_of(recording: Recording) -> Iterator[InflationOfChannel]:
+    """The static test of each strain channel of `recording`."""
+    pressure = next(iter(recording.of_kind("inflation_pressure")), None)
     for channel in strain_channels(recording):
         _refuse_drive(recording, channel)
-        found, values = inflation(channel, pressure, ends_Pa)
+        found, values = inflation(channel, pressure)
         _refuse_to_and_fro(recording, channel, found)
         n = found["stretch"].size
         columns: dict[str, Any] = {
@@ -356,25 +309,11 @@ def inflation_of(
             "revolution": np.full(n, np.nan),
             "time_s": found["time_s"],
             "speed_m_s": np.zeros(n),
-            "stretch": found["stretch"],
-            "duration_s": found["duration_s"],
-            "inflation_pressure_Pa": found["pressure_Pa"],
-            "pressure_change_Pa": found["pressure_change_Pa"],
-            "strain": found["strain"],
-            "strain_se": found["strain_se"],
-            "strain_change": found["strain_change"],
-            "strain_slope_1_Pa": found["slope_1_Pa"],
-            "strain_slope_se_1_Pa": found["slope_se_1_Pa"],
-            "strain_rate_1_s": found["rate_1_s"],
-            "nonlinearity": found["nonlinearity"],
-            "leak": found["leak"],
-            "leak_se": found["leak_se"],
-            "quality": quality_column(
-                marked((found["leak"] != 0) & ~np.isnan(found["leak"]), Quality.LEAK)
-            ),
+            **found,
+            "quality": quality_column(marked(np.nan_to_num(found["leak"]) != 0, Quality.LEAK)),
         }
-        remarks = _remarks(recording, channel, found, pressure, ends_Pa)
-        yield InflationOfChannel(columns, remarks, channel, found, values)
+        remarks = _remarks(recording, channel, found, pressure)
+        yield InflationOfChannel(columns, remarks, channel, values)
 
 
 def _refuse_drive(recording: Recording, channel: Channel) -> None:
@@ -393,7 +332,7 @@ def _refuse_drive(recording: Recording, channel: Channel) -> None:
         )
 
 
-def _refuse_to_and_fro(recording: Recording, channel: Channel, found: Inflation) -> None:
+def _refuse_to_and_fro(recording: Recording, channel: Channel, found: dict[str, Any]) -> None:
     """UsageError if the strain goes up and down.
 
     Filling or emptying takes it one way, apart from leaks.
@@ -419,30 +358,29 @@ def _refuse_to_and_fro(recording: Recording, channel: Channel, found: Inflation)
 def _remarks(
     recording: Recording,
     channel: Channel,
-    found: Inflation,
+    found: dict[str, Any],
     pressure: Channel | None,
-    ends_Pa: tuple[float, float] | None,
 ) -> tuple[str, ...]:
     """What the summary says of a channel."""
-    ramps = int((found["stretch"] == "ramp").sum())
+    names = found["stretch"].tolist()
     leaks = found["leak"][np.nan_to_num(found["leak"]) != 0]
-    text = f"{channel.name}: {ramps} ramp(s), {int((found['stretch'] == 'stop').sum())} stop(s)"
-    if np.isfinite(found["slope_1_Pa"][0]):
+    text = f"{channel.name}: {names.count('ramp')} ramp(s), {names.count('stop')} stop(s)"
+    if np.isfinite(found["strain_slope_1_Pa"][0]):
         text += (
-            f"; {1e11 * found['slope_1_Pa'][0]:.2f} microstrain/bar, straight to "
+            f"; {1e11 * found['strain_slope_1_Pa'][0]:.2f} microstrain/bar, straight to "
             f"{100 * found['nonlinearity'][0]:.1f} % of the range"
         )
     if leaks.size:
         text += (
             f"; strain lost at stops {', '.join(f'{1e6 * leak:.1f}' for leak in leaks)} microstrain"
         )
-    remarks = [text]
-    if pressure is None and ends_Pa is None:
-        remarks.append(
-            "no inflation_pressure channel: rates in time only; name one in the setup, or give "
-            "--from-pressure and --to-pressure"
-        )
     static = recording.setup.tire.static_footprint_length_m
+    remarks = [text]
+    if pressure is None:
+        remarks.append(
+            "no inflation_pressure channel: rates in time only; name one in the setup, or divide "
+            "strain_change by the change of the pressure"
+        )
     if static is not None:
         remarks.append(f"static footprint of the setup: {1e3 * static:.1f} mm")
     return tuple(remarks)

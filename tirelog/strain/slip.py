@@ -25,16 +25,17 @@ from tirelog.dsp.filters import unlike_neighbours
 from tirelog.errors import UsageError
 from tirelog.physics.pressure import STATIC_FRICTION
 from tirelog.strain.footprint.footprint import footprints_of
-from tirelog.strain.footprint.slip_onset import FrictionRatio
+from tirelog.strain.footprint.measure import friction_of
 from tirelog.strain.passages.find import trusted_passages
 from tirelog.strain.passages.passage_flags import TURN_RAD
 from tirelog.strain.speed import speed_channels, speed_columns, turns_around
-from tirelog.vocabulary.arrays import BoolArray, FloatArray, TableRows
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, Records, TableRows
 from tirelog.vocabulary.columns import TABLES
 from tirelog.vocabulary.quality import OK, Quality, marked, quality_column
 from tirelog.wheel.angle import encoder_of, means_between, rolling_radius
 from tirelog.wheel.calibration import least_squares
-from tirelog.wheel.rolling import FREE_M_S2, LEAST_TURNS, Rolling, WheelTurns, rolling
+from tirelog.wheel.phase_shift import encoder_speed
+from tirelog.wheel.rolling import FREE_M_S2, LEAST_TURNS, Rolling, rolling
 
 
 def slip_of(recording: Recording, fit: bool = False) -> Iterator[TableRows]:
@@ -56,12 +57,10 @@ def slip_of(recording: Recording, fit: bool = False) -> Iterator[TableRows]:
         yield _friction_of(recording, found, wheel) if fit else found
 
 
-def _turns(recording: Recording) -> Iterator[tuple[Mapping[str, Any], WheelTurns, Sequence[str]]]:
+def _turns(recording: Recording) -> Iterator[tuple[Mapping[str, Any], Records, Sequence[str]]]:
     """(columns of the table `speed`, its turns, remarks) of each channel that tells the turns."""
     channels = speed_channels(recording)
     if not channels or recording.of_kind("wheel_encoder"):
-        from tirelog.wheel.table import encoder_speed  # only here: it needs more of scipy
-
         yield encoder_speed(recording)
         return
     for channel in channels:
@@ -73,24 +72,25 @@ def _slip(
     recording: Recording,
     reference: Channel,
     columns: Mapping[str, Any],
-    wheel: WheelTurns,
+    wheel: Records,
     remarks: Sequence[str],
 ) -> TableRows:
     found = rolling(reference, wheel)
     radius, radius_se, said = _radius(recording, reference, found)
+    metres = found.rows["metres"]
     with np.errstate(invalid="ignore", divide="ignore"):
-        period = (wheel.end_s - wheel.begin_s) / wheel.turns
-        slip = 1.0 - TURN_RAD * radius / found.metres
+        period = (wheel["end_s"] - wheel["begin_s"]) / wheel["turns"]
+        slip = 1.0 - TURN_RAD * radius / metres
         share = np.abs(1.0 - slip)
-        error = np.hypot(found.metres_se / found.metres, radius_se / radius) * share
-        delayed = np.abs(found.change_m_s) * found.delay_se_s / found.metres * share
-    begin, end = (at + found.delay_s for at in (wheel.begin_s, wheel.end_s))
+        error = np.hypot(found.rows["se"] / metres, radius_se / radius) * share
+        delayed = np.abs(found.rows["change_m_s"]) * found.delay_se_s / metres * share
+    begin, end = (wheel[name] + found.delay_s for name in ("begin_s", "end_s"))
     outside = (begin < reference.axis.at(0.0)) | (end > reference.axis.at(reference.size - 1.0))
-    lost = (wheel.turns > 0) & ~np.isfinite(found.metres)
+    lost = (wheel["turns"] > 0) & ~np.isfinite(metres)
     # slip that the delay's standard error may make of a row before it is marked: a quarter of what
     # moderate braking makes; doubled, rows are `ok` of which half may be the delay
     quality = (
-        wheel.quality
+        wheel["quality"]
         | marked(delayed > 0.005, Quality.DELAY_UNKNOWN)
         | marked(lost & outside, Quality.EDGE_OF_LOG)
         | marked(lost & ~outside, Quality.GAP)
@@ -100,7 +100,7 @@ def _slip(
     quality |= unlike_neighbours(slip, quality, 0.01)
     table = {name: columns[name] for name in ("log", "channel", "revolution", "time_s")} | {
         "speed_m_s": columns["speed_m_s"],
-        "vehicle_speed_m_s": found.metres / period,
+        "vehicle_speed_m_s": metres / period,
         "slip": slip,
         "slip_se": error,
         "slip_delay_se": delayed,
@@ -110,12 +110,12 @@ def _slip(
     return TableRows(table, (*remarks, said, late))
 
 
-def _contradicted(recording: Recording, found: Rolling, wheel: WheelTurns) -> BoolArray:
+def _contradicted(recording: Recording, found: Rolling, wheel: Records) -> BoolArray:
     """Turns (n,) of free rolling on a radius that no tire has, by the vehicle's speed."""
     tire, unusual = recording.setup.tire, recording.setup.log.unusual or ()
     name = "vehicle_to_unloaded" if tire.rolling_radius_m is None else "vehicle_to_rolling"
-    ratio, bounds = found.metres / (TURN_RAD * tire.radius_m), PLAUSIBLE[name]
-    free = np.abs(wheel.acceleration_m_s2) < FREE_M_S2
+    ratio, bounds = found.rows["metres"] / (TURN_RAD * tire.radius_m), PLAUSIBLE[name]
+    free = np.abs(wheel["acceleration_m_s2"]) < FREE_M_S2
     return np.asarray(free & ((ratio < bounds.low) | (ratio > bounds.high)) & (name not in unusual))
 
 
@@ -123,17 +123,18 @@ def _radius(
     recording: Recording, reference: Channel, found: Rolling
 ) -> tuple[FloatArray | float, FloatArray | float, str]:
     """(rolling radius, its standard error [m], what was done)."""
-    tire, count = recording.setup.tire, int(found.free.sum())
-    if np.isfinite(found.mean_radius_m):
-        ends = found.radius_m[found.free]
+    tire, radius, free = recording.setup.tire, found.rows["radius_m"], found.rows["free"]
+    count = int(free.sum())
+    if np.isfinite(found.mean_radius_m[0]):
+        ends = radius[free]
         radii = (
             f"{ends.min():.5f} to {ends.max():.5f} m per radian, by the speed squared,"
             if found.grows
-            else f"{found.mean_radius_m:.5f} m per radian"
+            else f"{found.mean_radius_m[0]:.5f} m per radian"
         )
         return (
-            found.radius_m,
-            found.radius_se_m,
+            radius,
+            found.rows["radius_se_m"],
             f"slip against {reference.name}: {radii} in {count} turns of free rolling, whose slip "
             "counts as none",
         )
@@ -194,7 +195,7 @@ def slip_slope(
     }
 
 
-def _friction_of(recording: Recording, found: TableRows, wheel: WheelTurns) -> TableRows:
+def _friction_of(recording: Recording, found: TableRows, wheel: Records) -> TableRows:
     """The row of the table `slip-fit` from the rows of the table `slip`."""
     forces, load = recording.of_kind("longitudinal_force"), recording.setup.conditions.load_N
     loads = recording.of_kind("vertical_load")
@@ -206,12 +207,12 @@ def _friction_of(recording: Recording, found: TableRows, wheel: WheelTurns) -> T
             do="add them to the setup",
             file=recording.log,
         )
-    pull = means_between(forces[0], wheel.begin_s, wheel.end_s)
-    press = means_between(loads[0], wheel.begin_s, wheel.end_s) if loads else load
+    pull = means_between(forces[0], wheel["begin_s"], wheel["end_s"])
+    press = means_between(loads[0], wheel["begin_s"], wheel["end_s"]) if loads else load
     table = found.columns
     names = ("slip", "slip_se", "speed_m_s", "slip_delay_se")
     slip, se, speed, late = (np.asarray(table[name], float) for name in names)
-    late = np.copysign(late, wheel.acceleration_m_s2)
+    late = np.copysign(late, wheel["acceleration_m_s2"])
     with np.errstate(invalid="ignore", divide="ignore"):
         mu = np.asarray(-pull / press, float)
         # of a brush with f_s = 0.8 the slope is then right to 1 %, of one with 0.4 to 8 %; twice as
@@ -261,7 +262,6 @@ EXPONENT_SD = 0.15
 #: acceleration [m/s^2] from which its sign is that of the traction: a grade of 6 % asks for as much
 #: the other way; twice as much leaves the force of gentle driving without its sign
 SIGN_M_S2 = 0.6
-_COPIED = ("log", "channel", "revolution", "time_s", "speed_m_s", "slip_onset_reason", "quality")
 
 
 def grip_of(
@@ -279,8 +279,7 @@ def grip_of(
     load = recording.setup.conditions.load_N
     ratio = None if sliding_friction is None else sliding_friction / static_friction
     for found in footprints_of(recording, ratio):
-        friction = found.friction
-        sliding = static_friction * friction.value
+        sliding = static_friction * found.friction[0]
         columns = grip_columns(
             found.columns,
             static_friction,
@@ -289,28 +288,23 @@ def grip_of(
             load_exponent,
             load,
             found.passages.acceleration_m_s2,
-            static_friction * friction.se,
+            static_friction * found.friction[1],
         )
         told = int(np.isfinite(columns["adhesion_share"]).sum())
-        remarks = [
+        said = (
             f"{found.channel.name}: an onset of slip in {told} of {len(found.passages)} passages; "
             f"friction by the brush with {static_friction:g} sticking, {sliding:.3g} sliding and "
             f"{stiffness_ratio:g} times the stiffness that slides as a whole at slip 1 only"
-        ]
-        if load is None:
-            remarks.append("no forces: the setup's [conditions] has no load_N")
-        else:
-            remarks.append(
+        )
+        of_forces = "no forces: the setup's [conditions] has no load_N"
+        if load is not None:
+            signed = int(np.isfinite(columns["longitudinal_force_N"]).sum())
+            of_forces = (
                 f"forces take the passage of median length to carry {load:g} N, and the length to "
-                f"grow as load^{load_exponent:g}"
+                f"grow as load^{load_exponent:g}; {told - signed} longitudinal forces are empty: "
+                f"below {SIGN_M_S2:g} m/s^2 the acceleration does not tell drive from braking"
             )
-            unsigned = told - int(np.isfinite(columns["longitudinal_force_N"]).sum())
-            if unsigned:
-                remarks.append(
-                    f"{unsigned} longitudinal forces are empty: below {SIGN_M_S2:g} m/s^2 the "
-                    "acceleration does not tell drive from braking"
-                )
-        yield TableRows(columns, (*found.remarks, *remarks))
+        yield TableRows(columns, (*found.remarks, said, of_forces))
 
 
 def refuse_frictions(
@@ -331,7 +325,7 @@ def refuse_frictions(
                 f"{option} {value:g}", allowed=f"{low:g} to {high:g} is allowed", do="correct it"
             )
     if sliding_friction is not None:
-        FrictionRatio.given(sliding_friction / static_friction)
+        friction_of(sliding_friction / static_friction)
 
 
 def friction_used(
@@ -363,8 +357,7 @@ def grip_columns(
         np.asarray(footprint[n], float) for n in ("length_se_m", "slip_onset_se_m")
     )
     with np.errstate(invalid="ignore", divide="ignore"):
-        raw = onset / length + 0.5
-        share = np.clip(raw, 0.0, 1.0)
+        share = np.clip(onset / length + 0.5, 0.0, 1.0)
         share_se = np.hypot(onset_se, onset / length * length_se) / length
         used = friction_used(share, static_friction, sliding_friction)
         u = 2.0 * share - 1.0
@@ -373,11 +366,12 @@ def grip_columns(
         by_sliding = friction_used(share, 0.0, 1.0) * sliding_se
         every = np.linspace(0.0, 1.0, 1001)
         most = friction_used(every, static_friction, sliding_friction)
-        peak = every[np.argmax(most)]
         # beyond the peak more slip gives less: nothing is left
-        left = np.where(share > peak, 1.0 - used / most.max(), 0.0)
+        left = np.where(share > every[np.argmax(most)], 1.0 - used / most.max(), 0.0)
         left = np.where(np.isfinite(share), left, np.nan)
-    columns = {name: footprint[name] for name in _COPIED} | {
+    columns = {
+        **{name: footprint[name] for name in ("log", "channel", "revolution", "time_s")},
+        **{name: footprint[name] for name in ("speed_m_s", "slip_onset_reason", "quality")},
         "adhesion_share": share,
         "adhesion_share_se": share_se,
         "brush_slip": (1.0 - share) / stiffness_ratio,
@@ -423,8 +417,7 @@ def strain_shift_of(recording: Recording) -> Iterator[TableRows]:
     SetupError: no encoder.  DataLoss: it shows no teeth.  UsageError: no patch comes round.
     """
     _, wheel = encoder_of(recording)
-    radius = rolling_radius(recording, wheel)
-    said = [*wheel.remarks, *([radius.remark] if radius.remark else [])]
+    radius_m, _, said = rolling_radius(recording, wheel)
     for found in footprints_of(recording):
         table = found.columns
         entry, exit_ = (np.asarray(table[name], float) for name in ("entry_time_s", "exit_time_s"))
@@ -454,7 +447,7 @@ def strain_shift_of(recording: Recording) -> Iterator[TableRows]:
             "patch_width_se_deg": np.degrees(np.hypot(2.0 * noise, times * rate)),
             "phase_shift_deg": np.degrees(shift),
             "phase_shift_se_deg": np.degrees(error),
-            "wheel_speed_m_s": rate * radius.radius_m,
+            "wheel_speed_m_s": rate * radius_m,
         }
         channel = found.channel.name
         remark = (
@@ -463,4 +456,4 @@ def strain_shift_of(recording: Recording) -> Iterator[TableRows]:
             else f"{channel}: no good passage, so the phase shift has no zero"
         )
         yield TableRows(columns, (*said, *found.remarks, remark))
-        said = []
+        said = ()

@@ -21,10 +21,10 @@ from tirelog.dsp.filters import UNLIKE_SPEED, unlike_neighbours
 from tirelog.errors import UsageError
 from tirelog.strain.passages.find import Passages, passages_of
 from tirelog.strain.passages.passage_flags import TURN_RAD
-from tirelog.vocabulary.arrays import FloatArray, TableRows
+from tirelog.vocabulary.arrays import Records, TableRows, records
 from tirelog.vocabulary.kinds import STRAIN_KINDS
 from tirelog.vocabulary.quality import Quality, QualityFlags, having, marked, quality_column
-from tirelog.wheel.rolling import FREE_M_S2, LEAST_TURNS, WheelTurns, rolling
+from tirelog.wheel.rolling import FREE_M_S2, LEAST_TURNS, TURNS, rolling
 
 # ---- The strain channels of a recording, and the refusal of a log whose wheel does not turn.
 
@@ -70,14 +70,9 @@ def calibrate_radius(speed: Channel, wheels: Sequence[Passages]) -> tuple[float,
     From the reference `speed` [m/s] and the passages of each channel.
     UsageError if fewer than LEAST_TURNS turns of free rolling lie within the reference.
     """
-    radii, errors, turns = [], [], 0
-    for passages in wheels:
-        rolled = rolling(speed, turns_around(passages))
-        if np.isfinite(rolled.mean_radius_m):
-            radii.append(rolled.mean_radius_m)
-            errors.append(rolled.mean_radius_se_m)
-            turns += int(rolled.free.sum())
-    if not radii:
+    found = [rolling(speed, turns_around(passages)) for passages in wheels]
+    known = [one for one in found if np.isfinite(one.mean_radius_m[0])]
+    if not known:
         raise UsageError(
             f"--calibrate-radius: fewer than {LEAST_TURNS} whole turns below {FREE_M_S2:g} m/s^2 "
             f"lie within {speed.name}",
@@ -86,7 +81,8 @@ def calibrate_radius(speed: Channel, wheels: Sequence[Passages]) -> tuple[float,
         )
     # the gratings of a wheel share the reference's errors, so more of them do not make the mean
     # better
-    return float(np.mean(radii)), float(np.mean(errors)), turns
+    radius, error = np.mean([one.mean_radius_m for one in known], axis=0)
+    return float(radius), float(error), sum(int(one.rows["free"].sum()) for one in known)
 
 
 def speed_quality(passages: Passages) -> QualityFlags:
@@ -111,31 +107,21 @@ def speed_quality(passages: Passages) -> QualityFlags:
     return flags | unlike_neighbours(speed, flags, UNLIKE_SPEED * np.abs(speed))
 
 
-def turns_around(passages: Passages) -> WheelTurns:
+def turns_around(passages: Passages) -> Records:
     """The turns to both sides of each passage, or the one that is known; (n,).
 
     Whole turns from passage to passage, whatever the speed does in them.
     """
     before, after = passages.turn_before, passages.turn_after
     time = passages.time_s
-    return WheelTurns(
-        np.where(before, np.concatenate([time[:1], time[:-1]]), time),
-        np.where(after, np.concatenate([time[1:], time[-1:]]), time),
-        before.astype(float) + after,
-        passages.acceleration_m_s2,
-        speed_quality(passages),
+    return records(
+        TURNS,
+        begin_s=np.where(before, np.concatenate([time[:1], time[:-1]]), time),
+        end_s=np.where(after, np.concatenate([time[1:], time[-1:]]), time),
+        turns=before.astype(float) + after,
+        acceleration_m_s2=passages.acceleration_m_s2,
+        quality=speed_quality(passages),
     )
-
-
-def period(passages: Passages) -> FloatArray:
-    """Time of one revolution around each passage [s].
-
-    Half of the time between the passages before and after if these are one turn away, else a turn
-    at the passage's speed.
-    """
-    step = np.diff(passages.time_s, prepend=np.nan, append=np.nan)
-    both = passages.turn_before & passages.turn_after
-    return np.where(both, 0.5 * (step[:-1] + step[1:]), TURN_RAD / passages.omega_rad_s)
 
 
 @dataclass(frozen=True)
@@ -169,6 +155,11 @@ def speed_columns(
     `radius_se_m` is the radius' error if it was calibrated, `rate_error` that of the sampling rate,
     as a share.
     """
+    # half of the time between the passages before and after if these are one turn away, else a turn
+    # at the passage's speed
+    step = np.diff(passages.time_s, prepend=np.nan, append=np.nan)
+    both = passages.turn_before & passages.turn_after
+    period = np.where(both, 0.5 * (step[:-1] + step[1:]), TURN_RAD / passages.omega_rad_s)
     with np.errstate(over="ignore", invalid="ignore"):  # an error without bounds is none
         share = np.hypot(radius_se_m / passages.radius_m, rate_error)
         error = np.hypot(passages.speed_se_m_s, share * passages.speed_m_s)
@@ -177,7 +168,7 @@ def speed_columns(
         # keep what no reader can use
         absurd = error > np.maximum(np.abs(passages.speed_m_s), 1.0)
     return identity_columns(log, passages) | {
-        "period_s": period(passages),
+        "period_s": period,
         "speed_se_m_s": np.where(absurd, np.nan, error),
         "acceleration_m_s2": passages.acceleration_m_s2,
         "quality": quality_column(speed_quality(passages) | marked(absurd, Quality.ERROR_UNKNOWN)),
@@ -207,7 +198,7 @@ def speed_by_encoder(
     `calibrate` takes the rolling radius from the log's `vehicle_speed`. UsageError: it has none.
     SetupError: an accelerometer's patch shows that the encoder has other steps.
     """
-    from tirelog.wheel.table import encoder_speed  # only here: it needs more of scipy
+    from tirelog.wheel.phase_shift import encoder_speed  # a log with gratings does without
 
     if calibrate:
         _vehicle_speed(recording)

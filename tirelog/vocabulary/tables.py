@@ -349,8 +349,7 @@ _ALL = (
         (
             TableOption("every", "--every", int, "Keep every Nth sample."),
         ),
-        made_by="tirelog.wheel.table:wheel_angle_of",
-        checked_by="tirelog.wheel.table:refuse_every",
+        made_by="tirelog.wheel.phase_shift:wheel_angle_of",
         picture="tirelog.plots.tables:rows_picture",
         driven=False,
         stretch="own",
@@ -364,17 +363,7 @@ _ALL = (
             "strain_se", "strain_change", "strain_slope_1_Pa", "strain_slope_se_1_Pa",
             "strain_rate_1_s", "nonlinearity", "leak", "leak_se",
         ),
-        (
-            TableOption(
-                "from_Pa",
-                "--from-pressure",
-                float,
-                "Pressure at the beginning [Pa], if no channel records it.",
-            ),
-            TableOption("to_Pa", "--to-pressure", float, "Pressure at the end [Pa]."),
-        ),
         made_by="tirelog.strain.inflation:inflation_of",
-        checked_by="tirelog.strain.inflation:refuse_one_end",
         picture="tirelog.plots.tables:inflation_picture",
         driven=False,
         stretch="none",

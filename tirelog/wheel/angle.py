@@ -31,6 +31,7 @@ from tirelog.dsp.teeth import (
     SLOW_S,
     TEETH,
     FASTEST_BACK_Hz,
+    Probe,
     count_teeth,
     probe,
     teeth_of_counter,
@@ -38,9 +39,9 @@ from tirelog.dsp.teeth import (
 )
 from tirelog.errors import DataLoss, SetupError
 from tirelog.vocabulary import units
-from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked
-from tirelog.wheel.rolling import WheelTurns, rolling
+from tirelog.wheel.rolling import TURNS, rolling
 
 # ---- Which way the wheel rolled after a standstill, if its one-track encoder does not show it.
 #
@@ -110,17 +111,15 @@ SPEED_WINDOW_S = 0.443 / 20.0
 class WheelAngle:
     """The wheel angle as a function of time, and what is doubtful in it.
 
-    `angle`: the function of time; `pitch`: the learnt table; `backward` (n,) knots at which the
-    wheel rolls back; `untold` (stretches,) True if nothing shows the direction after a standstill;
-    `uneven_s` (m,) times of teeth beside which the count was mended, or may have lost teeth;
-    `remarks`: sentences on the whole log.
+    `angle`: the function of time; `backward` (n,) knots at which the wheel rolls back; `untold`
+    (stretches,) True if nothing shows the direction after a standstill; `uneven_s` (m,) times of
+    teeth beside which the count was mended, or may have lost teeth; `remarks`: sentences on the
+    whole log.
     """
 
     channel: str
     steps: int
-    form: str
     angle: AngleFunction
-    pitch: PitchTable
     backward: np.ndarray
     untold: np.ndarray
     uneven_s: FloatArray
@@ -193,8 +192,7 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
     turn, pieces = 2 * steps, count_teeth(channel, found, steps)
     if found.form == "counter":
         counted, turn = teeth_of_counter(channel, steps)
-        starts = range(0, counted.size, BLOCK_SAMPLES)
-        pieces = (counted[at : at + BLOCK_SAMPLES] for at in starts)
+        pieces = (counted[at : at + BLOCK_SAMPLES] for at in range(0, counted.size, BLOCK_SAMPLES))
     learner, builder = PitchLearner(turn), KnotBuilder(turn)
     passages, missing, extra, sample = 0, 0, 0, np.zeros(0, TEETH)
     uneven = [np.zeros(0)]
@@ -207,7 +205,7 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
         uneven.append(_uneven_times(teeth))
         sample = max(sample, teeth, key=len)
     if passages < (16 if found.form == "counter" else 4 * steps):
-        raise _too_few(channel, found.form, passages, steps)
+        raise _too_few(channel, passages, steps)
     stretches = learner.placed(ways_of(learner.stretches, vehicle))
     pitch, knots = learner.table(stretches), builder.knots()
     # an edge lies anywhere between two samples
@@ -218,16 +216,11 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
     function = angle_function(knots, pitch.error_rad, stretches, noise, edge_s)
     backward = ~knots["forward"] | (stretches["sign"][knots["stretch"]] < 0)
     untold = untold_stretches(function, stretches)
-    remarks = _remarks(channel, (missing, extra), (backward, untold))
-    if found.pulsed:
-        remarks.append(
-            f"channel {channel.name}: pulses of {min(found.duty, 1.0 - found.duty):.0%} of a step; "
-            "edges of one kind are counted"
-        )
-    remarks += _pitch_remarks(channel, found.form, steps, pitch, sample, edge_s)
+    remarks = _remarks(found, (missing, extra), (backward, untold))
+    remarks += _pitch_remarks(found.form, steps, pitch, sample, edge_s)
     return WheelAngle(
-        channel.name, steps, found.form, function, pitch, backward, untold,
-        np.concatenate(uneven), tuple(remarks),
+        channel.name, steps, function, backward, untold,
+        np.concatenate(uneven), tuple(f"channel {channel.name}: {one}" for one in remarks),
     )  # fmt: skip
 
 
@@ -243,24 +236,14 @@ def _uneven_times(teeth: Records) -> FloatArray:
     return np.asarray(time[mended | begun | (teeth["uneven"] & ~slow)])
 
 
-def _too_few(channel: Channel, form: str, passages: int, steps: float) -> DataLoss:
+def _too_few(channel: Channel, passages: int, steps: float) -> DataLoss:
     """The error of a channel with fewer than two turns."""
-    if form in ("counter", "angle"):
-        return DataLoss(
-            f"channel {channel.name}: the count hardly changes",
-            allowed=f"a counter climbs by {steps:g} a turn",
-            do="check the source",
-        )
-    if passages:
-        return DataLoss(
-            f"channel {channel.name}: {passages} tooth passages, fewer than two turns",
-            allowed=f"a wheel angle needs two turns of {steps} steps",
-            do="give a longer log",
-        )
     return DataLoss(
-        f"channel {channel.name}: no teeth",
-        allowed=f"an encoder's signal swings {2 * steps} times a turn through its middle",
-        do="check the wiring, the source, and that encoder and accelerometer are not swapped",
+        f"channel {channel.name}: no teeth, or fewer than two turns of them ({passages} changes)",
+        allowed=f"an encoder's signal swings {steps:g} times a turn through its middle, and a "
+        "counter climbs by as much",
+        do="check the wiring, the source, and that encoder and accelerometer are not swapped, or "
+        "give a longer log",
     )
 
 
@@ -268,15 +251,12 @@ def _by_angle(channel: Channel, steps: int) -> WheelAngle:
     """The wheel angle of an angle channel, as it is."""
     time, turns = turns_of_counts(channel, 2 * np.pi, is_angle=True)
     if time.size < 16:
-        raise _too_few(channel, "angle", time.size, 2 * np.pi)
+        raise _too_few(channel, time.size, 2 * np.pi)
     noise = max(2.0 * np.pi * _scatter(turns), channel.resolution / np.sqrt(12.0))
     rate = np.gradient(2 * np.pi * turns, time).astype(np.float32)
     function = AngleFunction(time, turns, 2 * np.pi, rate, np.zeros(time.size, np.int32), noise)
     backward, untold = np.diff(turns, prepend=turns[0]) < 0, np.zeros(1, bool)
-    pitch = PitchTable(np.zeros(2 * steps))
-    return WheelAngle(
-        channel.name, steps, "angle", function, pitch, backward, untold, np.zeros(0), ()
-    )
+    return WheelAngle(channel.name, steps, function, backward, untold, np.zeros(0), ())
 
 
 def _scatter(turns: FloatArray) -> float:
@@ -292,31 +272,22 @@ def _scatter(turns: FloatArray) -> float:
 
 
 def _remarks(
-    channel: Channel, repaired: tuple[int, int], ways: tuple[BoolArray, BoolArray]
+    found: Probe, repaired: tuple[int, int], ways: tuple[BoolArray, BoolArray]
 ) -> list[str]:
     """Sentences on the teeth and the direction of this log."""
-    said = []
-    if any(repaired):
-        said.append(
-            f"channel {channel.name}: {repaired[0]} missing and {repaired[1]} extra teeth were "
-            "repaired"
-        )
-    backward, untold = ways
-    if backward.any():
-        said.append(
-            f"channel {channel.name}: the wheel rolled backwards for a while; passages there are "
-            "left out"
-        )
-    if untold.any():
-        said.append(
-            f"channel {channel.name}: after {untold.sum()} standstills nothing tells which way "
-            "the wheel rolled (direction_unknown); a vehicle_speed with a sign would"
-        )
-    return said
+    share, (missing, extra), (backward, untold) = min(found.duty, 1.0 - found.duty), repaired, ways
+    told = {
+        f"{missing} missing and {extra} extra teeth were repaired": missing + extra > 0,
+        "the wheel rolled backwards for a while; passages there are left out": backward.any(),
+        f"after {untold.sum()} standstills nothing tells which way the wheel rolled "
+        "(direction_unknown); a vehicle_speed with a sign would": untold.any(),
+        f"pulses of {share:.0%} of a step; edges of one kind are counted": found.pulsed,
+    }
+    return [sentence for sentence, is_so in told.items() if is_so]
 
 
 def _pitch_remarks(
-    channel: Channel, form: str, steps: int, pitch: PitchTable, sample: Records, edge_s: float
+    form: str, steps: int, pitch: PitchTable, sample: Records, edge_s: float
 ) -> list[str]:
     """Sentences on the pitch table; `edge_s` [s] the error of an edge between samples."""
     # a table that explains more than this share of the deviations repeats; another number of steps
@@ -326,33 +297,21 @@ def _pitch_remarks(
         return []
     if pitch.turns == 0:
         return [
-            f"channel {channel.name}: fewer than {LEAST_TURNS} even turns, so the tone wheel's "
-            "pitch errors are not learnt"
+            f"fewer than {LEAST_TURNS} even turns, so the tone wheel's pitch errors are not learnt"
         ]
     other, share, own = steps_that_repeat(sample, steps, pitch.error_rad.size, edge_s)
     if not (share > own + 0.2 and steps % other):
         return []
     return [
-        f"channel {channel.name}: the learnt pitch table does not repeat with {steps} steps, it "
-        f"does with {other}; mend steps in the setup"
+        f"the learnt pitch table does not repeat with {steps} steps, it does with {other}; mend "
+        "steps in the setup"
     ]
 
 
-@dataclass(frozen=True)
-class Radius:
-    """The rolling radius [m], its standard error and where it comes from.
+def rolling_radius(recording: Recording, wheel: WheelAngle) -> tuple[float, float, tuple[str, ...]]:
+    """(rolling radius, its standard error [m], sentences on the wheel and the radius).
 
-    The error is NaN if the radius is a given; the sentence on where it comes from is '' for the
-    setup's.
-    """
-
-    radius_m: float
-    se_m: float
-    remark: str
-
-
-def rolling_radius(recording: Recording, wheel: WheelAngle) -> Radius:
-    """The setup's rolling radius, else a calibrated one, else the unloaded radius.
+    The setup's, else a calibrated one, else the unloaded radius; the error is NaN of a given one.
 
     Calibrated against `vehicle_speed` (P4: v = r omega) by the turns that roll freely. If there
     are too few, by the median of all; its error comes from their scatter.
@@ -364,19 +323,17 @@ def rolling_radius(recording: Recording, wheel: WheelAngle) -> Radius:
     if measured and (problem := doubt_of_vehicle(recording, speeds[0], measured[0])):
         raise problem
     if tire.rolling_radius_m is not None:
-        return Radius(tire.rolling_radius_m, float("nan"), "")
+        return tire.rolling_radius_m, float("nan"), wheel.remarks
     if measured:
-        return Radius(
-            *measured,
+        said = (
             f"rolling radius {measured[0]:.5f} +- {measured[1]:.5f} m, calibrated against "
-            f"{speeds[0].name}",
+            f"{speeds[0].name}"
         )
-    return Radius(
-        tire.radius_m,
-        float("nan"),
-        f"no rolling radius and no vehicle speed: the unloaded radius {tire.radius_m:.4f} m is "
-        "used",
+        return *measured, (*wheel.remarks, said)
+    said = (
+        f"no rolling radius and no vehicle speed: the unloaded radius {tire.radius_m:.4f} m is used"
     )
+    return tire.radius_m, float("nan"), (*wheel.remarks, said)
 
 
 def _radius_of_turns(
@@ -387,16 +344,16 @@ def _radius_of_turns(
     `radius_m` is the radius for their accelerations. None if the wheel never rolls.
     """
     found = rolling(speed, turns_of(wheel, radius_m)[1])
-    if np.isfinite(found.mean_radius_m):
-        return found.mean_radius_m, found.mean_radius_se_m
-    radii = found.metres[np.isfinite(found.metres)] / (2.0 * np.pi)
+    if np.isfinite(found.mean_radius_m[0]):
+        return found.mean_radius_m
+    radii = found.rows["metres"][np.isfinite(found.rows["metres"])] / (2.0 * np.pi)
     if radii.size < LEAST_TURNS:
         return None
     spread = 1.4826 * float(np.median(np.abs(radii - np.median(radii))))
     return float(np.median(radii)), 1.2533 * spread / np.sqrt(radii.size)
 
 
-def turns_of(wheel: WheelAngle, radius_m: float) -> tuple[FloatArray, WheelTurns]:
+def turns_of(wheel: WheelAngle, radius_m: float) -> tuple[FloatArray, Records]:
     """(times of the middles, the turns) of the wheel, from its first angle on."""
     lowest, highest = (
         float(c) * wheel.angle.unit_rad for c in (wheel.angle.count[0], np.max(wheel.angle.count))
@@ -407,7 +364,7 @@ def turns_of(wheel: WheelAngle, radius_m: float) -> tuple[FloatArray, WheelTurns
 
 def turns_about(
     wheel: WheelAngle, middle_rad: FloatArray, radius_m: float
-) -> tuple[FloatArray, WheelTurns]:
+) -> tuple[FloatArray, Records]:
     """(times of the middles, the turns) about wheel angles, (n,) each.
 
     Accelerations are those of the durations of a turn's halves.
@@ -420,8 +377,10 @@ def turns_about(
             radius_m * 2 * np.pi * (1 / (stop - time) - 1 / (time - start)) / (stop - start)
         )
     acceleration = np.where(np.isfinite(acceleration), acceleration, np.nan)
-    quality = wheel.quality(start, stop)
-    return time, WheelTurns(start, stop, np.ones(time.size), acceleration, quality)
+    return time, records(
+        TURNS, begin_s=start, end_s=stop, turns=1.0, acceleration_m_s2=acceleration,
+        quality=wheel.quality(start, stop),
+    )  # fmt: skip
 
 
 def encoder_of(recording: Recording) -> tuple[Channel, WheelAngle]:

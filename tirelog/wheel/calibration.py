@@ -24,8 +24,8 @@ coasting, and drag stays in the map.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -33,6 +33,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from tirelog.data.recording import Recording
 from tirelog.errors import SetupError, UsageError
 from tirelog.storage.schema import (
     FLAG,
@@ -48,7 +49,8 @@ from tirelog.storage.schema import (
 )
 from tirelog.storage.whole import toml_text, whole_file
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.wheel.phase_shift import EdgeTimes
+from tirelog.vocabulary.quality import Quality, marked, quality_column
+from tirelog.wheel.phase_shift import EdgeTimes, measure_phase_shift
 
 # ---- What a calibration's file may hold: a foreign one does no harm.
 
@@ -69,11 +71,6 @@ def _is_covariance(value: Any) -> bool:
 _COVARIANCE = ValueKind(
     "a covariance of finite numbers: symmetric, no negative variances",
     _is_covariance,
-    partial(np.array, dtype=float),
-)
-_COEFFICIENTS = ValueKind(
-    "two or three finite numbers",
-    lambda value: _ROW.fits(value) and len(value) in (2, 3),
     partial(np.array, dtype=float),
 )
 _SLOPE, _BOUND, _SMALL, _ANGLE = (
@@ -103,7 +100,14 @@ class ForceMap(Record):
 
     keys: ClassVar = {
         "centre_deg": (_BOUND, None),
-        "coefficients_N": (_COEFFICIENTS, None),
+        "coefficients_N": (
+            ValueKind(
+                "two or three finite numbers",
+                lambda value: _ROW.fits(value) and len(value) in (2, 3),
+                partial(np.array, dtype=float),
+            ),
+            None,
+        ),
         "covariance": (_COVARIANCE, None),
         "low_deg": (_BOUND, None),
         "high_deg": (_BOUND, None),
@@ -239,17 +243,17 @@ class Calibration:
     @property
     def delay_remark(self) -> str:
         """What the rows' word `delay_removed` means, and what looks the same as a delay."""
-        delay, se = 1e3 * self.delay_s, 1e3 * self.delay_se_s
         force = (
             "the measured longitudinal force is not in it"
             if self.beside_force
             else "a longitudinal_force channel in every log would make it smaller"
         )
-        drag = f"a drag whose linear coefficient is {DRAG_M_S:g} +- {DRAG_SD_M_S:g} m/s times its"
         return (
-            f"the accelerometer is {delay:.3f} +- {se:.3f} ms later than the encoder (telemetry "
-            f"delay); the error holds {drag} quadratic one; {force}; any other trend linear in "
-            "speed counts as delay; the speed map removes all of it (delay_removed)"
+            f"the accelerometer is {1e3 * self.delay_s:.3f} +- {1e3 * self.delay_se_s:.3f} ms "
+            "later than the encoder (telemetry delay); the error holds a drag whose linear "
+            f"coefficient is {DRAG_M_S:g} +- {DRAG_SD_M_S:g} m/s times its quadratic one; "
+            f"{force}; any other trend linear in speed counts as delay; the speed map removes all "
+            "of it (delay_removed)"
         )
 
     @property
@@ -439,11 +443,10 @@ def clean_passages(p: EdgeTimes, calibration: Calibration) -> dict[str, np.ndarr
     low, high = max(c.shift.low_m_s, c.width.low_m_s), min(c.shift.high_m_s, c.width.high_m_s)
     with np.errstate(invalid="ignore"):
         outside = (p.speed_m_s < low - 0.5) | (p.speed_m_s > high + 0.5)
-    corrected = shift + c.crosstalk * (width - usual)
     return {
         "width_deg": width,
         "shift_deg": shift,
-        "corrected_deg": corrected,
+        "corrected_deg": shift + c.crosstalk * (width - usual),
         "outside": outside,
     }
 
@@ -454,7 +457,7 @@ def _crosstalk(logs: Sequence[EdgeTimes], calibration: Calibration) -> tuple[flo
     k leaves no phase shift on undriven wheels while the car drives off. The width's own noise would
     pull k towards zero; its known variance is subtracted.
     """
-    parts = []
+    parts = [np.zeros((3, 0))]
     for p in logs:
         if p.driven is not False:
             continue
@@ -465,19 +468,16 @@ def _crosstalk(logs: Sequence[EdgeTimes], calibration: Calibration) -> tuple[flo
             # longitudinal force, and load transfer moves its width; twice as much leaves hard
             # driving alone to learn it from
             rows = p.good & (p.acceleration_m_s2 > 0.8) & np.isfinite(cleaned["shift_deg"])
-        if calm.sum() < 8 or rows.sum() < 8:
-            continue
-        s, d = (x[rows] - np.mean(x[calm]) for x in (cleaned["shift_deg"], cleaned["width_deg"]))
-        parts.append(np.stack([s, d, p.width_se_deg[rows]]))
-    if not parts:
-        return float("nan"), float("nan")
+        if calm.sum() >= 8 and rows.sum() >= 8:
+            cleared = (cleaned[name] for name in ("shift_deg", "width_deg"))
+            s, d = (x[rows] - np.mean(x[calm]) for x in cleared)
+            parts.append(np.stack([s, d, p.width_se_deg[rows]]))
     s, d, se = np.concatenate(parts, axis=1)
     signal = float(d @ d - se @ se)
     if signal <= 0.1 * float(d @ d):
         return float("nan"), float("nan")
     k = -float(s @ d) / signal
-    residual = s + k * d
-    return k, float(np.std(residual) * np.sqrt(float(d @ d)) / signal)
+    return k, float(np.std(s + k * d) * np.sqrt(float(d @ d)) / signal)
 
 
 def _with_forces(logs: Sequence[EdgeTimes], c: Calibration) -> Calibration:
@@ -492,6 +492,102 @@ def _with_forces(logs: Sequence[EdgeTimes], c: Calibration) -> Calibration:
             do="add one to the setup",
         )
     return replace(c, vertical=vertical, longitudinal=longitudinal)
+
+
+# ---- A calibration applied to a log: its zero if the log has none, and the rows of `phase-shift`.
+
+#: quasi-static passages that a zero needs, within the calibration's range of speed: their mean is
+#: known to 0.35 of one's scatter, that of twice as many to 0.25
+LEAST_ZERO = 8
+
+
+def measure_with(
+    calibration: Calibration | None, recording: Recording, zero: str = "auto", forces: bool = False
+) -> Iterator[EdgeTimes]:
+    """`measure_phase_shift`, with the calibration's zero if the log has none and none is named."""
+    for passages in measure_phase_shift(recording, zero, forces):
+        yield with_zero(passages, calibration) if calibration and zero == "auto" else passages
+
+
+def with_zero(p: EdgeTimes, calibration: Calibration) -> EdgeTimes:
+    """The passages with the calibration's zero, if their log has none.
+
+    As they are if it has one, or too few quasi-static passages.
+
+    If no force is transmitted the phase shift is what the calibration's speed map says: the
+    quasi-static passages, at whatever speed the map knows, give the wheel angle at which it is
+    zero.
+    """
+    if np.isfinite(p.zero_speed_m_s):
+        return p
+    middle = p.entry_deg + p.width_deg / 2
+    change = calibration.shift(p.speed_m_s, calibration.reference_speed_m_s)
+    with np.errstate(invalid="ignore"):
+        inside = (p.speed_m_s > calibration.shift.low_m_s - 0.5) & (
+            p.speed_m_s < calibration.shift.high_m_s + 0.5
+        )
+    rows = quasi_static(p) & inside & np.isfinite(middle)
+    if rows.sum() < LEAST_ZERO:
+        told = f"fewer than {LEAST_ZERO} quasi-static passages"
+        said = f"{p.without_zero}; and {told} within the calibration's range of speed"
+        return replace(p, without_zero=said)
+    zero = float(np.median((middle - change)[rows]))
+    speeds = f"{p.speed_m_s[rows].min():.1f} to {p.speed_m_s[rows].max():.1f} m/s"
+    return replace(
+        p,
+        shift_deg=middle - zero,
+        quality=p.quality & ~np.uint32(Quality.NO_ZERO),
+        zero_speed_m_s=calibration.reference_speed_m_s,
+        remarks=(
+            *p.remarks,
+            f"zero of the phase shift: the calibration's, by {rows.sum()} quasi-static passages "
+            f"at {speeds}",
+        ),
+        without_zero="",
+    )
+
+
+def table(p: EdgeTimes, calibration: Calibration | None) -> Mapping[str, object]:
+    """The columns of the `phase-shift` table for one accelerometer of one log.
+
+    Rows from whose phase shift the calibration's telemetry delay was removed carry the word
+    `delay_removed`.
+    """
+    quality = p.quality
+    nan = np.full(p.time_s.size, np.nan)
+    cleaned = dict.fromkeys(("width_deg", "shift_deg", "corrected_deg"), nan)
+    if calibration is not None:
+        cleaned = clean_passages(p, calibration)
+    columns: dict[str, Any] = {
+        "log": p.log,
+        "channel": p.channel,
+        "revolution": np.arange(p.time_s.size),
+        "time_s": p.time_s,
+        "speed_m_s": p.speed_m_s,
+        "entry_angle_deg": p.entry_deg,
+        "exit_angle_deg": p.exit_deg,
+        "patch_width_deg": p.width_deg,
+        "patch_width_se_deg": p.width_se_deg,
+        "phase_shift_deg": p.shift_deg,
+        "phase_shift_se_deg": p.shift_se_deg,
+        "patch_width_detrended_deg": cleaned["width_deg"],
+        "phase_shift_detrended_deg": cleaned["shift_deg"],
+        "phase_shift_corrected_deg": cleaned["corrected_deg"],
+    }
+    if calibration is not None:
+        pull, outside = cleaned[calibration.force_column], cleaned["outside"]
+        for name, force, x, x_se in (
+            ("vertical", calibration.vertical, cleaned["width_deg"], p.width_se_deg),
+            ("longitudinal", calibration.longitudinal, pull, p.shift_se_deg),
+        ):
+            if force is not None:
+                values, se, beyond = predict_force(force, x, x_se)
+                columns |= {f"{name}_force_N": values, f"{name}_force_se_N": se}
+                outside = outside | beyond
+        removed = np.isfinite(cleaned["shift_deg"]) & calibration.has_delay
+        quality = quality | marked(outside, Quality.EXTRAPOLATED)
+        quality |= marked(removed, Quality.DELAY_REMOVED)
+    return {**columns, "quality": quality_column(quality)}
 
 
 # ---- Calibration files: versioned TOML.
@@ -527,35 +623,31 @@ _CALIBRATION = Table(
 def write_calibration(path: Path, calibration: Calibration) -> None:
     """The calibration at `path`."""
     c = calibration
+    tables = {
+        "phase_shift": vars(c.shift),
+        "patch_width": {"at_reference_deg": c.patch_width_deg, **vars(c.width)},
+        "crosstalk": {"k": c.crosstalk, "se": c.crosstalk_se},
+        "telemetry_delay": {
+            "delay_s": c.delay_s,
+            "se_s": c.delay_se_s,
+            "beside_force": c.beside_force,
+        },
+        "vertical_force": vars(c.vertical) if c.vertical else {},
+        "longitudinal_force": vars(c.longitudinal) if c.longitudinal else {},
+    }
     lines = [
         "# tirelog calibration of phase-shift: change with speed against the reference, c1 (v - "
-        "v0) + c2 (v - v0)^2",
+        "v0) + c2 (v - v0)^2; beside_force: the longitudinal force was measured and its part "
+        "removed",
         f"version = {VERSION}",
         f"reference_speed_m_s = {c.reference_speed_m_s!r}   # the zero of the phase shift",
     ]
-    lines += _table("phase_shift", vars(c.shift))
-    lines += _table("patch_width", {"at_reference_deg": c.patch_width_deg, **vars(c.width)})
-    if math.isfinite(c.crosstalk):
-        lines += _table("crosstalk", {"k": c.crosstalk, "se": c.crosstalk_se})
-    if math.isfinite(c.delay_s):
-        lines += _table("telemetry_delay", {"delay_s": c.delay_s, "se_s": c.delay_se_s})
-        lines.append(
-            f"beside_force = {str(c.beside_force).lower()}   # whether the longitudinal force "
-            "was measured and its part removed"
-        )
-    for name, force in (("vertical_force", c.vertical), ("longitudinal_force", c.longitudinal)):
-        if force is not None:
-            lines += _table(name, vars(force))
+    for name, values in tables.items():
+        rows = [f"{key} = {json.dumps(np.asarray(one).tolist())}" for key, one in values.items()]
+        if rows and "NaN" not in "".join(rows):  # what the logs did not show is left out
+            lines += ["", f"[{name}]", *rows]
     with whole_file(path) as target:
         target.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def _table(name: str, values: Mapping[str, Any]) -> list[str]:
-    return [
-        "",
-        f"[{name}]",
-        *(f"{key} = {np.asarray(value).tolist()!r}" for key, value in values.items()),
-    ]
 
 
 def read_calibration(path: Path) -> Calibration:
@@ -572,9 +664,9 @@ def read_calibration(path: Path) -> Calibration:
     for name, found in data.items():
         if isinstance(found, SpeedMap | ForceMap):
             _refuse_map(found, FilePlace(document) / name)
-    nan = float("nan")
-    crosstalk = data.get("crosstalk", {"k": nan, "se": nan})
-    delay = {"delay_s": nan, "se_s": nan, "beside_force": False} | data.get("telemetry_delay", {})
+    crosstalk = {"k": np.nan, "se": np.nan} | data.get("crosstalk", {})
+    delay = {"delay_s": np.nan, "se_s": np.nan, "beside_force": False}
+    delay |= data.get("telemetry_delay", {})
     return Calibration(
         data["reference_speed_m_s"],
         data["phase_shift"],

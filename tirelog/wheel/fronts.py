@@ -315,8 +315,7 @@ def _learned(channel: Channel, angle: AngleFunction, rows: Records) -> Form | No
         return form
     used = np.isfinite(left) & (np.abs(u) < form.reach_rad) & like[owner]
     sizes, reach = growth[owner[used]], form.reach_rad
-    solved = spline(u[used], left[used], reach, intervals, sizes)
-    change = spline_at(solved, form.angle_rad, reach)
+    change = spline_at(spline(u[used], left[used], reach, intervals, sizes), form.angle_rad, reach)
     bent = np.gradient(change, form.angle_rad) * spread
     wider, narrower = (_steep_width(form.angle_rad, form.slope + one) for one in (bent, -bent))
     return replace(form, change=change, lead=(wider - narrower) / (4.0 * spread))
@@ -369,8 +368,7 @@ def fill_fronts(
     found, clipped = np.zeros(rows.size, FITTED), np.zeros(rows.size, bool)
     for some, owner, phi, values in samples(channel, angle, rows, _window(rows)):
         part = rows[some]
-        y = _scaled(part, owner, phi, values)
-        found[some] = _fit(form, owner, phi, y, some.size)[0]
+        found[some] = _fit(form, owner, phi, _scaled(part, owner, phi, values), some.size)[0]
         beyond = (values <= limits[0]) | (values >= limits[1])
         beyond &= np.abs(phi) < REACH * part["half_rad"][owner]
         clipped[some] = np.bincount(owner, beyond, some.size) > 0

@@ -12,27 +12,29 @@ first low, constant-speed stretch of the log, or what the user names.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import islice
+from typing import Any
 
 import numpy as np
 
 from tirelog.data.plausibility import implausible
 from tirelog.data.recording import Channel, Recording
-from tirelog.dsp.filters import runs, unlike_neighbours, widened
+from tirelog.dsp.filters import UNLIKE_SPEED, runs, unlike_neighbours, widened
 from tirelog.dsp.teeth import crossings, probe
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.runs.in_memory import without_spikes
-from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
-from tirelog.vocabulary.quality import Quality, QualityFlags, Use, good, marked
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Records, TableRows
+from tirelog.vocabulary.quality import Quality, QualityFlags, Use, good, marked, quality_column
 from tirelog.wheel.angle import (
-    Radius,
+    SPEED_WINDOW_S,
     WheelAngle,
     encoder_of,
     means_between,
     rolling_radius,
     turns_about,
+    turns_of,
 )
 from tirelog.wheel.fronts import find_fronts, patch_turn
 from tirelog.wheel.rolling import off_clock
@@ -147,14 +149,9 @@ def refuse_steps(recording: Recording, wheel: WheelAngle, turn_rad: float) -> No
     if not abs(turns - 1) > 0.01:
         return
     steps = wheel.steps * turns
-    table = (
-        ", and the learnt pitch table does not repeat"
-        if any("does not repeat" in remark for remark in wheel.remarks)
-        else ""
-    )
     raise SetupError(
         f"channel {wheel.channel}: the patch comes every {steps:.2f} steps, not every "
-        f"{wheel.steps}{table}",
+        f"{wheel.steps}",
         allowed="the setup's steps must be those of a whole turn",
         do=f"write steps = {round(steps)}",
         file=recording.log,
@@ -177,14 +174,13 @@ def doubts(
     recording: Recording,
     channel: Channel,
     fronts: Records,
-    radius: Radius,
+    radius_m: float,
     share: float,
 ) -> list[str]:
     """Sentences on the whole channel.  SetupError: its level is no rotation's."""
-    said: list[str] = []
     with np.errstate(invalid="ignore", divide="ignore"):
         level_m = float(np.nanmedian(fronts["level_m_s2"] / fronts["rate_rad_s"] ** 2))
-    ratio = abs(level_m) / radius.radius_m
+    ratio = abs(level_m) / radius_m
     what = (
         f"the level outside the patch is {ratio:.3g} times the centripetal acceleration: a "
         f"sampling rate wrong by a factor {abs(ratio) ** 0.5:.3g}, or a unit by {ratio:.3g}, would "
@@ -194,18 +190,12 @@ def doubts(
     problem = implausible(recording, "level_to_rotation", ratio, what, channel=channel, do=do)
     if problem is not None and share < 0.01:
         raise problem
-    if share > 1e-4:
-        said.append(
-            f"channel {channel.name}: {100 * share:.2g} % of the samples stand at its limits "
-            "(clipped)"
-        )
     outward = "outward" if level_m < 0 else "inward"
     gravity = "with" if fronts["gravity_m_s2"].any() else "without"
-    said.append(
-        f"channel {channel.name}: {outward} positive by its level outside the patch, {gravity} "
-        "gravity"
-    )
-    return said
+    of_level = f"{outward} positive by its level outside the patch, {gravity} gravity"
+    clipped = f"{100 * share:.2g} % of the samples stand at its limits (clipped)"
+    said = [clipped, of_level] if share > 1e-4 else [of_level]
+    return [f"channel {channel.name}: {one}" for one in said]
 
 
 #: the zero is sought in stretches below this speed [m/s] (P4: about 10): drag, which moves it, goes
@@ -281,12 +271,12 @@ def measure_phase_shift(
         for seen in recording.of_kind("wheel_encoder")[:1]:
             refuse_swapped(recording, accelerometers[0], seen)
         raise
-    radius = rolling_radius(recording, wheel)
-    said = [*wheel.remarks, *([radius.remark] if radius.remark else [])]
+    radius_m, _, remarks = rolling_radius(recording, wheel)
+    said = [*remarks]
     for channel in accelerometers:
         low, high, share = limits(channel)
         held = without_spikes(without_held(channel, low, high))
-        found = find_fronts(held, wheel, radius.radius_m, (low, high))
+        found = find_fronts(held, wheel, radius_m, (low, high))
         if found is None:
             refuse_swapped(recording, channel, encoder)
             raise DataLoss(
@@ -298,8 +288,8 @@ def measure_phase_shift(
             )
         fronts, turn_rad = found
         refuse_steps(recording, wheel, turn_rad)
-        said += doubts(recording, channel, fronts, radius, share)
-        yield _passages(recording, channel, wheel, radius, fronts, zero, forces, said)
+        said += doubts(recording, channel, fronts, radius_m, share)
+        yield _passages(recording, channel, wheel, radius_m, fronts, zero, forces, said)
         said = []
 
 
@@ -307,7 +297,7 @@ def _passages(
     recording: Recording,
     channel: Channel,
     wheel: WheelAngle,
-    radius: Radius,
+    radius_m: float,
     fronts: Records,
     zero: str,
     forces: bool,
@@ -317,8 +307,8 @@ def _passages(
     entry, leave = fronts["entry_rad"], fronts["exit_rad"]
     found = np.isfinite(entry) & np.isfinite(leave)
     middle = np.where(found, 0.5 * (entry + leave), fronts["middle_rad"])
-    time, turns = turns_about(wheel, middle, radius.radius_m)
-    speed = radius.radius_m * wheel.speed_rad_s(time)
+    time, turns = turns_about(wheel, middle, radius_m)
+    speed = radius_m * wheel.speed_rad_s(time)
     low, high = (
         wheel.angle.time_at(middle + side * (np.radians(15.0) + 0.3)) for side in (-1.0, 1.0)
     )
@@ -326,7 +316,7 @@ def _passages(
         fronts["quality"]
         | wheel.quality(np.nan_to_num(low, nan=-1.0), np.nan_to_num(high, nan=np.inf))
         | marked(~found, Quality.LOST_PEAK)
-        | marked(off_clock(channel.axis, turns.begin_s, turns.end_s), Quality.IMPLAUSIBLE)
+        | marked(off_clock(channel.axis, turns["begin_s"], turns["end_s"]), Quality.IMPLAUSIBLE)
     )
     begin, end = (wheel.angle.time_at(front) for front in (entry, leave))
     quality |= marked(wheel.mended(begin, end), Quality.GAP)
@@ -348,7 +338,13 @@ def _passages(
             f"channel {wheel.channel}: the tooth count was lost {moved} times; the patch itself "
             "gave the whole teeth back",
         ]
-    without = _without_zero(zero) if np.isnan(offset) else ""
+    wanted = f"stretch for --zero {zero}"
+    if zero == "auto":
+        wanted = f"constant-speed stretch below {LOW_SPEED_M_S:g} m/s"
+    without = (
+        f"no {wanted} for the zero of the phase shift, which is empty (no_zero); name another with "
+        "--zero SPEED or --zero START:STOP, or give the --calibration of a log that has one"
+    )
     # what both fronts have in common stays in their middle
     shared = np.sqrt(0.5) * wheel.angle.shared_noise_at(time)
     middle_se = np.degrees(np.hypot(fronts["middle_se_rad"], shared))
@@ -359,13 +355,13 @@ def _passages(
     means = {}
     for force in recording.of_kind("vertical_load", "longitudinal_force") if forces else ():
         # the mean of a turn in which the wheel stood is no passage's
-        end = np.where(turns.end_s - turns.begin_s < 5.0, turns.end_s, np.nan)
-        means[force.kind] = means_between(force, turns.begin_s, end)
+        end = np.where(turns["end_s"] - turns["begin_s"] < 5.0, turns["end_s"], np.nan)
+        means[force.kind] = means_between(force, turns["begin_s"], end)
     return EdgeTimes(
-        recording.log, channel.name, radius.radius_m, recording.setup.conditions.driven, time,
-        speed, turns.acceleration_m_s2, turn - width / 2, turn + width / 2, width,
+        recording.log, channel.name, radius_m, recording.setup.conditions.driven, time,
+        speed, turns["acceleration_m_s2"], turn - width / 2, turn + width / 2, width,
         width_se, turn - offset, middle_se,
-        steady, quality, zero_speed, tuple(said), without, means,
+        steady, quality, zero_speed, tuple(said), without if np.isnan(offset) else "", means,
         _example(channel, wheel, fronts, clean),
     )  # fmt: skip
 
@@ -514,14 +510,106 @@ def zero_range(zero: str) -> tuple[str, float, float]:
     return "speed", numbers[0] - 1.5, numbers[0] + 1.5
 
 
-def _without_zero(zero: str) -> str:
-    wanted = (
-        f"constant-speed stretch below {LOW_SPEED_M_S:g} m/s"
-        if zero == "auto"
-        else f"stretch for --zero {zero}"
+# ---- The table `wheel-angle`: the encoder's signal, the wheel's speed and its angle (P4 Figs. 4
+# to 6).
+#
+# encoder samples of a stretch --wheel angle--> angle within the turn, v_c = r omega at 20 Hz
+
+
+#: seconds that are written if none are asked for: P4 Fig. 4 shows 100 ms; the table is as long as
+#: that
+STRETCH_S = 0.1
+#: rows of one table: a minute of 10 kHz; twice as many take twice the memory, some 100 MB
+MOST_ROWS = 600_000
+
+
+def wheel_angle_of(
+    recording: Recording,
+    start: float | None = None,
+    stop: float | None = None,
+    every: int | None = None,
+) -> Iterator[TableRows]:
+    """The wheel's angle at each sample of the encoder, or each `every`-th, of a stretch [s].
+
+    By default 0.1 s from the middle of the log on.  SetupError: no encoder, or
+    an accelerometer's patch shows that it has other steps.  DataLoss: no teeth.
+    UsageError: no sample lies there, or more than MOST_ROWS do.
+    """
+    channel, wheel = encoder_of(recording)
+    refuse_steps_by_patch(recording, wheel)
+    radius_m, _, remarks = rolling_radius(recording, wheel)
+    ends = channel.axis.at(0.0), channel.axis.at(float(channel.size - 1))
+    middle = 0.5 * (float(ends[0]) + float(ends[1]))
+    start = start if start is not None else (middle if stop is None else stop - STRETCH_S)
+    stop = stop if stop is not None else start + STRETCH_S
+    first, last = (
+        int(np.clip(np.ceil(float(channel.axis.index(time))), 0, channel.size))
+        for time in (start, stop)
     )
-    return (
-        f"no {wanted} for the zero of the phase shift, which is empty (no_zero); "
-        "name another with --zero SPEED or --zero START:STOP, or give the --calibration of a log "
-        "that has one"
-    )
+    step = 1 if every is None else every
+    rows = len(range(first, last, step)) if step > 0 else 0
+    if not 0 < rows <= MOST_ROWS:
+        raise UsageError(
+            f"{start:g} to {stop:g} s hold {rows} samples",
+            allowed=f"1 to {MOST_ROWS} are allowed; the log goes from {float(ends[0]):g} to "
+            f"{float(ends[1]):g} s",
+            do="give another --from and --to, or --every 10",
+            file=recording.log,
+        )
+    time = channel.axis.time(first, last)[::step]
+    angle = wheel.angle.at(time)
+    columns = {
+        "log": recording.log,
+        "channel": channel.name,
+        "revolution": np.floor(np.nan_to_num(angle) / (2.0 * np.pi)).astype(np.int64),
+        "time_s": time,
+        "speed_m_s": wheel.speed_rad_s(time) * radius_m,
+        "encoder_signal": channel.read(first, last)[::step],
+        "turned_deg": np.degrees(angle) % 360.0,
+        "quality": quality_column(
+            # before the first tooth and behind the last there is no angle
+            wheel.quality(time, time) | marked(np.isnan(angle), Quality.EDGE_OF_LOG)
+        ),
+    }
+    yield TableRows(columns, remarks)
+
+
+# ---- The `speed` table of a log whose encoder tells the speed: one row per turn of the wheel.
+#
+# Recording --wheel angle, an accelerometer's patch doubts its steps--> columns of the table
+
+
+def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], Records, tuple[str, ...]]:
+    """(columns of the `speed` table, the turns, remarks): one row per turn of the wheel.
+
+    For a log without a sensor that passes the patch.
+
+    `time_s` is the middle of the turn, `speed_m_s` the wheel's speed low-passed at 20 Hz.
+    `period_s` is the turn's duration; its two halves give `acceleration_m_s2`. The
+    standard error holds angle noise and the radius' error. SetupError: an accelerometer's patch
+    shows that the setup's steps are not those of a turn.
+    """
+    channel, wheel = encoder_of(recording)
+    refuse_steps_by_patch(recording, wheel)
+    radius_m, radius_se_m, remarks = rolling_radius(recording, wheel)
+    time, turns = turns_of(wheel, radius_m)
+    off = off_clock(channel.axis, turns["begin_s"], turns["end_s"])
+    turns["quality"] |= marked(off, Quality.IMPLAUSIBLE)
+    mended = wheel.mended(time - 0.5 * SPEED_WINDOW_S, time + 0.5 * SPEED_WINDOW_S)
+    rate = wheel.speed_rad_s(time)
+    noise = np.sqrt(2.0) * wheel.angle.noise_at(time) / SPEED_WINDOW_S
+    share = np.hypot(np.nan_to_num(radius_se_m) / radius_m, channel.axis.rate_error)
+    speed = rate * radius_m
+    unlike = unlike_neighbours(speed, turns["quality"], UNLIKE_SPEED * np.abs(speed))
+    columns = {
+        "log": recording.log,
+        "channel": channel.name,
+        "revolution": np.arange(time.size),
+        "time_s": time,
+        "speed_m_s": speed,
+        "period_s": turns["end_s"] - turns["begin_s"],
+        "speed_se_m_s": np.hypot(noise * radius_m, share * speed),
+        "acceleration_m_s2": turns["acceleration_m_s2"],
+        "quality": quality_column(turns["quality"] | unlike | marked(mended, Quality.GAP)),
+    }
+    return columns, turns, remarks

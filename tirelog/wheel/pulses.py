@@ -68,14 +68,6 @@ def bucket_medians(
     medians[lost] = _medians(fours[lost])
 
 
-def _medians(rows: FloatArray) -> FloatArray:
-    """Median of what is there in each of the `rows` (n, m), NaN if nothing is."""
-    ordered, row = np.sort(rows, axis=1), np.arange(len(rows))  # NaN come last
-    there = (~np.isnan(ordered)).sum(axis=1)
-    middle: FloatArray = 0.5 * (ordered[row, (there - 1) // 2] + ordered[row, there // 2])
-    return middle
-
-
 def running_medians(
     values: FloatArray, first: int, sign: float, medians: NDArray[np.float32]
 ) -> None:
@@ -236,12 +228,10 @@ def _bridged(medians: NDArray[np.float32]) -> NDArray[np.float32]:
     Nothing at all if all are lost.
     """
     lost = ~np.isfinite(medians)
-    if lost.all():
-        return medians[:0]
-    if lost.any():  # the places take four times the room of the medians
+    if lost.any() and not lost.all():  # the places take four times the room of the medians
         known = np.flatnonzero(~lost)
         medians[lost] = np.interp(np.flatnonzero(lost), known, medians[known])
-    return medians
+    return medians[: 0 if lost.all() else None]
 
 
 #: a pulse climbs and falls by this share of the usual height; shoulders reach about 0.3, and half
@@ -253,12 +243,6 @@ LEAST_SIGMAS = 8.0
 #: pulses on either side whose widths are the usual one; twice as many pulses tell it of a speed
 #: that changes over twice as many
 REACH = 3
-
-
-def _turning_points(values: NDArray[np.float32], least: float) -> IntArray:
-    """Places of the alternating extremes of `values` whose rises and falls are at least `least`."""
-    points = np.empty(values.size + 1, np.int32)
-    return points[: turning_points(values, least, points)].astype(np.int64)
 
 
 def usual_height(heights: FloatArray) -> float:
@@ -275,10 +259,11 @@ def find_pulses(data: Decimated, without: int = 0) -> Records:
     """The pulses of `data`; `without`: how many times the highest are no patch's heights."""
     noise = data.noise
     bounds = np.append(np.minimum(data.parts, data.values.size), data.values.size)
-    rough = [
-        start + _turning_points(data.values[start:stop], LEAST_SIGMAS * noise)
-        for start, stop in pairwise(bounds)
-    ]
+    rough = []
+    room = np.empty(data.values.size + 1, np.int32)
+    for start, stop in pairwise(bounds):
+        count = turning_points(data.values[start:stop], LEAST_SIGMAS * noise, room)
+        rough.append(start + room[:count].astype(np.int64))
     heights = np.concatenate(
         [np.abs(np.diff(data.values[points])).astype(np.float64) for points in rough]
     )
@@ -290,7 +275,8 @@ def find_pulses(data: Decimated, without: int = 0) -> Records:
     least = max(LEAST_HEIGHT * usual_height(heights), LEAST_SIGMAS * noise)
     found = []
     for points in rough:
-        points = points[_turning_points(data.values[points], least)]
+        count = turning_points(data.values[points], least, room)
+        points = points[room[:count]]
         top = 1 + np.flatnonzero(data.values[points[1:-1]] > data.values[points[:-2]])
         found.append([points[top], points[top - 1], points[top + 1]])
     places = (np.concatenate(some) for some in zip(*found, strict=True))
@@ -309,16 +295,13 @@ def _without_plateaus(
 
     Not lower than both neighbours (at the ends: the only neighbour) by much of their own height.
     """
-    if peak.size < 2:
-        return peak, left, right
     top = values[peak]
     height = top - np.minimum(values[left], values[right])
-    before = np.concatenate([[np.inf], top[:-1]])
-    after = np.concatenate([top[1:], [np.inf]])
+    before, after = np.append(np.inf, top[:-1]), np.append(top[1:], np.inf)
     # a pulse whose top lies this share of its height below both neighbours' is the stretch between
     # two patches, seen from its deep shoulders; twice as much keeps almost every such stretch, half
     # as much drops passages beside higher ones
-    kept = top >= np.minimum(before, after) - 0.4 * height
+    kept = (top >= np.minimum(before, after) - 0.4 * height) | (peak.size < 2)
     return peak[kept], left[kept], right[kept]
 
 
@@ -377,11 +360,9 @@ def _level(channel: Channel, data: Decimated) -> Level:
 
 def _seen(axis: TimeAxis, pulses: Records) -> Records:
     """The `pulses` of which at least half was recorded, with their widths as in time."""
-    entry, leave = (
-        pulses["middle"] - 0.5 * pulses["width"],
-        pulses["middle"] + 0.5 * pulses["width"],
-    )
-    missing = axis.missing_before(np.ceil(leave)) - axis.missing_before(np.floor(entry))
+    half = 0.5 * pulses["width"]
+    leave, entry = np.ceil(pulses["middle"] + half), np.floor(pulses["middle"] - half)
+    missing = axis.missing_before(leave) - axis.missing_before(entry)
     seen = missing <= pulses["width"]
     pulses["width"] += missing
     return pulses[seen]
@@ -390,8 +371,14 @@ def _seen(axis: TimeAxis, pulses: Records) -> Records:
 def usual(values: FloatArray) -> FloatArray:
     """Median of the values that are there within REACH pulses, shape (n,), NaN if none is."""
     padded = np.pad(np.asarray(values, np.float64), REACH, constant_values=np.nan)
-    places = np.arange(values.size)[:, None] + np.arange(2 * REACH + 1)
-    return _medians(padded[places])
+    return _medians(padded[np.arange(values.size)[:, None] + np.arange(2 * REACH + 1)])
+
+
+def _medians(rows: FloatArray) -> FloatArray:
+    """Median of what is there in each of the `rows` (n, m), NaN if nothing is."""
+    ordered, row = np.sort(rows, axis=1), np.arange(len(rows))  # NaN come last
+    there = (~np.isnan(ordered)).sum(axis=1)
+    return np.asarray(0.5 * (ordered[row, (there - 1) // 2] + ordered[row, there // 2]))
 
 
 # ---- Which way the patch points.

@@ -21,7 +21,6 @@ import numpy as np
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, TimeAxis
 from tirelog.dsp.filters import of_the_log
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, Records, records
-from tirelog.vocabulary.quality import QualityFlags
 
 #: acceleration up to which a turn rolls freely [m/s^2]: at a tire's usual 0.1 of slip per g that is
 #: 0.002; doubled, twice as much of it goes into the radius
@@ -196,19 +195,12 @@ def _held(ends: FloatArray, half_s: float) -> FloatArray:
     return np.stack([when, speed, way, hole[run], changes[run]])
 
 
-@dataclass(frozen=True)
-class WheelTurns:
-    """Stretches of whole turns of a wheel, arrays of shape (n,).
-
-    `begin_s`, `end_s`, the `turns` between (0: none is known); `acceleration_m_s2` in it; `quality`
-    words.
-    """
-
-    begin_s: FloatArray
-    end_s: FloatArray
-    turns: FloatArray
-    acceleration_m_s2: FloatArray
-    quality: QualityFlags
+#: stretches of whole turns of a wheel: when they begin and end, the `turns` between (0: none is
+#: known), the acceleration in it, quality flags
+TURNS = np.dtype(
+    [("begin_s", "f8"), ("end_s", "f8"), ("turns", "f8"), ("acceleration_m_s2", "f8"),
+     ("quality", "u4")]
+)  # fmt: skip
 
 
 def off_clock(axis: TimeAxis, begin_s: FloatArray, end_s: FloatArray) -> BoolArray:
@@ -244,66 +236,58 @@ def off_clock(axis: TimeAxis, begin_s: FloatArray, end_s: FloatArray) -> BoolArr
     return off
 
 
+#: what the vehicle's speed tells of a turn: `metres` per turn without the delay, and what their
+#: errors are made of: `noise` of a row alone, `rounding` of a reading that does not change, which
+#: the rows of one `group` share, `se` of both; `turns` of a row, which it shares with its
+#: neighbours; how much the speed changes in it, which times the delay's error is what this leaves
+#: in all rows together; the radius with its standard error, NaN if fewer than LEAST_TURNS turns
+#: roll freely; whether this one does
+ROWS = np.dtype(
+    [("metres", "f8"), ("noise", "f8"), ("rounding", "f8"), ("se", "f8"), ("group", "i8"),
+     ("turns", "f8"), ("change_m_s", "f8"), ("radius_m", "f8"), ("radius_se_m", "f8"),
+     ("free", "?")]
+)  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Rolling:
-    """What the vehicle's speed tells of the turns of a wheel, arrays of shape (n,).
+    """What the vehicle's speed tells of a wheel: `rows` (n,) of ROWS, a row per stretch of turns.
 
-    `metres` per turn, without the delay, with the standard error of one row's `metres_se`;
-    `change_m_s`: how much the speed changes per turn, which times `delay_se_s` is the error that
-    the delay leaves in all rows together; `radius_m` with its standard error, NaN if fewer than
-    LEAST_TURNS turns roll freely, `grows`: it follows the speed squared; `delay_s` of the vehicle's
-    speed, with its standard error; `free` turns.
+    `grows`: the radius follows the speed squared; `delay_s` of the vehicle's speed, with its
+    standard error.
     """
 
-    metres: FloatArray
-    metres_se: FloatArray
-    change_m_s: FloatArray
-    radius_m: FloatArray
-    radius_se_m: FloatArray
+    rows: Records
     grows: bool
     delay_s: float
     delay_se_s: float
-    free: BoolArray
 
     @property
-    def mean_radius_m(self) -> float:
-        """Rolling radius of the free turns."""
-        return float(np.mean(self.radius_m[self.free])) if self.free.any() else float("nan")
-
-    @property
-    def mean_radius_se_m(self) -> float:
-        """Its standard error, which the turns share."""
-        return float(np.mean(self.radius_se_m[self.free])) if self.free.any() else float("nan")
+    def mean_radius_m(self) -> tuple[float, float]:
+        """Rolling radius of the free turns, and its standard error, which they share; NaN: none."""
+        free = self.rows[self.rows["free"]]
+        if not free.size:
+            return float("nan"), float("nan")
+        return float(np.mean(free["radius_m"])), float(np.mean(free["radius_se_m"]))
 
 
-def rolling(speed: Channel, wheel: WheelTurns) -> Rolling:
-    """Rolling radius of a wheel, and the delay of the vehicle's speed against it."""
-    meter = Odometer.of(speed)
+def rolling(speed: Channel, wheel: Records) -> Rolling:
+    """Rolling radius by the turns (n,) of TURNS of a wheel, and the vehicle's delay."""
+    meter, delay = Odometer.of(speed), 0.0
     with np.errstate(invalid="ignore", divide="ignore"):
-        period = np.where(wheel.turns > 0, (wheel.end_s - wheel.begin_s) / wheel.turns, np.nan)
-    change, delay = wheel.acceleration_m_s2 * period, 0.0
+        lasts = (wheel["end_s"] - wheel["begin_s"]) / wheel["turns"]
+    period = np.where(wheel["turns"] > 0, lasts, np.nan)
     for _ in range(20):  # rounds of Gauss and Newton
         rows = _rows(meter, wheel, period, delay)
-        step, delay_se = _delay_step(wheel, rows, change, period, delay)
+        step, delay_se = _delay_step(wheel, rows, period, delay)
         delay += step
         if abs(step) < 1e-5:
             break
     rows = _rows(meter, wheel, period, delay)
-    known = np.isfinite(rows["se"]) & np.isfinite(rows["metres"])
-    free = (wheel.quality == 0) & known & (np.abs(wheel.acceleration_m_s2) < FREE_M_S2)
-    radius, radius_se, grows = _radius(rows, period, change * delay_se, free)
-    return Rolling(
-        rows["metres"], rows["se"], change, radius, radius_se, grows, delay, delay_se, free
-    )
-
-
-#: metres per turn at some delay, and what their errors are made of: `noise` of a row alone,
-#: `rounding` of a reading that does not change, which the rows of one `group` share, `se` of both;
-#: `turns` of a row, which it shares with its neighbours
-ROWS = np.dtype(
-    [("metres", "f8"), ("noise", "f8"), ("rounding", "f8"), ("se", "f8"), ("group", "i8"),
-     ("turns", "f8")]
-)  # fmt: skip
+    rows["free"] = (wheel["quality"] == 0) & np.isfinite(rows["se"]) & np.isfinite(rows["metres"])
+    rows["free"] &= np.abs(wheel["acceleration_m_s2"]) < FREE_M_S2
+    grows = _fill_radius(rows, period, rows["change_m_s"] * delay_se)
+    return Rolling(rows, grows, delay, delay_se)
 
 
 def _error(rows: Records, share: FloatArray, left: FloatArray) -> float:
@@ -321,12 +305,12 @@ def _error(rows: Records, share: FloatArray, left: FloatArray) -> float:
     return float(np.sqrt(max(told, seen)))
 
 
-def _rows(meter: Odometer, wheel: WheelTurns, period: FloatArray, delay: float) -> Records:
+def _rows(meter: Odometer, wheel: Records, period: FloatArray, delay: float) -> Records:
     """The metres per turn (n,) of ROWS if the vehicle's speed is late by `delay`."""
-    begin, end = wheel.begin_s + delay, wheel.end_s + delay
+    begin, end, turns = wheel["begin_s"] + delay, wheel["end_s"] + delay, wheel["turns"]
     with np.errstate(invalid="ignore", divide="ignore"):
-        metres = np.where(wheel.turns > 0, meter.between(begin, end) / wheel.turns, np.nan)
-        bend = meter.bend(begin, end) / wheel.turns
+        metres = np.where(turns > 0, meter.between(begin, end) / turns, np.nan)
+        bend = meter.bend(begin, end) / turns
     metres = np.where(metres > 0.0, metres, np.nan)
     changes = np.nan_to_num(meter.changed(end) - meter.changed(begin))
     noise = np.hypot(_noise(metres, period), bend)
@@ -334,7 +318,8 @@ def _rows(meter: Odometer, wheel: WheelTurns, period: FloatArray, delay: float) 
     middle = np.floor(np.nan_to_num(meter.changed(0.5 * (begin + end))))
     return records(
         ROWS, metres=metres, noise=noise, rounding=rounding, se=np.hypot(noise, rounding),
-        group=np.unique(middle, return_inverse=True)[1], turns=np.maximum(wheel.turns, 1.0),
+        group=np.unique(middle, return_inverse=True)[1], turns=np.maximum(turns, 1.0),
+        change_m_s=wheel["acceleration_m_s2"] * period, radius_m=np.nan, radius_se_m=np.nan,
     )  # fmt: skip
 
 
@@ -359,22 +344,22 @@ def _noise(metres: FloatArray, period: FloatArray) -> FloatArray:
 
 
 def _delay_step(
-    wheel: WheelTurns, rows: Records, change: FloatArray, period: FloatArray, delay: float
+    wheel: Records, rows: Records, period: FloatArray, delay: float
 ) -> tuple[float, float]:
     """(what the delay is more than `delay`, its standard error) [s].
 
     Least squares of the metres per turn on what a longer belt, slip and a delay make of them.
     """
-    used = (wheel.quality == 0) & np.isfinite(rows["metres"] + rows["se"] + change)
+    used = (wheel["quality"] == 0) & np.isfinite(rows["metres"] + rows["se"] + rows["change_m_s"])
     if used.sum() < LEAST_TURNS:
         return -delay, _DELAY_S
-    rows, a = rows[used], wheel.acceleration_m_s2[used]
+    rows, a = rows[used], wheel["acceleration_m_s2"][used]
     metres, speed = rows["metres"], rows["metres"] / period[used]
     turn = float(np.median(metres))
     drives, brakes = (a > FREE_M_S2).astype(float), (a < -FREE_M_S2).astype(float)
     design = turn * np.stack(
         [np.ones(a.size), (speed / _GROWTH_M_S) ** 2, drives, brakes, drives * a, brakes * a,
-         -change[used] / turn], axis=1,
+         -rows["change_m_s"] / turn], axis=1,
     )  # fmt: skip
     # what is thought of slip: 0 give or take so much, and per acceleration [s^2/m]; a tire's usual
     # is a tenth of either. Doubled, hardly anything moves: it only bounds what a log does not tell
@@ -394,25 +379,23 @@ def _delay_step(
     return float(found[-1]), float(np.sqrt(squares))
 
 
-def _radius(
-    rows: Records, period: FloatArray, delayed: FloatArray, free: BoolArray
-) -> tuple[FloatArray, FloatArray, bool]:
-    """(radius, its standard error [m] at each row, whether it grows) by the `free` turns.
+def _fill_radius(rows: Records, period: FloatArray, delayed: FloatArray) -> bool:
+    """Fills the radius of the `rows` (n,) by the free ones, and its error; whether it grows.
 
     R = a + b V^2 if b is sure, else a.  `delayed`: what the delay's error makes of each row [m].
     """
-    size, turn = free.size, 2.0 * np.pi
+    turn = 2.0 * np.pi
     square = (rows["metres"] / period / _GROWTH_M_S) ** 2
     for grows in (True, False):
-        used = free.copy()
+        used = rows["free"].copy()
         for _ in range(2):
             if used.sum() < LEAST_TURNS:
-                return np.full(size, np.nan), np.full(size, np.nan), False
+                return False
             least = _LEAST_SHARE * float(np.median(rows["metres"][used]))
             weight = 1.0 / np.maximum(rows["se"][used], least)
             # about the mean, so that the errors of a and b do not go together
             middle = float(np.average(square[used], weights=weight**2))
-            at = np.stack([np.ones(size), square - middle], axis=1)[:, : 1 + grows]
+            at = np.stack([np.ones(rows.size), square - middle], axis=1)[:, : 1 + grows]
             inverse = np.linalg.pinv(at[used] * weight[:, None]) * weight
             found = inverse @ rows["metres"][used]
             left = rows["metres"] - at @ found
@@ -424,4 +407,6 @@ def _radius(
         # one log of twenty bend by chance
         if not grows or found[1] > 4.0 * errors[1] > 0.0:
             break
-    return at @ found / turn, np.sqrt((at * errors) ** 2 @ np.ones(1 + grows)) / turn, grows
+    rows["radius_m"] = at @ found / turn
+    rows["radius_se_m"] = np.sqrt((at * errors) ** 2 @ np.ones(1 + grows)) / turn
+    return grows

@@ -20,6 +20,7 @@ import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.dsp.filters import Cutoff, least_error_cutoff, unlike_neighbours
+from tirelog.dsp.pitch import AngleFunction
 from tirelog.errors import UsageError
 from tirelog.runs.in_memory import released, without_spikes
 from tirelog.strain.footprint.kernels import FITTED
@@ -34,14 +35,17 @@ from tirelog.strain.footprint.learn import (
 )
 from tirelog.strain.footprint.measure import (
     FITS,
+    SLIP,
+    TOO_WIDE,
     PassageForms,
     find_onsets,
+    friction_of,
     look_at_some,
     measure_windows,
     nothing_measured,
 )
-from tirelog.strain.footprint.slip_onset import SLIP, TOO_WIDE, FrictionRatio
 from tirelog.strain.passages.find import Passages, passages_of
+from tirelog.strain.passages.passage_flags import TURN_RAD
 from tirelog.strain.speed import (
     PassageRows,
     identity_columns,
@@ -50,7 +54,9 @@ from tirelog.strain.speed import (
     strain_channels,
 )
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
+from tirelog.vocabulary.kinds import ACCELERATION_KINDS
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, having, marked, quality_column
+from tirelog.wheel.fronts import PASSAGE, fill_fronts
 
 # ---- The form of free rolling: learnt, looked at, and learnt anew without what does not roll
 # freely.
@@ -58,7 +64,6 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, good, having, mark
 #     passages --> EdgeForm
 #         --misses passages? without those that speed up and slow down, if that is clearer-->
 #         --some of all passages are looked at: driven ones among them? without these-->
-#         --still misses them, each in its own way? of those that are alike, and that it fits-->
 #         --of what rolls freely: the tire's own pressure and stiffness-->
 #     EdgeForm, from which the next grating of the log starts
 #
@@ -71,17 +76,6 @@ LOOKED = 960
 #: passages with a traction are too few to bend the learnt form, or too many to be left out, by this
 #: share; twice as much is still neither
 DRIVEN_SHARE = 0.03
-#: misfit (chi-square per degree of freedom, less one) from which on a form is learnt of steady
-#: passages alone, and the share of it that this one may leave to be taken; twice the first leaves
-#: forms that put onsets 3 to 5 mm off; twice the second takes one as good, of fewer passages
-MISSES, CLEARER = 0.15, 0.5
-#: with a misfit above this a form is no start for another; twice as much starts from forms that
-#: have gone astray, half as much learns from the beginning what would have been near
-NO_START = 10.0
-#: times that a form is learnt anew, at most, and how many times as many passages there have to be
-#: if the form is not much clearer; half as many times may leave out speeds that the first ones do
-#: not have
-MOST_CHOSEN, MORE = 6, 1.05
 
 
 def choose_form(
@@ -100,29 +94,28 @@ def choose_form(
     left_out = np.zeros(len(passages), bool)
     unsteady = ~(np.abs(passages.acceleration_m_s2) < FREE_ROLLING_M_S2)
     missed = learnt.reference.misfit - 1.0
-    # passages at steady speed are not all, and enough to learn a form from
-    if missed > MISSES and unsteady.mean() >= DRIVEN_SHARE and (~unsteady).sum() >= LEAST_OF_CLASS:
-        begin = learnt if missed < NO_START else None
+    # passages at steady speed are not all, and enough to learn a form from. From this misfit
+    # (chi-square per degree of freedom, less one) on a form is learnt of them alone; twice as much
+    # leaves forms that put onsets 3 to 5 mm off
+    if missed > 0.15 and unsteady.mean() >= DRIVEN_SHARE and (~unsteady).sum() >= LEAST_OF_CLASS:
+        # with more misfit a form is no start for another; twice as much starts from forms that have
+        # gone astray, half as much learns from the beginning what would have been near
+        begin = learnt if missed < 10.0 else None
         freely = learn_reference(channel, passages, block_samples, begin, unsteady)
-        if freely is not None and freely.reference.misfit - 1.0 <= CLEARER * missed:
+        # twice the share that it may leave takes one as good, of fewer passages
+        if freely is not None and freely.reference.misfit - 1.0 <= 0.5 * missed:
             learnt, left_out = freely, unsteady
     learnt = _undriven(channel, passages, block_samples, learnt, left_out)
-    if like is None or like.chosen:
-        learnt = _of_alike(channel, passages, block_samples, learnt, like) or learnt
     own = learn_own(channel, passages, learnt, block_samples)
     if own.reference.family is learnt.reference.family:
         return own
     # what free passages leave beside the tire's own form
-    rolls = ~own.without if own.chosen and own.without is not None else None
-    look = PassageForms.of(channel, passages, own, block_samples)
-    return _looked_at(look, own, rolls)[1]
+    return _looked_at(PassageForms.of(channel, passages, own, block_samples), own)[1]
 
 
-def _looked_at(
-    look: PassageForms, learnt: EdgeForm, rolls: BoolArray | None = None
-) -> tuple[IntArray, EdgeForm]:
-    """Some passages, and `learnt` with what free ones of them leave; `rolls` as `look_at_some`."""
-    rows, scatter, gain = look_at_some(look, LOOKED, rolls)
+def _looked_at(look: PassageForms, learnt: EdgeForm) -> tuple[IntArray, EdgeForm]:
+    """Some passages, and `learnt` with what free ones of them leave."""
+    rows, scatter, gain = look_at_some(look, LOOKED)
     return rows, replace(learnt, free_scatter=scatter, least_gain=gain, forms=look.forms)
 
 
@@ -138,7 +131,7 @@ def _undriven(
     `left_out` (n,): passages that it was not learnt from.
     """
     freed: EdgeForm | None = learnt
-    for _ in range(MOST_CHOSEN):
+    for _ in range(6):  # a form is learnt anew so often at most
         if freed is None:
             break
         look = PassageForms.of(channel, passages, freed, block_samples)
@@ -156,76 +149,19 @@ def _undriven(
     return learnt
 
 
-def _of_alike(
-    channel: Channel,
-    passages: Passages,
-    block_samples: int,
-    first: EdgeForm,
-    like: EdgeForm | None,
-) -> EdgeForm | None:
-    """The form of passages that are alike and that it fits, if it is much clearer.
-
-    So it is where many passages pull at a steady speed: no form fits those that do, and that of all
-    fits none. Begun with those that the form `first`, or that of `like`, fits best, which may be
-    those that pull: then it still misses them, and is learnt of the others.
-    """
-    learnt, missed = like or first, first.reference.misfit - 1.0
-    if missed < MISSES:
-        return None
-    kept = np.zeros(len(passages), bool)
-    for again in range(MOST_CHOSEN):
-        look = PassageForms.of(channel, passages, learnt, block_samples)
-        rows = look_at_some(look, LOOKED)[0]
-        misfit = np.nan_to_num(look.work["fits"]["chi2"][rows], nan=np.inf)
-        # passages differ among themselves if what the form misses of each alone is this share of
-        # what it misses of all; half of it asks of forms that miss all alike
-        if not again and like is None and np.median(misfit) - 1.0 < 0.3 * missed:
-            return None
-        # then it is learnt of this share of them, which it fits best, and of all with no more than
-        # this chi-square per degree of freedom; twice the share mixes those that pull with those
-        # that do not, half the chi-square leaves out speeds that the first ones do not have
-        best = misfit <= max(np.quantile(misfit, 0.2), 4.0)
-        groups = [best, ~best] if again and learnt.reference.misfit > REMARKABLE else [best]
-        start = learnt if learnt.reference.misfit < NO_START else None
-        made = []
-        for group in groups:
-            others = np.ones(len(passages), bool)
-            others[rows[group]] = False
-            found = learn_reference(channel, passages, block_samples, start, others)
-            if found is None:
-                return None
-            made.append((found.reference.misfit, found, ~others))
-        least, found, those = min(made, key=lambda one: one[0])
-        more = those.sum() >= MORE * kept.sum()
-        if again and least > CLEARER * learnt.reference.misfit and not more:
-            break
-        learnt, kept = found, those
-    if learnt.reference.misfit - 1.0 > min(CLEARER * missed, NO_START):
-        return None
-    look = PassageForms.of(channel, passages, learnt, block_samples)
-    return _looked_at(look, replace(learnt, chosen=True), kept)[1]
-
-
 #: a row of the table `footprint`, and what pictures show: lengths in m, NaN where unknown.
 #: `length_m` takes a traction into account if there is a slip onset; `form_se_m`: the share of its
 #: error that comes from not knowing the tire's pressure and carcass, with the same sign in all
 #: rows; times of the edges [s]; `edge_asymmetry`: (exit - entry) / (exit + entry) of the sizes of
-#: the second derivative's extrema, positive if the exit edge is the sharper one, and their
-#: abscissae from the patch centre; what was measured; `cutoff_Hz` of the low-pass; flags
+#: the second derivative's extrema, positive if the exit edge is the sharper one; what was measured;
+#: `cutoff_Hz` of the low-pass; flags
 FOOTPRINT = np.dtype(
     [("length_m", "f8"), ("length_se_m", "f8"), ("form_se_m", "f8"), ("length_d2_m", "f8"),
      ("length_d2_se_m", "f8"), ("length_d1_m", "f8"), ("length_d1_se_m", "f8"),
      ("entry_time_s", "f8"), ("exit_time_s", "f8"), ("edge_asymmetry", "f8"),
-     ("d2_entry_m", "f8"), ("d2_exit_m", "f8"), ("fits", FITS), ("slip", SLIP),
+     ("fits", FITS), ("slip", SLIP),
      ("cutoff_Hz", "f8"), ("quality", "u4")]
 )  # fmt: skip
-
-
-def _asked_Hz(look: PassageForms, learnt: EdgeForm, cutoff: Cutoff) -> FloatArray:
-    """Cut-off of the low-pass of each passage (n,) [Hz], which may lie above what samples hold."""
-    passages, rate = look.passages, look.channel.axis.rate_Hz
-    asked = cutoff.frequency(passages.speed_m_s, passages.radius_m, learnt.wave_number_1_m)
-    return np.minimum(asked, 0.9 * 0.5 * rate) if cutoff.unit == "auto" else asked
 
 
 def footprint(
@@ -234,7 +170,7 @@ def footprint(
     cutoff: Cutoff | None = None,
     block_samples: int = BLOCK_SAMPLES,
     settled: EdgeForm | None = None,
-    friction: FrictionRatio | None = None,
+    friction: tuple[float, float] | None = None,
 ) -> Any:
     """The footprint at each of `passages` of the strain `channel`, (n,) of FOOTPRINT.
 
@@ -243,7 +179,7 @@ def footprint(
     `cutoff` of the low-pass (auto); `settled`: the form of its passages, which is learnt here if it
     is not given; `friction`: of the tread, the usual one if it is not given.
     """
-    cutoff, friction = cutoff or Cutoff(), friction or FrictionRatio()
+    cutoff, friction = cutoff or Cutoff(), friction or friction_of(None)
     n = len(passages)
     if settled is None and not passages.doubt:
         settled = choose_form(channel, passages, block_samples)
@@ -251,9 +187,14 @@ def footprint(
         work, asked = nothing_measured(n), np.full(n, np.nan)
     else:
         look = PassageForms.of(channel, passages, settled, block_samples, settled.forms)
-        work, asked = look.work, _asked_Hz(look, settled, cutoff)
-        clear = ~settled.unclear(passages.speed_m_s)
-        least_Hz = np.minimum(asked, 0.98 * 0.5 * channel.axis.rate_Hz)
+        work, speed = look.work, passages.speed_m_s
+        nyquist = 0.5 * channel.axis.rate_Hz
+        # what is asked for may lie above what samples hold
+        asked = cutoff.frequency(speed, passages.radius_m, settled.wave_number_1_m)
+        if cutoff.unit == "auto":
+            asked = np.minimum(asked, 0.9 * nyquist)
+        clear = ~settled.unclear(speed)
+        least_Hz = np.minimum(asked, 0.98 * nyquist)
         usual = settled.free_scatter, settled.least_gain
         measure_windows(look, least_Hz, clear, usual, look.rows)
         find_onsets(look, friction, settled.free_scatter)
@@ -299,8 +240,7 @@ def _hidden(work: Records, passages: Passages, slipping: BoolArray) -> FloatArra
 def _time_at(xi_m: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
     """Time from the patch centre to the distance `xi_m`; NaN if the wheel stops before."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        root = np.sqrt(speed_m_s**2 + 2.0 * acceleration_m_s2 * xi_m)
-        return 2.0 * xi_m / (speed_m_s + root)
+        return 2.0 * xi_m / (speed_m_s + np.sqrt(speed_m_s**2 + 2.0 * acceleration_m_s2 * xi_m))
 
 
 def _assembled(
@@ -362,8 +302,6 @@ def _assembled(
         entry_time_s=entry,
         exit_time_s=leave,
         edge_asymmetry=asymmetry,
-        d2_entry_m=edges["entry_m"] + fits["shift_m"],
-        d2_exit_m=edges["exit_m"] + fits["shift_m"],
         fits=fits,
         slip=slip,
         cutoff_Hz=asked_Hz,
@@ -431,7 +369,7 @@ class FootprintOfChannel(PassageRows):
 
     footprint: Any
     learnt: EdgeForm | None
-    friction: FrictionRatio
+    friction: tuple[float, float]
 
 
 def footprints_of(
@@ -473,7 +411,7 @@ def footprint_of_channel(
     refuse_cutoff(recording, channel, cutoff)
     if friction_ratio is None:
         friction_ratio = recording.setup.tire.friction_ratio
-    friction = FrictionRatio.given(friction_ratio)
+    friction = friction_of(friction_ratio)
     found = footprint(channel, passages, cutoff, block_samples, settled, friction)
     columns = identity_columns(recording.log, passages) | {
         "length_m": found.length_m,
@@ -566,32 +504,129 @@ def _remarks(recording: Recording, rows: FootprintOfChannel, cutoff: Cutoff) -> 
         few = f"{channel.name}: too few passages to learn the shape of the edges; no lengths"
         return (too_slow,) if 2 * slow > len(passages) else (few,)
     length, form = float(np.nanmedian(found.length_m)), float(np.nanmedian(found.form_se_m))
-    known = np.isfinite(found.cutoff_Hz)
-    low, high = float(found.cutoff_Hz[known].min()), float(found.cutoff_Hz[known].max())
+    low, high = float(np.nanmin(found.cutoff_Hz)), float(np.nanmax(found.cutoff_Hz))
     range_ = f"{low:.0f} Hz" if high - low < 1.0 else f"{low:.0f} to {high:.0f} Hz"
+    static = recording.setup.tire.static_footprint_length_m
+    doubted = int(having(found.quality, Quality.FORM_UNCLEAR).sum())
+    onsets = np.isfinite(found.slip["onset_m"]).any()
     text = (
         f"{channel.name}: median contact length {1e3 * length:.2f} mm, with an error of "
         f"{1e3 * form:.2f} mm that all rows share (shape of the edges); "
         f"low-pass {cutoff} = {range_}"
     )
-    static = recording.setup.tire.static_footprint_length_m
     if static is not None:
         text += f"; static footprint {1e3 * static:.1f} mm, dynamic / static {length / static:.3f}"
-    remarks = [text, too_slow] if slow else [text]
-    if np.isfinite(found.slip["onset_m"]).any():
-        remarks.append(
-            f"{channel.name}: slip onsets take a ratio of sliding to sticking friction of "
-            f"{rows.friction.value:.3g} +- {rows.friction.se:g}"
+    told = {
+        text: True,
+        too_slow: slow > 0,
+        f"{channel.name}: slip onsets take a ratio of sliding to sticking friction of "
+        f"{rows.friction[0]:.3g} +- {rows.friction[1]:g}": onsets,
+        f"{channel.name}: {Quality.FORM_UNCLEAR.word}: {doubted} passages are unlike any that a "
+        "tire's carcass makes on a flat road; their lengths may be wrong by half": doubted > 0,
+        f"{channel.name}: no stretch of steady speed; the form was learnt from driven or braked "
+        "passages": not learnt.free_rolling,
+    }
+    return tuple(sentence for sentence, is_so in told.items() if is_so)
+
+
+# ---- The table `footprint` of an accelerometer: contact length between the fronts of each passage.
+#
+#     Passages --their kinematics--> wheel angle --`wheel.fronts`--> fronts
+#         --speed--> length, entry and exit time
+#
+# Inside the patch the tread moves straight and its acceleration is nothing; outside it is Omega^2 R
+# or, if the sensor is AC-coupled, something else by as much. A front is where the signal crosses
+# the middle between the two levels: a fixed share of the step at every speed (errata on P4). No
+# encoder is needed: the passages themselves are the clock.
+
+#: a passage's own kinematics tell the angle so far to either side [rad]; half a turn on it is the
+#: next one's
+_OWN_RAD = 2.6
+
+
+def accelerometer_footprints(recording: Recording) -> list[PassageRows]:
+    """The footprint of every accelerometer of a recording."""
+    return [
+        footprint_of_accelerometer(recording, channel)
+        for channel in recording.of_kind(*ACCELERATION_KINDS)
+    ]
+
+
+def footprint_of_accelerometer(recording: Recording, channel: Channel) -> PassageRows:
+    """The footprint of one accelerometer."""
+    channel = without_spikes(channel)
+    passages = passages_of(recording, channel)
+    fronts, entry_s, exit_s = _fronts(channel, passages)
+    nothing, width = np.full(len(passages), np.nan), fronts["exit_rad"] - fronts["entry_rad"]
+    # samples between the fronts below which none can be known; twice as many leave fast passages of
+    # slow loggers without
+    short = 2.0 * fronts["half_rad"] * channel.axis.rate_Hz < 4.0 * fronts["rate_rad_s"]
+    untold, flags = np.isnan(width), speed_quality(passages)
+    flags |= marked(short, Quality.PATCH_SHORT)
+    flags |= np.where(untold, fronts["quality"], np.uint32(0))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        of_speed = width * np.nan_to_num(passages.omega_se_rad_s / passages.omega_rad_s)
+        steep = fronts["exit_slope"] - fronts["entry_slope"]
+        asymmetry = (fronts["exit_slope"] + fronts["entry_slope"]) / steep
+    length = passages.radius_m * width
+    columns = identity_columns(recording.log, passages) | {
+        "length_m": length,
+        "length_se_m": passages.radius_m * np.hypot(fronts["width_se_rad"], of_speed),
+        # only a strain's derivatives have these
+        **dict.fromkeys(("length_form_se_m", "length_d2_m", "length_d2_se_m"), nothing),
+        **dict.fromkeys(("length_d1_m", "length_d1_se_m"), nothing),
+        "entry_time_s": entry_s,
+        "exit_time_s": exit_s,
+        "edge_asymmetry": np.where(untold, np.nan, asymmetry),
+        "slip_onset_m": nothing,
+        "slip_onset_se_m": nothing,
+        "slip_onset_reason": np.full(len(passages), "not strain", object),
+        "quality": quality_column(flags | marked(untold & good(flags), Quality.NO_LENGTH)),
+    }
+    if passages.doubt:
+        said = passages.doubt
+    elif untold.all():
+        said = f"{channel.name}: no front was found; no lengths"
+    else:
+        said = (
+            f"{channel.name}: contact length {1e3 * float(np.nanmedian(length)):.2f} mm (median), "
+            "between the fronts at half of the step of the acceleration; the tread's bend at the "
+            "edges is in it"
         )
-    doubted = int(having(found.quality, Quality.FORM_UNCLEAR).sum())
-    if doubted:
-        remarks.append(
-            f"{channel.name}: {Quality.FORM_UNCLEAR.word}: {doubted} passages are unlike "
-            "any that a tire's carcass makes on a flat road; their lengths may be wrong by half"
-        )
-    if not learnt.free_rolling:
-        remarks.append(
-            f"{channel.name}: no stretch of steady speed; the form was learnt from driven or "
-            "braked passages"
-        )
-    return tuple(remarks)
+    return PassageRows(columns, (said,), channel, passages)
+
+
+def _fronts(channel: Channel, passages: Passages) -> tuple[Records, FloatArray, FloatArray]:
+    """The fronts (n,) of PASSAGE of all passages; times of entry and exit (n,) [s]."""
+    n, nan = len(passages), np.nan
+    fronts = records(PASSAGE, entry_rad=np.full(n, nan), exit_rad=nan, width_se_rad=nan)
+    fronts["rate_rad_s"] = passages.omega_rad_s
+    times = np.full((2, n), nan)
+    known = np.flatnonzero(np.isfinite(passages.omega_rad_s))
+    if passages.doubt or passages.template is None or not known.size:
+        return fronts, *times
+    rows = fronts[known]
+    rows["middle_rad"] = TURN_RAD * np.arange(known.size)
+    rows["half_rad"] = passages.template.half_width_rad
+    rows["ahead_m_s2"] = np.nan_to_num(passages.acceleration_m_s2[known])
+    angle = _angle(passages, known)
+    fill_fronts(channel, angle, rows, -passages.sign, passages.noise)
+    times[:, known] = [angle.time_at(rows[name]) for name in ("entry_rad", "exit_rad")]
+    fronts[known] = rows
+    return fronts, *times
+
+
+def _angle(passages: Passages, known: np.ndarray) -> AngleFunction:
+    """The wheel angle by the kinematics of the `known` passages, a turn apart each."""
+    omega = passages.omega_rad_s[known][:, None]
+    alpha = np.nan_to_num(passages.alpha_rad_s2[known])[:, None]
+    turned = np.array([-_OWN_RAD, 0.0, _OWN_RAD])
+    with np.errstate(invalid="ignore"):  # a wheel at rest before has no time there
+        rate = np.sqrt(omega**2 + 2.0 * alpha * turned)
+    time = (passages.time_s[known][:, None] + 2.0 * turned / (omega + rate)).ravel()
+    angle = (TURN_RAD * np.arange(known.size)[:, None] + turned).ravel()
+    kept = time > np.fmax.accumulate(np.append(-np.inf, time))[:-1]
+    stretch = np.zeros(int(kept.sum()), np.int32)
+    return AngleFunction(
+        time[kept], angle[kept], 1.0, rate.ravel()[kept].astype(np.float32), stretch, 0.0
+    )

@@ -17,7 +17,7 @@ import numpy as np
 
 from tirelog.kernels import compiled
 from tirelog.strain.passages.template import SPARE, apply_inverse, invert, products
-from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records, records
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
 
 #: how a row moves: column of the patch centre, columns per second, speed and acceleration of the
 #: tread there
@@ -39,19 +39,6 @@ FIT = np.dtype(
 )  # fmt: skip
 
 
-def motion_of(
-    centre: FloatArray, rate_Hz: float, speed_m_s: FloatArray, acceleration_m_s2: FloatArray
-) -> Records:
-    """How rows move, (n,) of MOTION."""
-    return records(
-        MOTION,
-        centre=centre,
-        rate_Hz=rate_Hz,
-        speed_m_s=speed_m_s,
-        acceleration_m_s2=acceleration_m_s2,
-    )
-
-
 def distance_along(
     time_s: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray
 ) -> FloatArray:
@@ -63,8 +50,6 @@ def distance_along(
 OWN, HEIGHT, OFFSET, SHIFT, LENGTH, DAMPING, TILT = 6, 0, 1, 2, 3, 4, 5
 #: columns of a fit: a passage's own and the quadratic ones
 FITTED = OWN + 2
-#: turns of a fit's quadratic terms
-ROUNDS = 5
 #: largest quadratic term [m^2]: half of the square of 15 mm
 MOST_BEND = 1.1e-4
 
@@ -177,7 +162,7 @@ def solve(
     the inverse times the first of these; `free`: what own columns leave of its square.
     """
     whole[:] = 0.0
-    for _ in range(ROUNDS):
+    for _ in range(5):
         size = beside[FITTED] - beside[OWN] * whole[OWN] - beside[OWN + 1] * whole[OWN + 1]
         for i in range(OWN):
             whole[i] = solutions[0, i] - solutions[1, i] * whole[OWN]
@@ -262,7 +247,7 @@ def _add_residuals(
         left[1, cell] += 1.0
 
 
-# ---- Compiled: a traction beside a passage's form, for each of many onsets (`slip_onset`).
+# ---- Compiled: a traction beside a passage's form, for each of many onsets (`measure`).
 #
 #     columns and products of a row (`kernels`) + a traction's wave for each onset
 #         --> the joint solution of least misfit

@@ -22,27 +22,25 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
-from tirelog.strain.footprint.family import (
-    HALF_LENGTH,
-    HIGHEST,
-    LOWEST,
-    TILT,
-    TREAD,
-    ComplexArray,
-    EdgeFamily,
-)
 from tirelog.strain.footprint.kernels import (
     FIT,
     GRID,
+    MOTION,
     OWN,
     fit_rows,
-    motion_of,
 )
 from tirelog.strain.footprint.reference import (
+    AVERAGE,
     CELLS,
+    HALF_LENGTH,
+    HIGHEST,
     HIGHEST_SHARE,
-    Average,
+    LOWEST,
+    TILT,
+    TREAD,
     AverageFit,
+    ComplexArray,
+    EdgeFamily,
     Reference,
     cell_basis,
     cell_centres,
@@ -121,19 +119,6 @@ class PatchWindows:
         return PatchWindows(self.row, parts.mean(axis=2), motion, self.averaged * averaged)
 
 
-def window_class(reach_samples: FloatArray) -> IntArray:
-    """Half window [samples] of each passage.
-
-    `reach_samples` rounded up to 2^k or 3 x 2^k, at least 8 (quick lengths of an FFT).
-
-    A passage whose speed is unknown has no reach; it gets the least window, and nothing is cut out
-    for it.
-    """
-    reach = np.fmax(reach_samples, 8.0)
-    two = 2.0 ** np.ceil(np.log2(reach))
-    return np.where(reach <= 0.75 * two, 0.75 * two, two).astype(np.int64)
-
-
 def gather_windows(
     channel: Channel,
     sign: float,
@@ -148,9 +133,14 @@ def gather_windows(
     `index`: fractional samples, NaN is left out. `sign`: +1 if the patch is a maximum of the
     recorded signal; `motions` and `reach_samples` (n,) of all passages, half of the window that
     each needs. The channel is read in blocks of about `block_samples`.
+
+    Half a window is rounded up to 2^k or 3 x 2^k, at least 8 (quick lengths of an FFT). A passage
+    whose speed is unknown has no reach; nothing is cut out for it.
     """
     rows = rows[np.isfinite(index[rows])]
-    half = window_class(np.minimum(reach_samples, channel.size))
+    needed = np.fmax(np.minimum(reach_samples, channel.size), 8.0)
+    two = 2.0 ** np.ceil(np.log2(needed))
+    half = np.where(needed <= 0.75 * two, 0.75 * two, two).astype(np.int64)
     block = np.floor(index[rows] / max(block_samples, 1)).astype(np.int64)
     waiting: dict[int, list[PatchWindows]] = {}
     for number in np.unique(block):
@@ -161,8 +151,13 @@ def gather_windows(
         samples = -sign * np.ascontiguousarray(channel.read(low, high), np.float64)
         for size in np.unique(half[inside]).tolist():
             some = inside[half[inside] == size]
-            centre = index[some] - np.round(index[some]) + size
-            motion = motion_of(centre, channel.axis.rate_Hz, *(one[some] for one in motions))
+            motion = records(
+                MOTION,
+                centre=index[some] - np.round(index[some]) + size,
+                rate_Hz=channel.axis.rate_Hz,
+                speed_m_s=motions[0][some],
+                acceleration_m_s2=motions[1][some],
+            )
             values = _cut(channel, samples, low, index[some], size)
             held = waiting.setdefault(size, [])
             held.append(PatchWindows(some, values, motion))
@@ -291,12 +286,6 @@ REMARKABLE = 1.3
 #: such units, what a form that is believed may leave (blocks and soft sectors leave 4 to 40); sizes
 #: of the form over the ordinary one
 UNLIKE, MOST_MISFIT, SIZES = 3e-4, 2.0, (1.0, 0.3, 0.1, 0.02)
-#: a form is sought with averages that are trusted more and more, and in few steps beside the tread
-#: of the reference
-TRUSTS, FIRST_STEPS, FEW_STEPS = (0.01, 0.1, 1.0), 30, 5
-#: lengths (logarithm) that are tried: at first an error apart, within these bounds, then twice as
-#: far, until the evidence falls by so much, or that far
-STEPS, UNLIKELY, FARTHEST = (0.002, 0.02), 5.0, 0.3
 #: error of a length over what the prior of the form's series gives: boxes and trapezoids, which the
 #: series does not follow, are 1 to 2.1 times that off; the error is proportional to it
 UNFOLLOWED = 2.0
@@ -311,8 +300,7 @@ def _fits(
     """
     # in half of the time: what the straight lines of so few points miss, up to 5e-5 of a passage's
     # height, is a tenth of the noise of the quietest log; half as many miss four times as much
-    plain = replace(reference, residuals=None)
-    table, grid = form_table(plain, number, half_window_m, 2048)
+    table, grid = form_table(replace(reference, residuals=None), number, half_window_m, 2048)
     found, left = np.zeros(len(sample.row), FIT), np.zeros((2, CELLS))
     every, grids = np.zeros(len(sample.row), np.int64), np.stack([grid])
     # weak knowledge of a passage's own damping and tilt; twice as much lets the noise of a passage
@@ -331,18 +319,18 @@ def _averages(
     noise: float,
     half_window_m: float,
     unlike: float,
-) -> list[Average]:
-    """Mean passages of the classes, each row put where the class' form is.
+) -> Records:
+    """Mean passages of the classes (k,) of AVERAGE, each row put where the class' form is.
 
     `unlike`: what a mean misses, as a share of its height.
     """
-    family, made = reference.family.up_to(HIGHEST_SHARE), []
-    basis, kappa = (
-        cell_basis(family.radius_m, family.kappa_1_m.size, half_window_m),
-        family.kappa_1_m,
-    )
+    family = reference.family.up_to(HIGHEST_SHARE)
+    made = np.zeros(len(samples), AVERAGE)
+    kappa = family.kappa_1_m
+    basis = cell_basis(family.radius_m, kappa.size, half_window_m)
     every = family.spectra(reference.forms)
-    for spectra, sample, (found, (left, counts)) in zip(every, samples, fits, strict=True):
+    for one, spectra, sample, fit in zip(made, every, samples, fits, strict=True):
+        found, (left, counts) = fit
         like = found[found["height"] > 0.0]
         height = float(np.median(like["height"])) if like.size else 1.0
         # no passage is like the form: it stays there
@@ -358,7 +346,9 @@ def _averages(
         # weight of a cell without samples, so that a class without any is known to nothing and not
         # unknown
         weight = (counts > 0.0) / (sigma2 / (height * size) ** 2 + unlike**2) + 1e-6
-        made.append(Average(sample.speed_m_s, (plain + moved + left / many) / size, weight))
+        one["speed_m_s"] = sample.speed_m_s
+        one["weight"] = weight
+        one["values"] = (plain + moved + left / many) / size
     return made
 
 
@@ -457,10 +447,11 @@ def learn_form(
     if np.argmax(promised) == len(SIZES) - 1 or speeds[-1] < 1.4 * speeds[0]:
         return plain
     # the tread may have stood for the form, or be what it is beside
-    kept = descend(problem, start, SIZES[0], steps=FEW_STEPS)
+    kept = descend(problem, start, SIZES[0], steps=5)
     start[TREAD] = 0.0
-    for problem.trust in TRUSTS:
-        best = descend(problem, start, SIZES[0], steps=FIRST_STEPS)
+    # averages are trusted more and more
+    for problem.trust in (0.01, 0.1, 1.0):
+        best = descend(problem, start, SIZES[0], steps=30)
         start = best.theta
     best, chosen = max(best, kept, key=lambda one: one.evidence), SIZES[0]
     for size in SIZES[1:-1]:
@@ -468,18 +459,18 @@ def learn_form(
         if found.evidence < best.evidence:
             break
         best, chosen = found, size
-    if best.misfit > MOST_MISFIT * sum(np.sum(one.weight > 1.0) for one in averages):
+    if best.misfit > MOST_MISFIT * np.sum(averages["weight"] > 1.0):
         return plain
-    middle, step = (
-        problem.length(best.theta),
-        np.clip(problem.lengths(best.normal).mean() ** 0.5, *STEPS),
-    )
+    # lengths (logarithm) that are tried: at first an error apart, within these bounds, then twice
+    # as far, until the evidence falls by 5, or as far as 0.3
+    middle = problem.length(best.theta)
+    step = np.clip(problem.lengths(best.normal).mean() ** 0.5, 0.002, 0.02)
     nodes = {0.0: descend(problem, best.theta, chosen, middle)}
     for sign in (1.0, -1.0):
         place, last = sign * step, nodes[0.0]
-        while abs(place) < FARTHEST:
+        while abs(place) < 0.3:
             nodes[place] = last = descend(problem, last.theta, chosen, middle + place)
-            if last.evidence < max(n.evidence for n in nodes.values()) - UNLIKELY:
+            if last.evidence < max(n.evidence for n in nodes.values()) - 5.0:
                 break
             place *= 2.0
     places = np.array(sorted(nodes))
@@ -500,10 +491,9 @@ def learn_form(
 #: window of averages and fits in half lengths, of which samples are averaged while they lie closer
 #: than this share
 WINDOW, FIT_STEP = 2.7, 1.0 / 36.0
-#: classes of speed: at most, as many as there are steps of this ratio; passages of all and at
-#: least of each, in clusters of neighbours; twice as many passages or classes take twice as long;
-#: steps of twice the ratio average over forms that differ
-CLASSES, CLASS_RATIO, LEARNT_FROM, LEAST_OF_CLASS, CLUSTERS = 6, 1.12, 480, 48, 6
+#: passages of all classes of speed and at least of each, in clusters of neighbours; twice as many
+#: passages or classes take twice as long
+LEARNT_FROM, LEAST_OF_CLASS, CLUSTERS = 480, 48, 6
 #: free rolling, as far as the acceleration tells [m/s^2]; with so many such passages in a class of
 #: speed it is learnt from them alone
 FREE_ROLLING_M_S2, ENOUGH_STEADY = 0.6, 12
@@ -522,8 +512,8 @@ class EdgeForm:
 
     `half_window_m`: what averages and fits look at; `wave_number_1_m`: where a passage's spectrum
     sinks into the noise, the `auto` cut-off; `free_rolling`: whether it was learnt from passages at
-    steady speed; `without` (n,): passages of the log that were left out; `chosen`: whether the
-    others are alike. What passages that roll freely leave beside it (`measure.look_at_some`):
+    steady speed; `without` (n,): passages of the log that were left out. What passages that roll
+    freely leave beside it (`measure.look_at_some`):
     `free_scatter`, `least_gain`; `forms`: `measure.Forms` of it, None if they are to be made.
     """
 
@@ -532,7 +522,6 @@ class EdgeForm:
     wave_number_1_m: float
     free_rolling: bool
     without: BoolArray | None = None
-    chosen: bool = False
     free_scatter: float = 1.0
     least_gain: float = float("inf")
     forms: Any = None
@@ -617,7 +606,9 @@ def _usable(passages: Passages, without: BoolArray | None) -> IntArray:
 def _classes(speed_m_s: FloatArray) -> IntArray:
     """Class of each speed: equal steps of its square, which the tension follows."""
     low, high = float(speed_m_s.min()), float(speed_m_s.max())
-    count = int(np.clip(np.floor(np.log(high / low) / np.log(CLASS_RATIO)) + 1, 1, CLASSES))
+    # as many as there are steps of this ratio; steps of twice the ratio average over forms that
+    # differ
+    count = int(np.clip(np.floor(np.log(high / low) / np.log(1.12)) + 1, 1, 6))
     share = (speed_m_s**2 - low**2) / max(high**2 - low**2, 1e-300)
     # numpy squares by x * x, Python by pow: in the last bit the slowest may lie below its class
     return np.clip(np.floor(share * count), 0, count - 1).astype(np.int64)
@@ -719,8 +710,6 @@ def learn_reference(
     `like`: a form that another channel has taught, tried first; `without` (n,): passages that are
     left out.
     """
-    if passages.template is None or not len(passages):
-        return None
     chosen = _to_learn_from(channel, passages, block_samples, without)
     if chosen is None:
         return None

@@ -51,9 +51,6 @@ WIDEST_TURNS = 0.2
 #: pairs that it takes to say so.  Half as many would doubt a car that is parked; twice as many let
 #: the axles of a weighing bridge pass
 FEWEST_FAST, FEWEST_PAIRS = 3, 8
-#: noise over height of pulses that may be the noise's own largest (the search takes 0.125), and the
-#: share of pairs that may then fail.  Twice as much asks it of all logs
-FAINT, FAINT_UNLINKED = 0.09, 0.15
 
 
 def doubt(
@@ -82,14 +79,16 @@ def doubt(
     stopping = np.sqrt(2.0 * 8.0 * TURN_RAD * radius_m)
     broken = ~linked & (radius_m * np.maximum(omega[1:], omega[:-1]) > stopping)
     height = np.abs(found["height"])
-    faint = noise > FAINT * float(np.median(start["height"]))
+    # noise over height of pulses that may be the noise's own largest (the search takes 0.125), and
+    # the share of pairs that may then fail, 0.15.  Twice as much asks it of all logs
+    faint = noise > 0.09 * float(np.median(start["height"]))
     # share of pairs that may fail to be one turn apart, as the wheel stopped or samples were lost:
     # of pairs too fast for a stop, and of all.  Random pulses: 0.4 to 0.9; starts and stops: up to
     # 0.1, every fourth turn lost: 0.25.  Twice as much lets random pulses pass
     if (
         (pairs >= FEWEST_FAST and broken.sum() > 0.3 * pairs)
         or (pairs >= FEWEST_PAIRS and unlinked > 0.4)
-        or (pairs >= FEWEST_FAST and faint and unlinked > FAINT_UNLINKED)
+        or (pairs >= FEWEST_FAST and faint and unlinked > 0.15)
     ):
         return (
             f"only {100 * (1 - unlinked):.0f} % of them come one turn after the one before, by "
@@ -116,19 +115,6 @@ def doubt(
     return ""
 
 
-def sentence(channel: str, rows: int, found: int, why: str) -> str:
-    """What a command says of a channel whose pulses are no passages.
-
-    `rows` of the `found` pulses stand in its table.
-    """
-    which = f"the {found} pulses found" if rows == found else f"{rows} of {found} pulses found"
-    return (
-        f"{channel}: {which} are not one turn apart, or not of a patch: {why}; "
-        "not a patch signal? "
-        "They give no speed; check source, kind and surface of the channel in the setup"
-    )
-
-
 def _width_turns(channel: Channel, pulses: Records) -> float:
     """Median width of the pulses over the time from one to the next.
 
@@ -145,8 +131,6 @@ def _width_turns(channel: Channel, pulses: Records) -> float:
 #: only if they are more turns than this, and no doubt is left.  Twice as many look twice in some
 #: short logs, which find the same
 FEW_PULSES = 8
-#: and so many times the highest are left out: jumps of so many sizes; twice as many look as often
-MOST_LEVELS = 3
 
 
 @dataclass(frozen=True)
@@ -235,8 +219,8 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
         del data  # memory
         return _measured(signal, radius_m, pulses)
     found = _measured(signal, radius_m, pulses)
-    # a few jumps of the instrument may be higher than all that the tire does
-    for without in range(1, MOST_LEVELS + 1):
+    # a few jumps of the instrument, of up to three sizes, may be higher than all that the tire does
+    for without in (1, 2, 3):
         other = _measured(signal, radius_m, pulses_in(channel, data, sign, without)[0])
         if not other.doubt and other.turn_after.sum() > max(found.turn_after.sum(), FEW_PULSES):
             return other
@@ -254,15 +238,17 @@ def _measured(signal: Signal, radius_m: float, pulses: Records) -> Passages:
     index = start["index"] + (time_s - start["time_s"]) * rate
     # a clock that was set back runs on, as if no sample lacked or came twice
     untimed = passage_flags.doubted(channel, Quality.CLOCK_SET_BACK, index[:-1], index[1:])
-    linked, rolled = one_turn(turns) & ~turned & ~untimed, passage_flags.rolled_on(omega, radius_m)
+    linked = one_turn(turns) & ~turned & ~untimed
+    rolled = passage_flags.too_fast_to_stop(np.minimum(omega[1:], omega[:-1]), radius_m)
     whole = np.where(turned | untimed, 0, passage_flags.whole_turns(time_s, linked, rolled))
     linked = np.append(np.where(whole > 0, whole == 1, linked), False)[: time_s.size]
+    window_rad = 0.0
+    lost = np.zeros(turns.size, np.int64)
     if template:
         window_rad = template.window_rad
         lost = passage_flags.lost_between(channel, time_s, omega, turns, window_rad)
-    else:
-        window_rad = float(np.median(start["width_s"] * omega)) if start.size else 0.0
-        lost = np.zeros(turns.size, np.int64)
+    elif start.size:
+        window_rad = float(np.median(start["width_s"] * omega))
     lost = np.append(np.where(whole > 0, whole - 1, lost), 0)[: time_s.size]
     turns_after = np.where(lost > 0, lost + 1, linked)
     shortest_s = 2.0 * window_rad / np.maximum(omega[1:], omega[:-1])
@@ -313,7 +299,12 @@ def _measured(signal: Signal, radius_m: float, pulses: Records) -> Passages:
     )
     why = doubt(signal, pulses, start, found, template is not None, radius_m)
     if why:
-        said = sentence(channel.name, len(measured), len(pulses), why)
+        which = f"{len(measured)} of {len(pulses)} pulses found"
+        said = (
+            f"{channel.name}: {which} are not one turn apart, or not of a patch: {why}; not a "
+            "patch signal? They give no speed; check source, kind and surface of the channel in "
+            "the setup"
+        )
         return without_speeds(measured, said, Quality.NOT_A_PASSAGE)
     return _with_lost(measured, lost, channel) if lost.any() else measured
 
@@ -370,10 +361,6 @@ def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) ->
 # ---- The passages of a channel of a recording, of the right surface.
 #
 # They are refused if they show that its setup names the wrong surface.
-
-
-#: what makes an accelerometer contradict the wheel, if no unit does
-_TURNING = "check unit and scale, the sampling rate, the steps of the encoder and the radius"
 
 
 def passages_of(recording: Recording, channel: Channel) -> Passages:
@@ -435,7 +422,8 @@ def implausible_motion(
         return None
     ratio = float(np.nanmedian((passages.height[some] / turning)[strong]))
     what = f"the step into the patch is {ratio:.3g} times the centripetal acceleration"
-    return implausible(recording, "step_to_rotation", ratio, what, channel=channel, do=_TURNING)
+    do = "check unit and scale, the sampling rate, the steps of the encoder and the radius"
+    return implausible(recording, "step_to_rotation", ratio, what, channel=channel, do=do)
 
 
 def refuse_swapped_surface(recording: Recording, channel: Channel, radius: float) -> None:

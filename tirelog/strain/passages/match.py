@@ -9,7 +9,7 @@ Pulses --screen, rough speeds--> Start --learn--> Template
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -36,7 +36,7 @@ from tirelog.strain.passages.template import (
     learned_template,
 )
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
-from tirelog.wheel.pulses import AT_ONCE, PULSE, usual
+from tirelog.wheel.pulses import AT_ONCE, usual
 
 # ---- The centre of each passage by a matched filter.
 #
@@ -106,7 +106,11 @@ def fit(
 
     `start` (n,) of ROW, in order; `window_rad` on either side, the template's if it is not given.
     """
-    found, table, room = np.zeros(start.size, FOUND), template.table, np.empty(MOST_SAMPLES, SAMPLE)
+    found, table, room = (
+        np.zeros(start.size, FOUND),
+        template.points,
+        np.empty(MOST_SAMPLES, SAMPLE),
+    )
     spans, found["outside"] = _spans(signal, start, window_rad or template.window_rad)
     for part, source in _blocks(signal, start, spans):
         fit_rows(
@@ -155,13 +159,9 @@ def window_samples(
 #     --lay over, learn, fit; again--> Template
 
 
-#: passages that the template is learnt from, in clusters of neighbours, and rounds; twice as many
-#: tell the template to 0.7 of the noise, in twice the time
-LEARNT_FROM, CLUSTERS, LEARNING_ROUNDS = 320, 16, 3
-#: stretches of angle over which the scatter between turns is known, from so many passages at most,
-#: and the passages that it takes: of fewer a spike is a large part; twice as many stretches have
-#: half of the samples each
-SCATTER_PARTS, SCATTER_FROM, FEWEST = 24, 60, 5
+#: stretches of angle over which the scatter between turns is known; twice as many have half of the
+#: samples each
+SCATTER_PARTS = 24
 
 
 def clusters(rows: IntArray, most: int, count: int) -> IntArray:
@@ -183,9 +183,11 @@ def learn_template(signal: Signal, start: Records, good: IntArray) -> Template |
         return None
     half_width = 0.5 * float(np.median((start["width_s"] * start["omega_rad_s"])[good]))
     window = min(WIDEST_RAD, 3.0 * half_width)  # the window that is learnt, in half widths
-    at = start[clusters(good, LEARNT_FROM, CLUSTERS)]
+    # in clusters of neighbours; twice as many passages tell the template to 0.7 of the noise, in
+    # twice the time
+    at = start[clusters(good, 320, 16)]
     like, template = np.ones(at.size, bool), None
-    for _ in range(LEARNING_ROUNDS):
+    for _ in range(3):
         template = learned_template(*window_samples(signal, at[like], window)[1:], window)
         if template is None:
             return None
@@ -197,9 +199,11 @@ def learn_template(signal: Signal, start: Records, good: IntArray) -> Template |
         )
         for name in ("time_s", "offset", "height"):
             at[name] = np.where(like, found[name], at[name])
-    if template is None or at.size < FEWEST:
+    # of fewer passages a spike is a large part of the scatter
+    if template is None or at.size < 5:
         return template
-    return replace(template, scatter=_scatter(signal, template, at))
+    template.points["scatter"] = _scatter(signal, template, at)
+    return template
 
 
 def _scatter(signal: Signal, template: Template, at: Records) -> FloatArray:
@@ -208,27 +212,21 @@ def _scatter(signal: Signal, template: Template, at: Records) -> FloatArray:
     At each angle of the template's table. By medians over short stretches of angle, so that a few
     passages with a spike do not matter; the larger of neighbouring stretches.
     """
-    at = at[np.unique(np.linspace(0, at.size - 1, SCATTER_FROM).astype(np.int64))]
+    at = at[np.unique(np.linspace(0, at.size - 1, 60).astype(np.int64))]
     found = fit(signal, template, at)
     for name in ("time_s", "omega_rad_s", "height", "offset"):
         at[name] = found[name]
     _, phi, values = window_samples(signal, at, template.window_rad)
-    rest = values - np.interp(phi, template.phi_rad, template.values)
+    rest = values - np.interp(phi, template.phi_rad, template.points["value"])
     place = (phi / template.window_rad + 1.0) * 0.5 * SCATTER_PARTS
     part = np.clip(place.astype(np.int64), 0, SCATTER_PARTS - 1)
-    size = np.abs(rest)
-    sigma = np.array(
-        [
-            np.median(size[part == k]) / NORMAL_MEDIAN if (part == k).any() else 0.0
-            for k in range(SCATTER_PARTS)
-        ]
-    )
+    sizes = [np.abs(rest)[part == k] for k in range(SCATTER_PARTS)]
+    sigma = np.array([np.median(one) / NORMAL_MEDIAN if one.size else 0.0 for one in sizes])
     noise = signal.noise / np.median(np.abs(found["height"]))
     padded = np.pad(np.sqrt(np.maximum(sigma**2 - noise**2, 0.0)), 1)
     widest = np.max([padded[:-2], padded[1:-1], padded[2:]], axis=0)
     middles = ((np.arange(SCATTER_PARTS) + 0.5) / SCATTER_PARTS * 2.0 - 1.0) * template.window_rad
-    scatter: FloatArray = np.interp(template.phi_rad, middles, widest)
-    return scatter
+    return np.asarray(np.interp(template.phi_rad, middles, widest))
 
 
 # ---- Pulses that are no passages, known by when they come and how long they last.
@@ -249,8 +247,6 @@ USUAL_WIDTH_TURNS = 0.06
 #: two passages are one turn apart if the turn that the speeds beside them give lies in this range:
 #: nearer to one turn than to a half or to two, as ratios.  Wider, a missed passage goes unseen
 ONE_TURN = (0.7, 1.4)
-#: width of the joined halves against the widths around
-JOINED_WIDTH = (0.6, 1.5)
 
 
 def width_turns(middle: FloatArray, width: FloatArray) -> float:
@@ -296,25 +292,21 @@ def _joined(pulses: Records) -> Records:
     # pulses closer than this share of a turn cannot both be passages; two passages are taken for
     # one if their widths say four times the period; with twice as much, if they say two times
     close = np.flatnonzero(np.diff(pulses["middle"]) < 0.25 * np.minimum(period[1:], period[:-1]))
-    middle, width, kept = (
-        pulses["middle"].copy(),
-        pulses["width"].copy(),
-        np.ones(len(pulses), bool),
-    )
+    joined, kept = pulses.copy(), np.ones(len(pulses), bool)
+    middle, width = joined["middle"], joined["width"]
     for first in close:
         second = first + 1
         if not kept[first]:
             continue
         entry, leave = middle[first] - 0.5 * width[first], middle[second] + 0.5 * width[second]
-        if JOINED_WIDTH[0] < (leave - entry) / width_around[first] < JOINED_WIDTH[1]:
+        # width of the joined halves against the widths around
+        if 0.6 < (leave - entry) / width_around[first] < 1.5:
             middle[first], width[first] = 0.5 * (entry + leave), leave - entry
             kept[second] = False
         else:
             unusual = np.abs(np.log(width[[first, second]] / width_around[first]))
             kept[second if unusual[0] <= unusual[1] else first] = False
-    return records(PULSE, middle=middle, width=width, height=pulses["height"], base=pulses["base"])[
-        kept
-    ]
+    return joined[kept]
 
 
 def _strangers(pulses: Records) -> BoolArray:
@@ -337,19 +329,9 @@ def _strangers(pulses: Records) -> BoolArray:
 #: relative uncertainty of the speed from neighbouring passages, and from a pulse's width; twice as
 #: much lets the noise of a passage move its speed twice as far
 STRETCH_NEIGHBOURS, STRETCH_WIDTH = 0.002, 0.1
-#: misfit [height] beyond which a pulse of unknown speed is no steady passage (the wheel stood in
-#: it), or not the tire at all; twice as much of either keeps pulses that are half as like a
-#: passage
-STANDING_MISFIT, FOREIGN_MISFIT = 0.05, 0.1
-#: and beyond so many times the log's own: edges that ring are no standstill.  Twice as much would
-#: miss short stops
-USUAL_MISFITS = 2.0
 #: heights, against the median around, outside of which a pulse of unknown speed is no passage of
 #: this wheel; twice as wide keeps pulses of a sixth and of five times the height
 FOREIGN_HEIGHTS = (0.3, 2.5)
-#: passages of a stretch that are tried the other way round, and the log likelihood ratio from which
-#: they ran backwards: odds of 3e6 to one; half of it, 1800 to one
-TRIED_BACKWARDS, BACKWARDS_EVIDENCE = 8, 15.0
 
 
 def match(signal: Signal, pulses: Records) -> tuple[Template | None, Records, Records]:
@@ -362,8 +344,10 @@ def match(signal: Signal, pulses: Records) -> tuple[Template | None, Records, Re
     pulses = screen(channel, pulses)
     start = _start(channel, pulses)
     template = _learn(signal, start, np.ones(start.size, bool)) if start.size > 1 else None
-    if template is None:
-        return None, start, _rough(start)
+    if template is None:  # the middle of the half-level crossings, to a tenth of the width
+        nan = dict.fromkeys(("omega_rad_s", "omega_se_rad_s", "misfit"), np.nan)
+        nan |= {name: start[name] for name in ("time_s", "height", "offset")}
+        return None, start, records(FOUND, time_se_s=0.1 * start["width_s"], **nan)
     found = fit(signal, template, start)
     kept = ~_foreign(found, start, signal.noise)
     if not kept.all():
@@ -398,7 +382,10 @@ def _judge(start: Records, found: Records, noise: float) -> None:
     height, misfit = np.abs(found["height"]), found["misfit"]
     known = height > 0.0  # a row without a sample tells nothing
     share = float(np.median(misfit[known] / height[known])) if known.any() else 0.0
-    bad = misfit > np.maximum(max(STANDING_MISFIT, USUAL_MISFITS * share) * height, 3 * noise)
+    # a pulse of unknown speed with more misfit [height], and than so many times the log's own
+    # (edges that ring are no standstill), is no steady passage: the wheel stood in it. Twice as
+    # much of either would miss short stops
+    bad = misfit > np.maximum(max(0.05, 2.0 * share) * height, 3 * noise)
     standing = bad & (start["stretch"] == STRETCH_WIDTH) & ~found["holds_spike"]
     if noise > 0:
         # a row is doubtful if its misfit is this many times the median's; twice as many leave the
@@ -420,15 +407,11 @@ def _foreign(found: Records, start: Records, noise: float) -> BoolArray:
         found["height"] > FOREIGN_HEIGHTS[1] * around
     )
     foreign &= start["stretch"] == STRETCH_WIDTH
-    bad = found["misfit"] > np.maximum(FOREIGN_MISFIT * np.abs(found["height"]), 3 * noise)
-    if bad.size > 2:
-        skip = (
-            (found["time_s"][2:] - found["time_s"][:-2])
-            * 0.5
-            * (start["omega_rad_s"][2:] + start["omega_rad_s"][:-2])
-            / TURN_RAD
-        )
-        foreign[1:-1] |= bad[1:-1] & ~bad[:-2] & ~bad[2:] & one_turn(skip)
+    # twice the misfit keeps pulses that are half as like a passage
+    bad = found["misfit"] > np.maximum(0.1 * np.abs(found["height"]), 3 * noise)
+    mean = 0.5 * (start["omega_rad_s"][2:] + start["omega_rad_s"][:-2])
+    skip = (found["time_s"][2:] - found["time_s"][:-2]) * mean / TURN_RAD
+    foreign[1:-1] |= bad[1:-1] & ~bad[:-2] & ~bad[2:] & one_turn(skip)
     return foreign
 
 
@@ -446,29 +429,18 @@ def _start(channel: Channel, pulses: Records, turned: BoolArray | None = None) -
     motion = kinematics(time_s, 0.02 * width_s, linked.astype(float))
     with np.errstate(invalid="ignore"):
         near = np.abs(motion["omega_rad_s"] / from_width - 1) < 0.5
-    known = near & (motion["sides"] == 2)
-    extrapolated = near & (motion["sides"] == 1)
+    told = near & (motion["sides"] > 0)
     return records(
         ROW,
         time_s=time_s,
         index=pulses["middle"],
-        omega_rad_s=np.where(known | extrapolated, motion["omega_rad_s"], from_width),
-        alpha_rad_s2=np.where(known | extrapolated, motion["alpha_rad_s2"], 0.0),
-        stretch=np.where(known, STRETCH_NEIGHBOURS, STRETCH_WIDTH),
+        omega_rad_s=np.where(told, motion["omega_rad_s"], from_width),
+        alpha_rad_s2=np.where(told, motion["alpha_rad_s2"], 0.0),
+        stretch=np.where(told & (motion["sides"] == 2), STRETCH_NEIGHBOURS, STRETCH_WIDTH),
         height=pulses["height"],
         offset=pulses["base"],
         width_s=width_s,
     )
-
-
-def _rough(start: Records) -> Records:
-    """Fits without a template: the middle of the half-level crossings.
-
-    With an error of a tenth of the width.
-    """
-    unknown = dict.fromkeys(("omega_rad_s", "omega_se_rad_s", "misfit"), np.nan)
-    known = {name: start[name] for name in ("time_s", "height", "offset")}
-    return records(FOUND, time_se_s=0.1 * start["width_s"], **known, **unknown)
 
 
 def _backwards(signal: Signal, template: Template, start: Records, found: Records) -> BoolArray:
@@ -487,15 +459,14 @@ def _backwards(signal: Signal, template: Template, start: Records, found: Record
         )
         + 1
     )
-    if not ends.size:
-        return back
     for first, stop in pairwise(np.concatenate([[0], ends, [n]])):
-        rows = np.arange(first, min(stop, first + TRIED_BACKWARDS))
+        rows = np.arange(first, min(stop, first + 8))
         some = start[rows]
         some["time_s"], some["omega_rad_s"] = found["time_s"][rows], found["omega_rad_s"][rows]
         some["height"] = np.abs(found["height"][rows])
         forth, other = (fit(signal, shape, some) for shape in (template, template.mirrored()))
         floor = signal.noise**2
         ratio = (forth["misfit"] ** 2 + floor) / (other["misfit"] ** 2 + floor)
-        back[first:stop] = 0.5 * float(np.sum(forth["used"] * np.log(ratio))) > BACKWARDS_EVIDENCE
+        # logarithm of the likelihood ratio: odds of 3e6 to one; half of it, 1800 to one
+        back[first:stop] = 0.5 * float(np.sum(forth["used"] * np.log(ratio))) > 15.0
     return back if 2 * back.sum() <= n else ~back

@@ -62,8 +62,6 @@ def may_have_stopped(time_s: FloatArray) -> BoolArray:
     """
     period = np.diff(time_s)
     stop = np.zeros(period.size, bool)
-    if period.size < 5:
-        return stop
     # at the passage two turns on: change of the speed over a turn, and how long it has to fall to
     # nothing at that rate
     with np.errstate(
@@ -87,9 +85,7 @@ def _residual() -> tuple[FloatArray, float]:
     times: 1, -2, 1.
     """
     count = 2 * REACH + 1
-    second = np.zeros((count, count + 2))
-    for k in range(count):
-        second[k, k : k + 3] = 1.0, -2.0, 1.0
+    second = np.diff(np.eye(count + 2), 2, axis=0)
     curve = np.vander((np.arange(count) - REACH) / REACH, DEGREE + 1)
     project = np.eye(count) - curve @ np.linalg.pinv(curve)
     return project, float(np.trace(project @ second @ second.T) / (count - DEGREE - 1))
@@ -105,14 +101,11 @@ def kinematics(time_s: FloatArray, time_se_s: FloatArray, turns_after: FloatArra
     last).
     """
     n = time_s.size
-    if n < 3:
-        nan = np.full(n, np.nan)
-        return records(KINEMATICS, omega_rad_s=nan, omega_se_rad_s=nan, alpha_rad_s2=nan)
     linked = turns_after > 0
     after = np.where(linked, np.diff(time_s, append=np.nan), np.nan)
-    before = np.concatenate([[np.nan], after[:-1]])
+    before = np.append(np.nan, after)[:n]
     mean_after = TURN_RAD * turns_after / after
-    mean_before = np.concatenate([[np.nan], mean_after[:-1]])
+    mean_before = np.append(np.nan, mean_after)[:n]
     omega = (mean_before * after + mean_after * before) / (before + after)
     alpha = 2 * (mean_after - mean_before) / (before + after)
     centred = np.isfinite(omega)
@@ -132,14 +125,6 @@ def _near(values: FloatArray, offset: int) -> FloatArray:
     return padded[REACH + offset : REACH + offset + values.size]
 
 
-def _local_mean(values: FloatArray, reach: int) -> FloatArray:
-    """Mean over the finite values within `reach` passages."""
-    some = np.array([_near(values, k) for k in range(-reach, reach + 1)])
-    finite = np.isfinite(some)
-    mean: FloatArray = np.where(finite, some, 0.0).sum(0) / np.maximum(finite.sum(0), 1)
-    return mean
-
-
 def _corrected(
     omega: FloatArray, alpha: FloatArray, period: FloatArray, time_se_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -148,8 +133,10 @@ def _corrected(
     change = _near(alpha, 1) - _near(alpha, -1)
     # white times: (1, -2, 0, 2, -1)
     noise_square = np.maximum(10.0 * acceleration_noise**2, np.finfo(np.float64).tiny)
+    beside = np.array([_near(change, k) for k in (-1, 0, 1)])
+    squares, finite = np.nan_to_num(beside) ** 2, np.isfinite(beside)
     with np.errstate(over="ignore"):  # times without any error tell every change
-        level = _local_mean(change**2, 1) / noise_square
+        level = squares.sum(0) / np.maximum(finite.sum(0), 1) / noise_square
     share = np.where(
         np.isfinite(change), np.clip(1.0 - SIGNIFICANT / np.maximum(level, 1e-9), 0.0, 1.0), 0.0
     )
@@ -229,15 +216,6 @@ MOST_LOST = 4
 #: share of a window's samples that must be lost before a passage counts as lost there; twice as
 #: much asks for most of a window, and passages lost by a third of it stay uncounted
 LOST_SHARE = 0.3
-#: turns that a time may be off whole ones, by the turns before and after, which may differ by this
-#: ratio.  Twice as much takes any time for whole turns; of twice the ratio, turns at either end of
-#: a hard braking tell nothing of those in between
-NEARLY_WHOLE, ALIKE_TURNS = 0.25, 1.5
-
-
-#: share of the passages that hold clipped samples from which all do: passages are alike, and noise
-#: that came on after the limit hides it in some
-MOST_CLIPPED = 0.3
 
 
 def window_quality(
@@ -253,7 +231,9 @@ def window_quality(
     flags |= marked(in_gap(channel.axis, index, reach), Quality.GAP)
     for word in {word for _, _, word in channel.flags}:
         flags |= marked(doubted(channel, word, index - reach, index + reach), word)
-    clipped = of_the_log(having(flags, Quality.CLIPPED), MOST_CLIPPED)
+    # share of the passages that hold clipped samples from which all do: passages are alike, and
+    # noise that came on after the limit hides it in some
+    clipped = of_the_log(having(flags, Quality.CLIPPED), 0.3)
     return np.asarray(flags | marked(clipped, Quality.CLIPPED))
 
 
@@ -276,19 +256,11 @@ def doubted(channel: Channel, word: Quality, begin: FloatArray, end: FloatArray)
 
 def _touched(begin: FloatArray, end: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
     """Which windows [begin, end] (n,) share a place with one of the ranges [low, high] (m,)."""
-    if not low.size:
-        return np.zeros(begin.size, bool)
     order = np.argsort(low)
-    furthest = np.maximum.accumulate(high[order])
+    furthest = np.append(np.maximum.accumulate(high[order]), -np.inf)
     # of the ranges that begin before a window ends, the one that ends last decides
     before = np.searchsorted(low[order], end, side="right")
-    reached: BoolArray = furthest[np.maximum(before, 1) - 1] >= begin
-    return (before > 0) & reached
-
-
-def rolled_on(omega: FloatArray, radius_m: float) -> BoolArray:
-    """Whether the wheel was too fast to stop between each passage and the next, (n - 1,)."""
-    return too_fast_to_stop(np.minimum(omega[1:], omega[:-1]), radius_m)
+    return np.asarray((before > 0) & (furthest[before - 1] >= begin))
 
 
 def too_fast_to_stop(omega: FloatArray, radius_m: float) -> BoolArray:
@@ -297,15 +269,6 @@ def too_fast_to_stop(omega: FloatArray, radius_m: float) -> BoolArray:
     # m/s), half as much again as a dry road allows; faster ones did not stop between two passages.
     # Twice as much takes for a stop what was not found at 11 m/s
     return np.asarray(radius_m * omega > np.sqrt(2.0 * 16.0 * TURN_RAD * radius_m))
-
-
-#: a turn's speed and the one that its passage's own stretch tells go together within this
-#: (logarithm), which no load makes of a patch; half of it marks kerbs, twice as much leaves speeds
-#: half as large as they are
-UNLIKE_STRETCH = 0.25
-#: usual difference of the two from which a log's slow turns are no turns at all, and the rows that
-#: it takes to tell; of drives in town it is 0.01
-UNEVEN, LEAST_SLOW = 0.06, 5
 
 
 def stood_between(of_turns: FloatArray, own: FloatArray, rolled: BoolArray) -> BoolArray:
@@ -317,13 +280,17 @@ def stood_between(of_turns: FloatArray, own: FloatArray, rolled: BoolArray) -> B
     with np.errstate(invalid="ignore", divide="ignore"):
         share = np.log(of_turns / own)
     known = np.isfinite(share)
-    if known.sum() < LEAST_SLOW:
+    if known.sum() < 5:
         return ~rolled
     slow = known & ~rolled
-    some = slow if slow.sum() >= LEAST_SLOW else known
+    some = slow if slow.sum() >= 5 else known
     off = np.abs(share - np.median(share[some]))
-    uneven = np.median(off[some]) > UNEVEN
-    return np.asarray(~rolled & (uneven | (off > UNLIKE_STRETCH)))
+    # usual difference of the two from which a log's slow turns are no turns at all; of drives in
+    # town it is 0.01
+    uneven = np.median(off[some]) > 0.06
+    # both go together within this (logarithm), which no load makes of a patch; half of it marks
+    # kerbs, twice as much leaves speeds half as large as they are
+    return np.asarray(~rolled & (uneven | (off > 0.25)))
 
 
 def whole_turns(time_s: FloatArray, linked: BoolArray, rolled: BoolArray) -> IntArray:
@@ -341,8 +308,11 @@ def whole_turns(time_s: FloatArray, linked: BoolArray, rolled: BoolArray) -> Int
     with np.errstate(divide="ignore", invalid="ignore"):  # stamps that repeat have no period
         turns = period / sides.mean(axis=0)
     whole = np.rint(turns)
-    sure = rolled & (np.abs(turns - whole) < NEARLY_WHOLE) & (whole <= MOST_LOST + 1)
-    sure &= sides.max(axis=0) < ALIKE_TURNS * sides.min(axis=0)
+    # turns that a time may be off whole ones, by the turns before and after, which may differ by
+    # this ratio.  Twice as much takes any time for whole turns; of twice the ratio, turns at either
+    # end of a hard braking tell nothing of those in between
+    sure = rolled & (np.abs(turns - whole) < 0.25) & (whole <= MOST_LOST + 1)
+    sure &= sides.max(axis=0) < 1.5 * sides.min(axis=0)
     return np.where(sure, whole, 0.0).astype(np.int64)
 
 
@@ -376,8 +346,7 @@ def _lost_share(channel: Channel, begin_s: float, end_s: float) -> float:
     expected = float(high - low)
     if channel.axis.explicit is None:
         expected = max(expected, (end_s - begin_s) * channel.axis.rate_Hz)
-    there = np.count_nonzero(np.isfinite(channel.read(low, high + 1)))
-    return 1.0 - there / (expected + 1.0)
+    return 1.0 - np.count_nonzero(np.isfinite(channel.read(low, high + 1))) / (expected + 1.0)
 
 
 def between(

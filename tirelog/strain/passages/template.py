@@ -152,15 +152,6 @@ WIDE = 4
 #: samples per row at most; a creeping wheel's windows are thinned to this; twice as many take
 #: twice as long where a wheel creeps, and only there
 MOST_SAMPLES = 400
-#: Gauss-Newton steps of a fit; in the first one wild samples lose their weight; twice as many take
-#: twice as long
-ITERATIONS = 2
-#: a sample is wild if it leaves its two neighbours' mean by this many sigmas and by this share
-#: of the height: noise does the first once in 1e10, and half of it once in 1000
-WILD_SIGMAS, WILD_SHARE = 8.0, 0.06
-#: what is further off than this share of the height is not the tire; twice as much keeps what is
-#: off by most of the height, half as much takes a waveform that the template lacks for foreign
-FOREIGN_SHARE = 0.35
 #: how far a step may shift [window] and stretch; twice as far could carry the centre out of the
 #: window in two steps
 MOST_SHIFT = MOST_STRETCH = 0.3
@@ -186,7 +177,9 @@ def fit_rows(
         made["holds_lost"], made["holds_spike"] = lost > 0, False
         time_s, omega, alpha = row["time_s"], row["omega_rad_s"], row["alpha_rad_s2"]
         height = row["height"]
-        for iteration in range(ITERATIONS):
+        # Gauss-Newton steps of a fit; in the first one wild samples lose their weight; twice as
+        # many take twice as long
+        for iteration in range(2):
             hold = (max(noise, 1e-12 * height) / (height * row["stretch"])) ** 2
             _shapes(count, time_s, omega, alpha, table, window_rad, room)
             _step(count, hold, room, columns, gram, inverse, solved)
@@ -341,10 +334,12 @@ def _wild(count: int, height: float, noise: float, room: Records) -> bool:
     Their residual leaves the mean of its neighbours', by more than theirs do, or they are not the
     tire at all.
     """
-    limit, foreign = (
-        max(WILD_SIGMAS * noise, WILD_SHARE * height),
-        max(WILD_SIGMAS * noise, FOREIGN_SHARE * height),
-    )
+    # a sample is wild if it leaves its two neighbours' mean by this many sigmas and by this share
+    # of the height: noise does the first once in 1e10, and half of it once in 1000
+    limit = max(8.0 * noise, 0.06 * height)
+    # what is further off than this share of the height is not the tire; twice as much keeps what is
+    # off by most of the height, half as much takes a waveform that the template lacks for foreign
+    foreign = max(8.0 * noise, 0.35 * height)
     values, weights = room["value"], room["weight"]
     residuals, bends = room["residual"], room["bend"]
     most = 0.0
@@ -353,9 +348,8 @@ def _wild(count: int, height: float, noise: float, room: Records) -> bool:
             residuals[i] = 0.0
         size = abs(residuals[i])
         most = size if size > most else most
-    if (
-        most <= 0.5 * limit
-    ):  # no residual leaves its neighbours' mean by more than twice the largest
+    # no residual leaves its neighbours' mean by more than twice the largest
+    if most <= 0.5 * limit:
         return False
     bends[0] = bends[count - 1] = 0.0
     for i in range(1, count - 1):
@@ -390,34 +384,25 @@ LENGTH_TO_WIDTH = 1.25
 
 @dataclass(frozen=True)
 class Template:
-    """The waveform at even angles, shape (g,); height 1, patch upward.
+    """The waveform at even angles: height 1, patch upward.
 
-    `values` and `slope` [1/rad] at `phi_rad` over +-`window_rad`.
+    `points` (g,) of POINT at `phi_rad` (g,) over +-`window_rad`; their scatter between turns is
+    beyond the noise, and 0 where it is not known.
 
     `half_width_rad`: half of the distance between the half-level crossings, which lie at
-    -half_width_rad and +half_width_rad. `scatter` (g,): standard deviation between turns beyond the
-    noise, over the height; None: not known, as if there were none.
+    -half_width_rad and +half_width_rad.
     """
 
     phi_rad: FloatArray
-    values: FloatArray
-    slope: FloatArray
+    points: Records
     window_rad: float
     half_width_rad: float
-    scatter: FloatArray | None = None
-
-    @property
-    def table(self) -> Records:
-        """The template as the kernels take it, (g,) of POINT."""
-        scatter = 0.0 if self.scatter is None else self.scatter
-        return records(POINT, value=self.values, slope=self.slope, scatter=scatter)
 
     def mirrored(self) -> Template:
         """The waveform of a wheel that rolls backwards."""
-        scatter = None if self.scatter is None else self.scatter[::-1].copy()
-        return replace(
-            self, values=self.values[::-1].copy(), slope=-self.slope[::-1], scatter=scatter
-        )
+        points = self.points[::-1].copy()
+        points["slope"] *= -1.0
+        return replace(self, points=points)
 
 
 def half_height(phi: FloatArray, values: FloatArray) -> tuple[float, float] | None:
@@ -425,14 +410,12 @@ def half_height(phi: FloatArray, values: FloatArray) -> tuple[float, float] | No
 
     The height is above the ends' mean.
     """
-    base = 0.5 * (values[0] + values[-1])
     top = int(np.argmax(values))
-    below = values < 0.5 * (values[top] + base)
+    level = 0.5 * (values[top] + 0.5 * (values[0] + values[-1]))
+    below = values < level
     if not below[:top].any() or not below[top:].any():
         return None
-    a = int(np.flatnonzero(below[:top])[-1])
-    b = top + int(np.flatnonzero(below[top:])[0])
-    level = 0.5 * (values[top] + base)
+    a, b = int(np.flatnonzero(below[:top])[-1]), top + int(np.flatnonzero(below[top:])[0])
     entry = np.interp(level, values[[a, a + 1]], phi[[a, a + 1]])
     leave = np.interp(level, values[[b, b - 1]], phi[[b, b - 1]])
     return float(0.5 * (entry + leave)), float(0.5 * (leave - entry))
@@ -458,4 +441,5 @@ def learned_template(phi: FloatArray, values: FloatArray, window: float) -> Temp
     base = 0.5 * (curve[0] + curve[-1])
     height = curve.max() - base
     values = (curve - base) / height
-    return Template(table, values, np.gradient(values, table), reach, half_width)
+    points = records(POINT, value=values, slope=np.gradient(values, table))
+    return Template(table, points, reach, half_width)
