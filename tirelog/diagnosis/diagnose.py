@@ -545,8 +545,8 @@ def with_groups(
         rest = [log for log in every if log not in logs]
         progress(f"once more without {group}")
         try:
-            answer = diagnose(some(rest), model, effects=extra)
-            without.append(verdict_of_group(group, rest, answer))
+            again = diagnose(some(rest), model, effects=extra)
+            without.append(verdict_of_group(group, rest, again))
         except TirelogError as problem:
             without.append(GroupVerdict(group, tuple(rest), "", problem=problem.message))
     answer = stability(by, verdict_of_group("", every, found), without)

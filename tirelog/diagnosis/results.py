@@ -572,7 +572,7 @@ def read_ladder(path: Path) -> dict[str, Any]:
     """A ladder's JSON as `ladder -o FILE.json` writes it.  UsageError: the file is none."""
     try:
         with open_input(path) as stream:
-            climbed = json_of(stream.read(), _LADDER)
+            climbed: dict[str, Any] = json_of(stream.read(), _LADDER)
         if not climbed["steps"]:
             raise ValueError("it has no steps")
     except (OSError, ValueError) as problem:
