@@ -81,6 +81,11 @@ def in_processes(count: int, workers: int, make: Callable[[int], Made]) -> Gener
             yield made
 
 
+def shares(count: int) -> bool:
+    """True if so many independent tasks are shared by processes."""
+    return min(processes(), count) > 1 and POSSIBLE
+
+
 def shared_out(count: int, make: Callable[[int], Made], allowed: bool = True) -> Iterator[Made]:
     """`make(number)` for all numbers below `count`, in their order, by the processes at hand.
 
@@ -88,7 +93,7 @@ def shared_out(count: int, make: Callable[[int], Made], allowed: bool = True) ->
     behind beside its answer goes with its process, so no number may count on what was made of
     another.
     """
-    if not (allowed and POSSIBLE and min(processes(), count) > 1):
+    if not (allowed and shares(count)):
         yield from map(make, range(count))
         return
     with closing(in_processes(count, processes(), make)) as answers:
