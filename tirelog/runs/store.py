@@ -23,9 +23,9 @@ Format 1, which kept its texts in the heap, is not read.
 
 A run is checked before any of it is believed: `contents_digest` covers every group, name, link,
 attribute, type, shape and stored number but for the long columns. These are samples and explicit
-times, which have the checksums of their chunks. The digest is compared each time a run is opened, after which
-its contents are what `ingest` wrote. How the file stores them is checked for each dataset, as of
-any HDF5 file.
+times, which have the checksums of their chunks. The digest is compared each time a run is opened,
+after which its contents are what `ingest` wrote. How the file stores them is checked for each
+dataset, as of any HDF5 file.
 """
 
 from __future__ import annotations
