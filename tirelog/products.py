@@ -151,8 +151,8 @@ def tables_of(
     """The `wanted` tables (keys of MAKERS, with their options), part by part.
 
     A table's parts are in the order of the channels, whatever the number of `workers`, and the same
-    to the bit. With `refused_first` the first part comes when all are made, so that a log that is
-    refused for one of its channels leaves no rows on a stream. With `processes` the workers are
+    to the bit. With `refused_first` the first part comes when all are made. A log that is refused
+    for one of its channels then leaves no rows on a stream. With `processes` the workers are
     processes where they can be, and parts come without what they were `found` in; else one channel
     is worked on after the other.
 

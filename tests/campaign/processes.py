@@ -20,7 +20,6 @@ from tirelog.storage.whole import whole_file
 
 #: a busy machine may take so long [s] for what takes one second
 PATIENCE_S = 240.0
-_GATE = "TIRELOG_TEST_GATE"
 _ENDED = (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
 
 
@@ -35,19 +34,6 @@ def waited_for(event: Callable[[], bool]) -> bool:
 
 
 # ---- what a worker does instead of `make_tables` -------------------------------------------------
-
-
-def gated(task: LogTask) -> Entry:
-    """A worker's task, begun once there is a ticket in the gate's folder for it."""
-    gate = Path(os.environ[_GATE])
-    while True:
-        for ticket in gate.glob("ticket_*"):
-            try:
-                ticket.rename(gate / f"used_{task.name}")
-            except FileNotFoundError:  # another worker was quicker
-                continue
-            return make_tables(task)
-        time.sleep(0.01)
 
 
 def stuck(task: LogTask) -> Entry:
@@ -89,24 +75,6 @@ def begun(
     words += ["campaign", "run", str(manifest), "--quiet", *options]
     with (manifest.parent / "said.txt").open("wb") as said:
         return subprocess.Popen(words, stderr=said, cwd=Path(__file__).parents[2])
-
-
-def killed_in_the_midst(manifest: Path, tickets: int, later_s: float, gate: Path) -> None:
-    """`campaign run`, killed with its workers `later_s` after it began the last log that it is let
-    through to.
-    """
-    gate.mkdir(exist_ok=True)
-    for number in range(tickets):
-        (gate / f"ticket_{number}").touch()
-    os.environ[_GATE] = str(gate)
-    process = begun(manifest, gated)
-    try:
-        assert waited_for(lambda: process.poll() is not None or not list(gate.glob("ticket_*")))
-        time.sleep(later_s)
-        assert process.poll() is None, (manifest.parent / "said.txt").read_text()
-    finally:
-        kill_all(process)
-        del os.environ[_GATE]
 
 
 # ---- what a process has started ------------------------------------------------------------------

@@ -12,7 +12,6 @@ import pandas as pd
 import pytest
 
 from tests.campaign.conftest import MANIFEST, dataset, make_campaign
-from tests.campaign.processes import killed_in_the_midst
 from tests.cli.conftest import SETUP
 from tests.diagnosis.toy import stack
 from tirelog.campaign.ledger import Folder, pieces_bytes, read_pieces
@@ -66,22 +65,6 @@ def test_what_changed_or_is_gone_is_done_again_and_nothing_else(
     manifest.write_text(MANIFEST.replace("0.1", "0.2"))
     call("campaign", "run", manifest, "--quiet")
     assert len(touched()) == 4
-
-
-@pytest.mark.slow
-def test_killed_at_any_moment_and_resumed(tmp_path):
-    """The same folder, undisturbed and killed at random moments: the same dataset, bit for bit."""
-    manifest = make_campaign(tmp_path, logs=10)
-    results = tmp_path / "results"
-    assert call("campaign", "run", manifest, "--quiet") == 0
-    want = dataset(results)
-    shutil.rmtree(results)
-    rng = np.random.default_rng(1)
-    for tickets in (1, 2, 2, 3):
-        killed_in_the_midst(manifest, tickets, 0.15 * rng.random(), tmp_path / "gate")
-    assert call("campaign", "run", manifest, "--quiet") == 0
-    assert dataset(results) == want
-    assert not list((results / ".tirelog" / "tmp").iterdir())
 
 
 @pytest.mark.usefixtures("in_this_process")

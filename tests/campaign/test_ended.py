@@ -1,7 +1,9 @@
 """Faults: a campaign that is killed or told to end leaves no process and no litter."""
 
 import os
+import resource
 import signal
+import subprocess
 import sys
 
 import pytest
@@ -39,7 +41,9 @@ def test_an_ended_campaign_leaves_no_process(tmp_path, how):
         assert said == ""
         assert len(list(results.glob(parts))) == 2
         assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
-        assert len(dataset(results)) == 4
+        manifest.write_text(manifest.read_text().replace('"results"', '"undisturbed"'))
+        assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
+        assert dataset(results) == dataset(tmp_path / "undisturbed")
     else:
         assert said.count("\n") == 1
         assert said.endswith("; nothing was left under the result's name; start it again\n")
@@ -117,3 +121,36 @@ def test_a_second_run_with_nothing_to_do_changes_no_byte_of_the_summary(tmp_path
     assert first.index(b"speed=") < first.index(b"dissipation=")
     assert run(["campaign", "run", str(manifest), "--quiet"]) == 3
     assert (tmp_path / "results" / "summary.csv").read_bytes() == first
+
+
+def left_over(output):
+    """What is neither a whole part nor the campaign's own."""
+    own = ("lock", "hashes.json", "summary.csv", "part.parquet")
+    return [
+        str(p)
+        for p in output.rglob("*")
+        if p.is_file() and p.name not in own and p.parent.name != "done"
+    ]
+
+
+def test_files_that_may_not_grow(tmp_path):
+    manifest = make_campaign(tmp_path, logs=2)
+
+    command = [sys.executable, "-m", "tirelog", "campaign", "run", str(manifest), "--quiet"]
+
+    def limited():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+    outcome = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=limited,
+    )
+    assert outcome.returncode == 2, outcome.stderr
+    assert "cannot be written (File too large)" in outcome.stderr
+    assert "Traceback" not in outcome.stderr
+    assert left_over(tmp_path / "results") == []
+    assert subprocess.run(command, check=False).returncode == 0
+    assert len(dataset(tmp_path / "results")) == 4

@@ -246,14 +246,6 @@ def test_an_unusual_quantity_has_a_known_name():
         parse_setup(SETUP + 'unusual = ["load"]\n')
 
 
-@pytest.mark.parametrize("name", ["speed", "footprint", "tables"])
-def test_a_swapped_surface_is_refused_by_all_tables(command, folder, name):
-    more = ["-o", "out"] if name == "tables" else []
-    said = "strain_1 shows a minimum, as the outer surface (groove) does in the patch"
-    told = command(name, *more, old='"outer"', new='"inner"')
-    assert "ok" not in told.ended(2, said, 'write surface = "outer"').out
-
-
 def test_a_cutoff_beyond_what_is_sampled(command):
     said = "--cutoff 4000Hz: channel strain_1 is sampled at 1000 Hz and holds nothing"
     command("footprint", "--cutoff", "4000Hz").refused(said, "above 500 Hz")

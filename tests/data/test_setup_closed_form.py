@@ -5,7 +5,6 @@ import pytest
 from tests.data.good_setup import GOOD
 from tirelog.data.setup import parse_setup, setup_beside
 from tirelog.errors import SetupError
-from tirelog.runs.temporary import scaled_to_si
 
 
 def test_a_good_setup():
@@ -17,20 +16,6 @@ def test_a_good_setup():
     assert setup.tire.area_m2 == pytest.approx(0.018 * 0.215)
     assert setup.conditions.distance_km == 0.0
     assert setup.conditions.driven is True
-
-
-@pytest.mark.parametrize(
-    ("name", "unit", "recorded", "value"),
-    [
-        ("strain_1", "nm", 1551.55, 1.27 * 1.55 / 1550.0),  # P1 (1)
-        ("strain_1", "pm", 1551550.0, 1.27e-3),
-        ("temp_1", "nm", 1542.05, 5.0),
-    ],
-)
-def test_a_wavelength_becomes_strain_or_temperature(name, unit, recorded, value):
-    setup = parse_setup(GOOD.replace('unit = "nm"', f'unit = "{unit}"'))
-    factor, offset = scaled_to_si(setup.channels[name])
-    assert factor * recorded + offset == pytest.approx(value, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", ["drive.toml", "drive.csv.toml"])

@@ -70,12 +70,6 @@ def test_scale_and_offset_give_the_unit_and_that_si(keys, tmp_path):
         np.testing.assert_allclose(got[there], wanted[there], rtol=1e-12, atol=1e-12)
 
 
-def test_a_resolution_is_one_count_in_si(tmp_path):
-    log = text_log(tmp_path / "log.csv")
-    with open_recording(str(log), setup_of('kind = "signal"\nunit = "V"\nscale = -3.0')) as one:
-        assert one.channels["x"].resolution == pytest.approx(3e-4)
-
-
 def test_a_grating_is_found_by_the_wavelength_that_the_scale_gives(tmp_path):
     """Raw peaks are 1552 - wavelength; the window is the wavelength's own."""
     log = tmp_path / "peaks.csv"

@@ -1,10 +1,8 @@
 """Closed form: what pictures of tables show of rows made by hand, and how long a bar is."""
 
 import numpy as np
-import pytest
 from matplotlib.figure import Figure
 
-from tirelog.errors import UsageError
 from tirelog.plots import tables
 from tirelog.plots.record import Panel, draw_panel
 
@@ -66,11 +64,6 @@ def test_a_table_without_time_is_over_its_first_column():
     names = {"log": np.full(3, "f.csv"), "channel": np.full(3, ""), "quality": quality}
     (axes,) = tables.table_picture([{**part, **names}]).axes
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("speed [m/s]", "hub_N")
-
-
-def test_a_table_without_numbers_is_refused():
-    with pytest.raises(UsageError, match="no table of numbers that vary"):
-        drawn([("a.csv", {"time_s": np.zeros(2), "channel": ["a", "a"], "quality": ["ok", "ok"]})])
 
 
 def test_bars_are_two_standard_errors_to_each_side():

@@ -11,7 +11,7 @@ from hypothesis import strategies as some
 from tirelog.errors import ReadError, UsageError
 from tirelog.tables.frame import read_table
 from tirelog.tables.writer import TableWriter
-from tirelog.vocabulary.columns import ALL, COLUMNS, TABLES
+from tirelog.vocabulary.columns import ALL, COLUMNS
 from tirelog.vocabulary.tables import TABLE_FORMATS
 
 #: three rows of the speed table, of a log whose name holds a comma
@@ -53,10 +53,6 @@ def test_parquet_carries_units_version_and_inputs(tmp_path):
     assert about["inputs"] == {"a": "00"}
     assert about["table"] == "speed"
     assert about["version"]
-
-
-def test_every_table_is_made_of_known_columns():
-    assert {name for columns in TABLES.values() for name in columns} <= set(COLUMNS)
 
 
 def test_a_column_is_registered_once():

@@ -183,6 +183,6 @@ def load_road(path: str | Path) -> RoadProfile:
             file=path,
         )
     try:
-        return RoadProfile(*map(tuple, points.T.tolist()))
+        return RoadProfile(tuple(points[:, 0].tolist()), tuple(points[:, 1].tolist()))
     except ModelError as problem:
         raise problem.at(path) from None

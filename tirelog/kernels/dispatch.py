@@ -109,7 +109,7 @@ def jit(source: FunctionType, files: Collection[Path]) -> Any:
         f"{Path(code.co_filename).stem}.{source.__qualname__}-{code.co_firstlineno}"
         f".py{python.major}{python.minor}{getattr(sys, 'abiflags', '')}"
     )
-    index = Path(made.stats.cache_path) / f"{name}.nbi"
+    index = Path(str(made.stats.cache_path)) / f"{name}.nbi"
     edited = max(file.stat().st_mtime for file in files)
     if not index.exists() or index.stat().st_mtime <= edited:
         notice_compiling()

@@ -22,10 +22,10 @@ a chunk of samples becomes NaN, and the recording's losses say so; anywhere else
 Format 1, which kept its texts in the heap, is not read.
 
 A run is checked before any of it is believed: `contents_digest` covers every group, name, link,
-attribute, type, shape and stored number but for the long columns, samples and explicit times, which
-have the checksums of their chunks. The digest is compared each time a run is opened, after which
-its contents are what `ingest` wrote. How the file stores them is checked for each dataset, as of
-any HDF5 file.
+attribute, type, shape and stored number but for the long columns. These are samples and explicit
+times, which have the checksums of their chunks. The digest is compared each time a run is opened,
+after which its contents are what `ingest` wrote. How the file stores them is checked for each
+dataset, as of any HDF5 file.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ import hashlib
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -173,28 +173,15 @@ def open_run(path: Path | str, log: str, setup: Setup | None = None) -> Iterator
 
     `setup` as of `recording_of`. ReadError: not a run, or its inside is damaged.
     """
-    try:
-        file = h5py.File(path, "r", rdcc_nbytes=_CACHE_BYTES)
-    except LIBRARY_ERRORS as problem:
-        raise ReadError(
-            f"cannot be opened as a run ({_short(problem)})",
-            allowed="a run is what `tirelog ingest` writes",
-            do="ingest it again",
-            file=log,
-        ) from None
-    with file:
+    with ExitStack() as opened:
         try:
+            file = opened.enter_context(h5py.File(path, "r", rdcc_nbytes=_CACHE_BYTES))
             recording = recording_of(_checked_run(file, log), log, setup)
-        except SetupError:
-            raise
-        except ReadError as problem:
+        except (ReadError, *LIBRARY_ERRORS, RecursionError) as problem:
             raise ReadError(
-                f"the run is damaged or none of ours: {problem.message}", file=log
-            ) from None
-        except (*LIBRARY_ERRORS, RecursionError) as problem:
-            raise ReadError(
-                f"the run is damaged ({_short(problem)}); its metadata cannot be read",
-                do="ingest the log again",
+                f"the run is damaged or none of ours ({getattr(problem, 'what', _short(problem))})",
+                allowed="a run is what `tirelog ingest` writes",
+                do="copy it again, or ingest the log again",
                 file=log,
             ) from None
         yield recording
