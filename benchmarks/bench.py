@@ -154,7 +154,7 @@ def mcap(folder: Path, sizes: Sizes) -> None:
         theirs = say(f"{width} values a message, library", cpu(library))
         ours = cpu(lambda setup=setup: list(open_mcap(log, setup, "log").blocks()), 3)
         say(f"{width} values a message, tirelog", ours)
-        print(f"library / tirelog: {theirs / ours:.1f} x cpu")
+        print(f"library / tirelog: {theirs / ours:.1f} x cpu (goal: 10)")
 
 
 def encoder(folder: Path, sizes: Sizes) -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 CORPUS = Path(__file__).parents[2] / "tests" / "faults" / "corpus.zip"
 #: modules with compiled kernels, which must not be watched
-WITH_KERNELS = ("data.setup", "runs.store")
+WITH_KERNELS = ("data.setup", "readers.mcap.records", "runs.store")
 SOURCES = ("a", "#2", "/t:a", "/a")
 #: no units, so that what a log states is looked at
 SETUP = "".join(

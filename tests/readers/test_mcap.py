@@ -1,4 +1,4 @@
-"""Property: what comes out of an MCAP log is what was written."""
+"""Property: what comes out of an MCAP log is what was written, by whatever path it is decoded."""
 
 import io
 
@@ -19,6 +19,7 @@ from tests.readers.mcap_files import (
     write_protobuf,
     write_ros2,
 )
+from tirelog.readers.mcap import decode as mcap_decode
 from tirelog.readers.mcap import records as mcap_order
 from tirelog.readers.mcap.fields import extract, parse_path, topic_and_field
 
@@ -64,6 +65,21 @@ def test_json_one_sample_a_message(path, compression):
     assert (reader.report.losses, reader.report.remarks) == ([], [])
 
 
+@pytest.mark.parametrize("name", ["FBG 1 [nm]", "wl[0]", "a.b", "a..b", "#7", "2", "Größe, außen"])
+def test_a_field_of_json_may_have_any_name(path, name):
+    write_json(path, timed([{name: i, "other": [-i], "wl": [-1.0]} for i in range(N)]))
+    values, _, _ = read(path, {"x": f"/t:{name}"})
+    np.testing.assert_array_equal(values["x"], np.arange(N))
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"), [("T (°C)", "degC"), ("T [K]", "K"), ("T", None), ("T[1]", None)]
+)
+def test_the_unit_of_a_name_is_the_channel_s(path, name, unit):
+    write_json(path, timed([{name: i, "T": [1.0, 2.0]} for i in range(N)]))
+    assert read(path, {"x": f"/t:{name}"})[2].setup.channels["x"].unit == unit
+
+
 def test_a_stream_that_cannot_seek_gives_the_same(path):
     write_json(path, counted())
     stream = io.BufferedReader(Pipe(path.read_bytes()))
@@ -94,7 +110,7 @@ ROS_SOURCES = {
 }  # fmt: skip
 
 
-def test_ros2_of_every_kind_with_its_own_stamp(path):
+def test_ros2_of_every_kind_with_its_own_stamp_by_layouts_and_by_the_library(path, monkeypatch):
     rng = np.random.default_rng(2)
     messages = [stamped(i, rng) for i in range(N)]
     kind = ("my_msgs/msg/Joint", STAMPED)
@@ -109,9 +125,33 @@ def test_ros2_of_every_kind_with_its_own_stamp(path):
     np.testing.assert_array_equal(values["last"], np.arange(N))
     assert_stamps(stamps)
     assert reader.report.start.startswith("2023-11-14T22:13:20.005")
-    values, _, _ = read(path, ROS_SOURCES)
-    np.testing.assert_array_equal(values["all"], np.ravel([m["position"] for m in messages]))
-    np.testing.assert_array_equal(values["some"], np.ravel([m["fixed"][1::2] for m in messages]))
+    decoder = next(iter(reader.decoders.values()))
+    assert decoder.failures == 0
+    # two frames, one or two names, one or two subs: no message by the library
+    assert 4 <= len(decoder.layouts) <= 12
+    fast, fast_stamps, _ = read(path, ROS_SOURCES)
+    monkeypatch.setattr(mcap_decode, "MOST_FAILURES", 0)  # the library alone decodes
+    plain, plain_stamps, reader = read(path, ROS_SOURCES)
+    for ours, theirs in ((fast, plain), (fast_stamps, plain_stamps)):
+        assert ours.keys() == theirs.keys()
+        for name in ours:
+            np.testing.assert_array_equal(ours[name], theirs[name])
+    assert len(next(iter(reader.decoders.values())).layouts) == 0
+
+
+def test_ros2_messages_of_one_size_that_are_laid_out_otherwise(path):
+    """A name grows by the bytes that another gives up, and the number between them moves."""
+    kind = ("my_msgs/msg/Named", "string a\nfloat64 x\nstring b\n")
+    rows = [
+        {"a": "n" * (20 - 16 * (i % 2)), "x": float(i), "b": "n" * (4 + 16 * (i % 2))}
+        for i in range(100)
+    ]
+    write_ros2(path, [("/t", t, *kind, row) for t, row in zip(times(100), rows, strict=True)])
+    values, _, reader = read(path, {"x": "/t:x"})
+    np.testing.assert_array_equal(values["x"], np.arange(100))
+    layouts = next(iter(reader.decoders.values())).layouts
+    assert len(layouts) == 2
+    assert layouts[0].size == layouts[1].size
 
 
 def sample(i, rng):

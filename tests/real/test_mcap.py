@@ -25,15 +25,15 @@ def counted(path):
 def test_every_message_is_met(path, monkeypatch):
     """The walk finds what the library finds, whatever the topics hold."""
     met = Counter()
-    original = McapLog._wanted
+    original = McapLog._messages
 
-    def spy(self, messages, **more):
-        list(original(self, messages, **more))
-        for number, own in messages.items():
-            met[self.records.channels[number].topic] += len(own)
+    def spy(self, tables, **more):
+        list(original(self, tables, **more))
+        for number, table in tables.items():
+            met[self.records.channels[number].topic] += len(table)
         return iter(())
 
-    monkeypatch.setattr(McapLog, "_wanted", spy)
+    monkeypatch.setattr(McapLog, "_messages", spy)
     with pytest.raises(ReadError, match="'/nowhere' is not in the log"):
         read(path, {"x": "/nowhere:data"})
     assert met == counted(path)

@@ -41,7 +41,7 @@ from tirelog.readers.base import (
     unit_in_source,
     with_stated_units,
 )
-from tirelog.readers.mcap.decode import LARGEST_MESSAGE_BYTES, ChannelDecoder
+from tirelog.readers.mcap.decode import LARGEST_MESSAGE_BYTES, ChannelDecoder, spread
 from tirelog.readers.mcap.fields import (
     FIELD,
     FieldColumn,
@@ -54,13 +54,7 @@ from tirelog.readers.mcap.fields import (
     parse_path,
     topic_and_field,
 )
-from tirelog.readers.mcap.records import (
-    RECORD_ERRORS,
-    Message,
-    Messages,
-    OrderedGroup,
-    Records,
-)
+from tirelog.readers.mcap.records import RECORD_ERRORS, MessageTable, OrderedGroup, Records
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -81,16 +75,8 @@ STAMPS = tuple(
         ("seconds", "nanos"),
     )
 )
-#: messages decoded at once
-DECODED_AT_ONCE = 1 << 14
 #: header stamps that are further than this from the log time count from an origin of their own
 ONE_CLOCK_NS = 3_600_000_000_000
-
-
-def _spread(starts: IntArray, lengths: IntArray) -> IntArray:
-    """starts[i], starts[i] + 1, ... for lengths[i] numbers, one after the other."""
-    before = np.cumsum(lengths) - lengths
-    return np.repeat(starts - before, lengths) + np.arange(int(lengths.sum()))
 
 
 class Topic:
@@ -224,14 +210,15 @@ class Topic:
             total += np.rint((values - whole) * factor).astype(np.int64)
         return total
 
-    def feed(self, messages: list[Message], decoder: ChannelDecoder) -> None:
+    def feed(self, table: MessageTable, decoder: ChannelDecoder) -> None:
         """Decode the messages of a chunk and add their samples to the groups."""
         channels = list(self.wants)
+        at = 0
         wants = [*self.wants.values(), *(want for want, _ in self.stamps)]
-        for first in range(0, len(messages), DECODED_AT_ONCE):
-            some = messages[first : first + DECODED_AT_ONCE]
-            columns = decoder.read(some, wants)
-            keys = np.array([time_ns for time_ns, _ in some], np.int64)
+        for columns in decoder.read(table, wants):
+            size = columns[0].sizes.size if columns else 0
+            keys = table.log_time_ns[at : at + size]
+            at += size
             stamps = self._stamps(columns[len(channels) :], keys)
             by_name = dict(zip(channels, columns, strict=False))
             for group in self.groups:
@@ -272,9 +259,9 @@ class Topic:
             if np.array_equal(own, lengths):
                 values[:, k] = column.values
             else:
-                values[_spread(starts, own), k] = column.values
+                values[spread(starts, own), k] = column.values
         group.batched |= values.shape[0] != keys.size  # though single samples were expected
-        within = _spread(none, lengths) if group.batched else none
+        within = spread(none, lengths) if group.batched else none
         return np.repeat(keys, lengths), np.repeat(stamps, lengths), within, values
 
 
@@ -284,10 +271,10 @@ def _near(problem: FieldError, message: Any) -> str:
     return f"{near}; it has {', '.join(known[:20])}" if problem.name and known else ""
 
 
-def _several_signals(decoder: ChannelDecoder, messages: list[Message], message: Any) -> str:
+def _several_signals(decoder: ChannelDecoder, table: MessageTable, message: Any) -> str:
     """What is wrong with a topic that has some signals in turn, by a name in each message, or ''.
 
-    `message` is one of its first `messages`.
+    `message` is one of its first, which are in the `table`.
     """
     names = field_names(message)
     of_type = {str: "text", int: "number", float: "number"}
@@ -296,7 +283,7 @@ def _several_signals(decoder: ChannelDecoder, messages: list[Message], message: 
     def cells(number: int) -> list[str]:
         found = []
         # as many as show signals in turn, of up to thirty
-        for _, data in messages[:200]:
+        for data in table.take(slice(0, 200)).messages():
             with suppress(FieldError, KeyError):
                 found.append(str(field_of(decoder.message(data), names[number])))
         return found
@@ -344,7 +331,7 @@ class McapLog:
         self.origin_ns: int | None = None
         self.samples = 0
         self.source = self.records.chunks()
-        self.ahead: deque[Messages] = deque()
+        self.ahead: deque[dict[int, MessageTable]] = deque()
         self._read_ahead()
         self.groups: tuple[Group, ...] = tuple(
             group.group for topic in self.topics.values() for group in topic.groups
@@ -372,14 +359,14 @@ class McapLog:
         """Chunks up to the one in which the last topic begins; then the groups of all topics."""
         size = 0
         while size < READ_AHEAD_BYTES and not all(topic.started for topic in self.topics.values()):
-            messages, bytes_ = next(self.source, (None, 0))
-            if messages is None:  # the end of the file has repeated definitions that damage took
+            tables, bytes_ = next(self.source, (None, 0))
+            if tables is None:  # the end of the file has repeated definitions that damage took
                 for earlier in self.ahead if self.unknown else ():
                     self._start_topics(earlier)
                 break
-            self.ahead.append(messages)
+            self.ahead.append(tables)
             size += bytes_
-            self._start_topics(messages)
+            self._start_topics(tables)
         if size >= READ_AHEAD_BYTES:
             for topic in self.topics.values():
                 if not topic.started:
@@ -388,44 +375,44 @@ class McapLog:
             self._missing()
             raise ReadError("; ".join(self.report.losses), file=self.log_name)
 
-    def _start_topics(self, messages: Messages) -> None:
-        for topic, decoder, own in self._wanted(messages, count=False):
+    def _start_topics(self, tables: dict[int, MessageTable]) -> None:
+        for topic, decoder, table in self._messages(tables, count=False):
             if not topic.started:
-                self._start(topic, decoder, own)
+                self._start(topic, decoder, table)
 
     def _group_count(self) -> int:
         return sum(len(topic.groups) for topic in self.topics.values())
 
-    def _start(self, topic: Topic, decoder: ChannelDecoder, messages: list[Message]) -> None:
+    def _start(self, topic: Topic, decoder: ChannelDecoder, table: MessageTable) -> None:
         """Learn what a topic holds from the first of its messages that decodes."""
-        for time_ns, data in messages[:100]:
+        for row in range(min(len(table), 100)):
             try:
-                message = decoder.message(data)
+                message = decoder.message(table.take(slice(row, row + 1)).messages()[0])
             except FieldError:
                 continue
-            if signals := _several_signals(decoder, messages, message):
+            if signals := _several_signals(decoder, table, message):
                 self.report.losses.append(f"topic {topic.name!r}: {signals}")
                 topic.wants.clear()
             metadata = next(
                 (c.metadata for c in self.records.channels.values() if c.topic == topic.name), {}
             )
-            topic.start(message, time_ns, metadata, self._group_count())
+            topic.start(message, int(table.log_time_ns[row]), metadata, self._group_count())
             return
 
-    def _wanted(
-        self, messages: Messages, *, count: bool = True
-    ) -> Iterator[tuple[Topic, ChannelDecoder, list[Message]]]:
+    def _messages(
+        self, tables: dict[int, MessageTable], *, count: bool = True
+    ) -> Iterator[tuple[Topic, ChannelDecoder, MessageTable]]:
         """The messages of the topics wanted; a topic that was not met before starts with them."""
-        for number, own in messages.items():
+        for number, table in tables.items():
             if number not in self.records.channels:
                 self._definitions_from_the_end()
             if number not in self.records.channels:
-                self.unknown[number] = self.unknown.get(number, 0) + (len(own) if count else 0)
+                self.unknown[number] = self.unknown.get(number, 0) + (len(table) if count else 0)
                 continue
             topic = self.topics.get(self.records.channels[number].topic)
             decoder = self._decoder(number) if topic is not None else None
             if topic is not None and decoder is not None:
-                yield topic, decoder, own
+                yield topic, decoder, decoder.of_bounded_size(table, count=count)
 
     def _decoder(self, number: int) -> ChannelDecoder | None:
         if number not in self.decoders:
@@ -470,14 +457,14 @@ class McapLog:
 
     def _feed_chunk(self) -> bool:
         """Feed the next chunk to its topics, and let go of it; False at the end of the log."""
-        messages = self.ahead.popleft() if self.ahead else next(self.source, (None, 0))[0]
-        if messages is None:
+        tables = self.ahead.popleft() if self.ahead else next(self.source, (None, 0))[0]
+        if tables is None:
             return False
-        for topic, decoder, own in self._wanted(messages):
+        for topic, decoder, table in self._messages(tables):
             if not topic.started:
-                self._start(topic, decoder, own)
+                self._start(topic, decoder, table)
             if topic.started:
-                topic.feed(own, decoder)
+                topic.feed(table, decoder)
         return True
 
     def _emit(self, *, everything: bool) -> Iterator[RawBlock]:
@@ -529,7 +516,15 @@ class McapLog:
                 continue
             names = ", ".join(topic.wants)
             has = f"; the log has {', '.join(known[:20])}" if known else ""
-            decodes = f"has no message that decodes, of at most {LARGEST_MESSAGE_BYTES >> 20} MB"
+            large = any(
+                decoder.refused_size
+                for decoder in self.decoders.values()
+                if decoder and decoder.topic == topic.name
+            )
+            decodes = (
+                "has no message that "
+                f"decodes{f' and is at most {LARGEST_MESSAGE_BYTES >> 20} MB' if large else ''}"
+            )
             state = (
                 decodes if topic.name in known else f"is not in the log{nearest(topic.name, known)}"
             )
@@ -556,16 +551,16 @@ def fields(path: Path, log: str) -> SeriesList:
     size = 0
     with path.open("rb") as stream:
         records = Records(stream, ReadReport(), log)
-        for messages, bytes_ in records.chunks():
+        for tables, bytes_ in records.chunks():
             size += bytes_
-            for number, own in messages.items():
+            for number, table in tables.items():
                 channel = records.channels.get(number)
-                if channel is None or channel.topic in series:
+                if channel is None or channel.topic in series or not len(table):
                     continue
                 schema = records.schemas.get(channel.schema_id)
                 try:
                     series[channel.topic] = _of_topic(
-                        channel.topic, channel.message_encoding, schema, own
+                        channel.topic, channel.message_encoding, schema, table
                     )
                 except ReadError as problem:
                     series[channel.topic], unread[channel.topic] = [], problem.message
@@ -577,14 +572,17 @@ def fields(path: Path, log: str) -> SeriesList:
     return SeriesList(tuple(found[:MOST_SERIES]), "the messages' stamps", others, why)
 
 
-def _of_topic(topic: str, encoding: str, schema: Any, messages: list[Message]) -> list[Series]:
+def _of_topic(topic: str, encoding: str, schema: Any, table: Any) -> list[Series]:
     """What the topic's first message holds.  ReadError: it does not decode."""
     decoder = ChannelDecoder(topic, encoding, schema)
+    some = decoder.of_bounded_size(table, count=False)
+    if not len(some):
+        return []
     try:
-        message = decoder.message(messages[0][1])
+        message = decoder.message(some.take(slice(0, 1)).messages()[0])
     except FieldError as problem:
         raise ReadError(f"topic {topic!r}: its first message {problem}") from None
-    if signals := _several_signals(decoder, messages, message):
+    if signals := _several_signals(decoder, some, message):
         raise ReadError(f"topic {topic!r}: {signals}")
     return [
         Series(f"{topic}:{path}", note=note)

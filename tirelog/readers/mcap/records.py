@@ -3,13 +3,11 @@
 Whole chunks, checksums verified.
 
     bytes --record by record--> schemas, channels, chunks
-        --decompress, CRC--> messages by channel
+        --decompress, CRC--> Chunk (records, uncompressed)
 
-A chunk whose checksum fails is a loss and is left out. If the chain of records breaks, the file is
-cut off there. Messages outside of chunks are gathered.
-
-The library's own walk takes a cut record for a whole one, and unpacks a chunk to any size; so the
-walk is here, and the library parses what it finds.
+A chunk whose checksum fails is a loss and is left out. If the chain of records breaks, the next
+chunk is looked for; if none follows, the file is cut off there. Messages outside of chunks are
+gathered into chunks of our own.
 """
 
 from __future__ import annotations
@@ -18,18 +16,20 @@ import io
 import struct
 import zlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any, BinaryIO
 
-import lz4.frame
 import numpy as np
-import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, DataEnd, Footer, Schema, Statistics
+from numpy.typing import NDArray
 
 from tirelog.errors import ReadError
+from tirelog.kernels import compiled
 from tirelog.readers.base import Group, RawBlock, ReadReport
+from tirelog.readers.text.kernels import Bytes, Whole, bytes_of
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 # ---- Samples of one clock in the order of their log time.
@@ -115,25 +115,100 @@ class OrderedGroup:
             self.period_s = float(np.median(steps))
 
 
-# ---- The records of a stream, one after the other, and the messages of each chunk.
+# ---- Where the messages of a chunk are.
+#
+# chunk (bytes) --chain of record lengths, compiled--> starts (n,) --by channel--> Table per channel
+
+
+HEAD = struct.Struct("<BQ")
+#: opcode, length; channel, sequence, log time, publish time
+MESSAGE_HEAD_BYTES = 9 + 22
+#: the descriptors of the largest robots are some hundred kilobytes
+LARGEST_DEFINITION_BYTES = 1 << 22
+#: records of one chunk: writers close one at some megabytes, which is below 100,000 messages.  A
+#: table of a million takes 100 MB
+MOST_RECORDS = 1 << 20
+_8 = np.uint64(8)
+
+
+@dataclass(frozen=True)
+class MessageTable:
+    """Messages of one channel in a chunk: `data[starts[i] : starts[i] + sizes[i]]` is message i.
+
+    All shape (n,), int64; log time in ns.
+    """
+
+    data: bytes
+    starts: IntArray
+    sizes: IntArray
+    log_time_ns: IntArray
+
+    def __len__(self) -> int:
+        return int(self.starts.size)
+
+    def take(self, which: Any) -> MessageTable:
+        return MessageTable(
+            self.data, self.starts[which], self.sizes[which], self.log_time_ns[which]
+        )
+
+    def messages(self) -> list[bytes]:
+        data = self.data
+        return [
+            data[a:b]
+            for a, b in zip(self.starts.tolist(), (self.starts + self.sizes).tolist(), strict=True)
+        ]
+
+
+@compiled
+def _chain(data: Bytes, starts: IntArray) -> tuple[int, Whole]:
+    """Write the starts of the records in a row: (how many, end of the last whole one)."""
+    at, many = np.int64(0), 0
+    while at <= data.size - 9 and many < starts.size:
+        length = np.uint64(0)
+        for place in range(8, 0, -1):
+            length = (length << _8) | np.uint64(data[at + place])
+        if length > np.uint64(data.size - 9 - at):
+            break
+        starts[many] = at
+        many += 1
+        at += 9 + np.int64(length)
+    return many, at
+
+
+def gather(data: bytes, starts: IntArray, dtype: str) -> NDArray[Any]:
+    """The numbers of type `dtype` at the byte offsets `starts`, shape (n,)."""
+    size = np.dtype(dtype).itemsize
+    return message_rows(data, starts, size).view(dtype)[:, 0] if starts.size else np.zeros(0, dtype)
+
+
+def message_rows(data: bytes, starts: IntArray, size: int) -> NDArray[np.uint8]:
+    """The `size` bytes from each of `starts`, shape (n, size), contiguous."""
+    steps = np.diff(starts)
+    if steps.size and (steps == steps[0]).all():
+        return np.ascontiguousarray(
+            np.ndarray((starts.size, size), np.uint8, data, int(starts[0]), (int(steps[0]), 1))
+        )
+    if starts.size == 0 or size == 0:
+        return np.zeros((starts.size, size), np.uint8)
+    anywhere = np.ndarray(
+        (len(data) - size + 1,), f"V{size}", data, 0, (1,)
+    )  # every offset as the start of a row
+    return anywhere[starts].view(np.uint8).reshape(starts.size, size)
 
 
 MAGIC = b"\x89MCAP0\r\n"
-#: of a record: opcode, length; of a message: channel, sequence, log time, publish time
-HEAD, MESSAGE_HEAD = struct.Struct("<BQ"), struct.Struct("<HIQQ")
-#: of a chunk: first and last time, bytes unpacked, checksum, length of the compression's name
-CHUNK_HEAD = struct.Struct("<QQQII")
 #: a chunk has to be decompressed whole to check it
 LARGEST_CHUNK_BYTES = 1 << 28
-#: bytes of messages outside of chunks that are gathered
+#: bytes of messages outside of chunks that make up a chunk of our own
 LOOSE_BYTES = 1 << 20
-#: bytes of all schemas and channels that are kept: those of real logs are below 1 MB, and the
-#: descriptors of the largest robots are some hundred kilobytes
+#: schemas and channels that a file may define
+MOST_DEFINITIONS = 1 << 16
+#: bytes of all schemas and channels that are kept: those of real logs are below 1 MB
 MOST_DEFINITION_BYTES = 1 << 25
-#: records that a chunk may hold: writers close one at some megabytes, which is below 100,000
-#: messages; and no more beside the first few than so many per stored byte: a message that differs
-#: from its neighbours costs a packer 2 bytes or more
-MOST_RECORDS, FEW_RECORDS, RECORDS_PER_BYTE = 1 << 20, 1 << 14, 4
+#: records that a chunk may hold beside so many per stored byte: a message that differs from its
+#: neighbours costs a packer 2 bytes or more
+FEW_RECORDS, RECORDS_PER_BYTE = 1 << 14, 4
+CHUNK_HEAD = struct.Struct("<QQQII")
 RECORD_ERRORS = (
     McapError,
     struct.error,
@@ -142,17 +217,11 @@ RECORD_ERRORS = (
     EOFError,
     OverflowError,
     MemoryError,
-    RuntimeError,  # of lz4
-    zstandard.ZstdError,
 )
 #: damaged places that are reported one by one
 MOST_SAID = 5
 #: opcodes from here on are free for private use
 PRIVATE = 0x80
-#: log time [ns] and data of a message
-Message = tuple[int, bytes]
-#: messages by the number of their channel
-Messages = dict[int, list[Message]]
 
 
 class Records:
@@ -164,8 +233,10 @@ class Records:
         self.channels: dict[int, Channel] = {}
         self._definition_bytes: dict[tuple[int, bytes], int] = {}  # by opcode and id
         self._defined_bytes = 0
-        self.offset, self.crc = 0, 0
-        self.chunks_met = 0
+        self.held = b""  # read, and not used yet
+        self.offset = 0
+        self.crc, self.crc_runs = 0, True
+        self.chunks_met, self.messages_lost = 0, 0
         self.unchecked = self.whole_checked = False
         self.ended = False
         magic = self._take(len(MAGIC))
@@ -177,9 +248,12 @@ class Records:
 
     def _take(self, size: int) -> bytes:
         """The next `size` bytes, fewer at the end."""
-        taken = self.stream.read(size)  # a buffered stream gives less only at its end
+        taken, self.held = self.held[:size], self.held[size:]
+        if len(taken) < size:  # a buffered stream gives less only at its end
+            taken += self.stream.read(size - len(taken))
         self.offset += len(taken)
-        self.crc = zlib.crc32(taken, self.crc)
+        if self.crc_runs:
+            self.crc = zlib.crc32(taken, self.crc)
         return taken
 
     def lose(self, what: str) -> None:
@@ -190,10 +264,10 @@ class Records:
         if count <= MOST_SAID:
             self.report.losses.append(what)
 
-    def chunks(self) -> Iterator[tuple[Messages, int]]:
-        """(messages, bytes that they take) of each chunk, in the file's order.
+    def chunks(self) -> Iterator[tuple[dict[int, MessageTable], int]]:
+        """(messages by channel id, bytes that they take) of each chunk, in the file's order.
 
-        Those outside of chunks are gathered. What a chunk defines is kept.
+        Messages outside of chunks make chunks of their own. What a chunk defines is kept.
         """
         loose: list[bytes] = []
         size, began = 0, 0
@@ -206,7 +280,7 @@ class Records:
                 size += len(record)
                 self.unchecked = True
             if loose and (opcode != Opcode.MESSAGE or size >= LOOSE_BYTES):
-                yield self._messages(b"".join(loose), size, began), size
+                yield self._tables(b"".join(loose), size, began), size
                 loose, size = [], 0
             if opcode == Opcode.CHUNK:
                 # nothing of a chunk is kept here while the next one is unpacked
@@ -226,17 +300,19 @@ class Records:
         (None, b"") if it is passed over, broken, or the file ends.
         """
         head = self._take(HEAD.size)
+        if not head:
+            self._cut_off(at)
+            return None, b""
         opcode, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, 0)
         if opcode == Opcode.ATTACHMENT or opcode >= PRIVATE:
-            end = self.offset + length
-            while self.offset < end and self._take(min(end - self.offset, 1 << 20)):
-                pass
-            self._cut_off(at, self.offset < end)
+            self._skip(length, at)
             return None, b""
         possible = 0 < opcode <= Opcode.DATA_END and length <= LARGEST_CHUNK_BYTES
         body = self._take(length) if possible else b""
-        self._cut_off(at, not possible or len(body) != length)
-        return (None, b"") if self.ended else (opcode, head + body)
+        if not possible or len(body) != length:
+            self._broken(head + body, at)
+            return None, b""
+        return opcode, head + body
 
     def _other(self, opcode: int, body: bytes, at: int, crc: int) -> None:
         """Any record but chunks, messages and attachments."""
@@ -245,12 +321,12 @@ class Records:
                 self.define(opcode, body)
             elif opcode == Opcode.DATA_END:
                 stated = DataEnd.read(_reader(body)).data_section_crc
-                if stated and stated != crc:
+                if stated and self.crc_runs and stated != crc:
                     self.lose(
                         f"the checksum of the whole data fails at byte {at}: something before it "
                         "is damaged; copy the log again"
                     )
-                self.whole_checked = stated != 0
+                self.whole_checked = stated != 0 and self.crc_runs
                 self.crc = 0
             elif opcode == Opcode.STATISTICS:
                 counted = Statistics.read(_reader(body)).chunk_count
@@ -269,21 +345,36 @@ class Records:
 
     def _footer(self, body: bytes, at: int, crc: int) -> None:
         self.ended = True
-        stated = Footer.read(_reader(body)).summary_crc
-        if stated and zlib.crc32(HEAD.pack(Opcode.FOOTER, len(body)) + body[:16], crc) != stated:
+        footer = Footer.read(_reader(body))
+        stated = footer.summary_crc
+        if (
+            stated
+            and self.crc_runs
+            and zlib.crc32(HEAD.pack(Opcode.FOOTER, len(body)) + body[:16], crc) != stated
+        ):
             self.lose(
                 f"the checksum of the summary fails at byte {at}; its messages are checked chunk "
                 "by chunk; copy the log again"
             )
-        self._cut_off(self.offset, self._take(len(MAGIC)) != MAGIC)
+        if self._take(len(MAGIC)) != MAGIC:
+            self._cut_off(self.offset)
 
     def define(self, opcode: int, body: bytes) -> None:
-        """Keep a schema or a channel.  ValueError: with it there is too much to be kept."""
-        key = opcode, body[:2]
-        self._defined_bytes += len(body) - self._definition_bytes.get(key, 0)
-        self._definition_bytes[key] = len(body)
-        if self._defined_bytes > MOST_DEFINITION_BYTES:
-            raise ValueError(f"with it there are more than {MOST_DEFINITION_BYTES >> 20} MB")
+        """Keep a schema or a channel.  ValueError: it is too large, or one too many."""
+        key, size = (opcode, body[:2]), len(body)
+        if size > LARGEST_DEFINITION_BYTES:
+            raise ValueError(f"it is larger than {LARGEST_DEFINITION_BYTES >> 20} MB")
+        more = size - self._definition_bytes.get(key, 0)
+        if (
+            self._defined_bytes + more > MOST_DEFINITION_BYTES
+            or len(self._definition_bytes) > MOST_DEFINITIONS
+        ):
+            raise ValueError(
+                f"with it there are more than {MOST_DEFINITION_BYTES >> 20} MB or "
+                f"{MOST_DEFINITIONS} of them"
+            )
+        self._definition_bytes[key] = size
+        self._defined_bytes += more
         if opcode == Opcode.SCHEMA:
             schema = Schema.read(_reader(body))
             self.schemas[schema.id] = schema
@@ -291,87 +382,162 @@ class Records:
             channel = Channel.read(_reader(body))
             self.channels[channel.id] = channel
 
-    def _cut_off(self, at: int, is_cut: bool) -> None:
-        """Ends the walk at a record that is not whole, or cannot be one."""
-        if is_cut:
-            self.ended = True
-            self.lose(
-                f"the file is cut off at byte {at}, or damaged; the whole chunks before are used; "
-                "copy the log again"
-            )
+    def _skip(self, length: int, at: int) -> None:
+        while length > 0:
+            part = self._take(min(length, 1 << 20))
+            if not part:
+                self._cut_off(at)
+                return
+            length -= len(part)
 
-    def _chunk(self, body: bytes, at: int) -> Iterator[tuple[Messages, int]]:
-        """The messages of a chunk, if it is whole."""
+    def _cut_off(self, at: int) -> None:
+        self.ended = True
+        self.lose(
+            f"the file is cut off at byte {at}; the whole chunks before are used; "
+            "copy the log again"
+        )
+
+    def _broken(self, taken: bytes, at: int) -> None:
+        """The chain of records breaks at `at`; `taken` was read from there.
+
+        Goes on at the next chunk, if there is one.
+        """
+        self.crc_runs = False
+        behind = taken[1:] + self._take(1 << 20)
+        skipped = 1
+        while True:
+            found = find_chunk(behind)
+            if found is not None:
+                self.held = behind[found:] + self.held
+                self.offset = at + skipped + found
+                self.lose(
+                    f"bytes {at} to {self.offset} are damaged; the log goes on with the chunk "
+                    "behind; copy the log again"
+                )
+                return
+            keep = behind[-64:]
+            more = self._take(1 << 20)
+            if not more:
+                self._cut_off(at)
+                return
+            skipped += len(behind) - len(keep)
+            behind = keep + more
+
+    def _chunk(self, body: bytes, at: int) -> Iterator[tuple[dict[int, MessageTable], int]]:
+        """The chunk, if it is whole."""
         self.chunks_met += 1
         try:
             _, _, size, crc, name_size = CHUNK_HEAD.unpack_from(body)
             name_end = CHUNK_HEAD.size + name_size
             compression = body[CHUNK_HEAD.size : name_end].decode("ascii")
-            stored = body[name_end + 8 :]
+            stored = memoryview(body)[name_end + 8 :]
             if struct.unpack_from("<Q", body, name_end)[0] != len(stored):
                 raise ValueError("its length is wrong")
             if size > LARGEST_CHUNK_BYTES:
                 raise ValueError(
                     f"it declares {size} bytes, and at most {LARGEST_CHUNK_BYTES} are allowed"
                 )
-            data = decompressed(compression, stored, size)
+            data = decompress(compression, stored, size)
             if len(data) != size or (crc and zlib.crc32(data) != crc):
                 raise ValueError("its checksum fails")
-            messages = self._messages(data, len(stored), at)
+            tables = self._tables(data, len(stored), at)
         except RECORD_ERRORS as problem:
             self.lose(f"the chunk at byte {at} is lost ({_short(problem)}); copy the log again")
             return
         self.unchecked |= not crc
-        yield messages, size
+        yield tables, size
 
-    def _messages(self, data: bytes, stored: int, offset: int) -> Messages:
-        """The messages among records, and what these define.
+    def _tables(self, data: bytes, stored: int, offset: int) -> dict[int, MessageTable]:
+        """The messages of a chunk by channel id.
 
-        They take `stored` bytes of the file and begin at its byte `offset`. ValueError: they are
-        more than so many bytes hold.
+        The chunk takes `stored` bytes of the file and begins at its byte `offset`. ValueError: it
+        holds more records than so many bytes do.
         """
         most = min(MOST_RECORDS, FEW_RECORDS + RECORDS_PER_BYTE * stored)
-        found: Messages = {}
-        many = end = 0
-        while len(data) >= (begin := end + HEAD.size):
-            opcode, length = HEAD.unpack_from(data, end)
-            many += 1
-            if begin + length > len(data):
-                break
-            if many > most:
-                raise ValueError(f"it holds more than {most} records in {stored} stored bytes")
-            end = begin + length
-            if opcode == Opcode.MESSAGE and length >= MESSAGE_HEAD.size:
-                number, _, time_ns, _ = MESSAGE_HEAD.unpack_from(data, begin)
-                message = min(time_ns, 2**63 - 1), data[begin + MESSAGE_HEAD.size : end]
-                found.setdefault(number, []).append(message)
-            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                try:
-                    self.define(opcode, data[begin:end])
-                except RECORD_ERRORS as problem:
-                    self.lose(
-                        f"a definition in the chunk at byte {offset} cannot be used ({problem}); "
-                        "copy the log again"
-                    )
+        found = np.empty(min(len(data) // HEAD.size, most + 1), np.int64)
+        many, end = _chain(bytes_of(data), found)
+        if many > most:
+            raise ValueError(f"it holds more than {most} records in {stored} stored bytes")
+        starts = found[:many].copy()
+        opcodes = gather(data, starts, "u1")
+        for start in starts[(opcodes == Opcode.SCHEMA) | (opcodes == Opcode.CHANNEL)].tolist():
+            # of one that is too large to be kept no more than shows that it is
+            length = min(HEAD.unpack_from(data, start)[1], LARGEST_DEFINITION_BYTES + 1)
+            try:
+                self.define(data[start], data[start + HEAD.size : start + HEAD.size + length])
+            except RECORD_ERRORS as problem:
+                self.lose(
+                    f"a definition in the chunk at byte {offset} cannot be used ({problem}); "
+                    "copy the log again"
+                )
         if end < len(data):
             self.lose(
                 f"{len(data) - end} bytes at the end of the chunk at byte {offset} are no whole "
                 "record; copy the log again"
             )
-        return found
+        starts = starts[opcodes == Opcode.MESSAGE]
+        sizes = gather(data, starts + 1, "<u8").astype(np.int64) - 22
+        starts, sizes = starts[sizes >= 0], sizes[sizes >= 0]
+        ids = gather(data, starts + 9, "<u2")
+        times = np.minimum(gather(data, starts + 15, "<u8"), np.uint64(2**63 - 1)).astype(np.int64)
+        tables = {}
+        for channel in np.unique(ids).tolist():
+            which = ids == channel
+            tables[channel] = MessageTable(
+                data, starts[which] + MESSAGE_HEAD_BYTES, sizes[which], times[which]
+            )
+        return tables
 
 
-def decompressed(compression: str, stored: bytes, size: int) -> bytes:
-    """The records of a chunk, at most a byte more than `size`.  ValueError: they cannot be had."""
-    packed: Any = io.BytesIO(stored)
+def find_chunk(data: bytes) -> int | None:
+    """Place of a record in `data` that is beyond doubt a chunk.
+
+    Its two lengths agree, and its compression is one that exists.
+    """
+    at = data.find(b"\x06")
+    while at >= 0:
+        if len(data) < at + HEAD.size + CHUNK_HEAD.size + 16:
+            return None
+        length = HEAD.unpack_from(data, at)[1]
+        name_size = struct.unpack_from("<I", data, at + HEAD.size + 28)[0]
+        if name_size <= 4:
+            begins = at + HEAD.size + CHUNK_HEAD.size
+            name = data[begins : begins + name_size]
+            stored = struct.unpack_from("<Q", data, begins + name_size)[0]
+            if (
+                name in (b"", b"lz4", b"zstd")
+                and stored + CHUNK_HEAD.size + name_size + 8 == length <= LARGEST_CHUNK_BYTES + 64
+            ):
+                return at
+        at = data.find(b"\x06", at + 1)
+    return None
+
+
+def decompress(compression: str, stored: memoryview, size: int) -> bytes:
+    """`size` bytes of records.  ValueError if they cannot be had."""
+    if compression == "":
+        return bytes(stored)
     if compression == "zstd":
-        packed = zstandard.ZstdDecompressor().stream_reader(packed)
-    elif compression == "lz4":
-        packed = lz4.frame.LZ4FrameFile(packed)
-    elif compression:
-        raise ValueError(f"compression {compression!r}; allowed are none, lz4, zstd")
-    data: bytes = packed.read(size + 1)
-    return data
+        import zstandard
+
+        try:
+            if zstandard.get_frame_parameters(stored).content_size not in (
+                size,
+                zstandard.CONTENTSIZE_UNKNOWN,
+            ):
+                raise ValueError("its length is wrong")
+            return zstandard.ZstdDecompressor().decompress(stored, max_output_size=size)
+        except zstandard.ZstdError as problem:
+            raise ValueError(str(problem)) from None
+    if compression == "lz4":
+        import lz4.frame
+
+        try:
+            whole: bytes = lz4.frame.LZ4FrameDecompressor().decompress(stored, max_length=size + 1)
+            return whole
+        except RuntimeError as problem:
+            raise ValueError(str(problem)) from None
+    raise ValueError(f"compression {compression!r}; allowed are none, lz4, zstd")
 
 
 def _reader(body: bytes) -> ReadDataStream:
