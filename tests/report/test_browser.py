@@ -99,7 +99,7 @@ def test_nothing_is_wider_than_the_window(shown, width):
 def test_zoom_changes_the_axis(opened):
     page, _, _ = opened
     unfold(page)
-    figure = page.query_selector("#speed")
+    figure = page.query_selector("#speed-0")
     figure.scroll_into_view_if_needed()
     page.wait_for_function("e => e.querySelector('.nsewdrag') !== null", arg=figure)
     before = page.evaluate("e => e.layout.xaxis.range.slice()", figure)
@@ -156,7 +156,7 @@ def test_a_dark_screen_has_dark_paper_and_print_is_white_and_no_wider_than_a4(br
     page.wait_for_function(
         "() => document.querySelectorAll('.plot .main-svg').length >= 8", timeout=240_000
     )
-    fill = page.evaluate("getComputedStyle(document.querySelector('#speed .xtick text')).fill")
+    fill = page.evaluate("getComputedStyle(document.querySelector('#speed-0 .xtick text')).fill")
     widths = page.evaluate(
         "[...document.querySelectorAll('.plot .main-svg')].map(s => "
         "s.getBoundingClientRect().width)"
@@ -165,10 +165,10 @@ def test_a_dark_screen_has_dark_paper_and_print_is_white_and_no_wider_than_a4(br
     assert page.query_selector("details[open]") is None
     unfold(page)
     page.wait_for_function(
-        "() => document.querySelector('#speed .main-svg').getBoundingClientRect().width > 700",
+        "() => document.querySelector('#speed-0 .main-svg').getBoundingClientRect().width > 700",
         timeout=240_000,
     )
-    after = page.evaluate("getComputedStyle(document.querySelector('#speed .xtick text')).fill")
+    after = page.evaluate("getComputedStyle(document.querySelector('#speed-0 .xtick text')).fill")
     context.close()
     assert fill == "rgb(0, 0, 0)"
     assert max(widths) <= 680

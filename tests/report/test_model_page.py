@@ -30,7 +30,7 @@ def test_on_a_phone_in_the_dark_every_figure_has_a_name_and_its_width(browser, m
     page.goto(f"{model_page.as_uri()}#ladder")
     page.wait_for_selector("html[data-ready=true]", timeout=240_000)
     assert page.evaluate("[...document.querySelectorAll('details[open]')].length") == 1
-    some = ["ladder-steps", "answer-waves", "answer-map-1", "answer-effect-0"]
+    some = ["ladder-steps", "answer-left-2", "answer-left-1", "answer-effect-0"]
     for name in some:
         figure = page.query_selector(f"#{name}")
         figure.scroll_into_view_if_needed()
@@ -56,9 +56,9 @@ def test_on_a_phone_in_the_dark_every_figure_has_a_name_and_its_width(browser, m
         assert figure["named"]
         assert figure["focus"] == 0
         assert figure["width"] <= 390
-    line = "#answer-waves .scatterlayer .js-line"
+    line = "#answer-left-2 .scatterlayer .js-line"
     stroke = page.evaluate(f"getComputedStyle(document.querySelector('{line}')).stroke")
-    assert stroke == "rgb(185, 194, 202)"  # the first model's grey on dark paper
+    assert stroke == "rgb(255, 158, 74)"  # the first model's orange on dark paper
     unfold(page)
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
     page.keyboard.press("Tab")
@@ -139,7 +139,7 @@ def test_the_comparison_is_the_command_s(folder, command):
             f"{errors['reduced_chi2']:.3g}"
         ) in text
     held = f"{1e6 * found['rmse_heldout']:.3g}"
-    assert f"manoeuvres held out from the fit: {held} microstrain" in text
+    assert f"held-out error {held}, noise floor" in text
     for name, parameter in found["parameters"].items():
         assert f"{name} {parameter['value']:.4g}" in text
 
@@ -184,7 +184,6 @@ def section(name="effects"):
         [AnswerTable("T", ["a"], [["1"]], [0])],
         folded=False,
         card=card,
-        sources=(("wear", "P3"),),
     )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -218,7 +219,7 @@ def ladder(
     ask = partial(api.answers.ladder, propose=propose, keep=asked.model, progress=asked.session.say)
     with asked.answered("climbing", ask) as result:
         if not asked.quiet:
-            pages.ladder_bars(result)
+            sys.stderr.writelines(f"{printable(text)}\n" for text in pages.ladder_steps(result))
         asked.show(result, result.remarks)
         if save is not None:
             api.models.save_model(result.model, save)

@@ -250,7 +250,6 @@ _ALL = (
             ),
         ),
         picture="tirelog.plots.tables:dissipation_picture",
-        sketch="tirelog.plots.tables:dissipation_sketch",
         drawn="whole",
     ),
     LogTable(
