@@ -154,7 +154,12 @@ def _role(one: Path | Recording) -> str:
             names = list(json.loads(line)) if line.startswith("{") else line.split(",")
     # a log begins with its time, or has columns that no table has
     own = len(names) > 1 and names[0] != "time_s" and set(names) <= set(COLUMNS)
-    return "table" if own or names[:2] == ["log", "channel"] else "log"
+    if own or names[:2] == ["log", "channel"]:
+        return "table"
+    if head.startswith(b"{"):
+        do = "add --plot PICTURE to the command that gave it: an answer has more than its JSON"
+        raise UsageError("no log, table or model", do=do, file=str(one))
+    return "log"
 
 
 def figure_of(
