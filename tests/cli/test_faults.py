@@ -5,7 +5,6 @@ import gzip
 import json
 import lzma
 import zlib
-from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -13,7 +12,6 @@ import pytest
 
 from tests.cli.conftest import SETUP, pulse_rows
 from tests.readers.mcap_files import START_NS, write_json
-from tirelog.cli.pages import ladder_bars
 
 HEADER = "time_s,CH1,CH2\n"
 
@@ -268,13 +266,3 @@ def test_a_few_irregular_stamps_do_not_take_the_log_with_them(folder, tirelog):
     both = tirelog("speed", "log.mcap").ended(0)
     assert both.out == alone.out
     assert len(both.out.splitlines()) > 10
-
-
-def test_the_ladder_s_bars_obey_no_name(capsys):
-    names = {"effect": "a\x1b[31m", "sentence": "b\x1b]0;c\x07", "rmse_heldout": None}
-    step = SimpleNamespace(step=1, rmse_fit=1e-6, noise_floor=1e-6, **names)
-    ladder_bars(SimpleNamespace(observable="strain", unit="1", steps=[step], rmse_untouched=None))
-    shown = capsys.readouterr().err
-    assert "a\\x1b[31m" in shown
-    assert "   b\\x1b]0;c\\x07\n" in shown
-    assert "\x1b" not in shown

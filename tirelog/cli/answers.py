@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import inspect
 import os
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -218,8 +217,8 @@ def ladder(
         api.models.refuse_another(save)
     ask = partial(api.answers.ladder, propose=propose, keep=asked.model, progress=asked.session.say)
     with asked.answered("climbing", ask) as result:
-        if not asked.quiet:
-            sys.stderr.writelines(f"{printable(text)}\n" for text in pages.ladder_steps(result))
+        for step in pages.ladder_steps(result):
+            asked.session.say(step)
         asked.show(result, result.remarks)
         if save is not None:
             api.models.save_model(result.model, save)

@@ -39,7 +39,7 @@ from tirelog.plots.record import (
 )
 from tirelog.plots.turns import found_of_grating
 from tirelog.products import Part
-from tirelog.strain.dissipation import regressions
+from tirelog.strain.dissipation import AVERAGED, regressions
 from tirelog.strain.footprint.learn import gather_windows
 from tirelog.strain.footprint.measure import along_tread
 from tirelog.strain.inflation import InflationOfChannel
@@ -120,7 +120,7 @@ QUANTITIES = (
         ("strip_rolling_resistance_N",),
     ),
     Quantity(
-        "rolling resistance coefficient of the strip",
+        "resistance coefficient of the strip",
         "1",
         {"strip_rolling_resistance_coefficient": ""},
     ),
@@ -296,16 +296,54 @@ def rows_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure | None:
     return table_picture(parts)
 
 
-def dissipation_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure | None:
+#: a recording, its part, and further rows of panels, drawn while the log is open
+Sketch = tuple[Recording, Part, list[list[Panel]]]
+#: revolutions in the magnification of the strain
+MAGNIFIED = 4
+
+
+def dissipation_sketch(recording: Recording, part: Part) -> Sketch:
+    """The speed with its moving average, and the strain of a few revolutions (P1 Figs. 7, 8)."""
+    found, p = part.found, part.found.passages
+    if len(p) <= max(MAGNIFIED, AVERAGED):
+        return recording, part, []
+    steady = np.flatnonzero(found.dissipation.steady)
+    row = int(steady[steady.size // 2]) if steady.size else len(p) // 2
+    row = min(row, len(p) - MAGNIFIED - 1)
+    low, high = max(int(p.index[row]) - 10, 0), int(p.index[row + MAGNIFIED])
+    time, strain = found.channel.axis.time(low, high), found.channel.read(low, high)
+    mean = np.full(AVERAGED, 1.0 / AVERAGED)
+    smooth = [np.convolve(values, mean, "valid") for values in (p.time_s, p.speed_m_s)]
+    speeds = [
+        dots(p.time_s, p.speed_m_s, "", RAW, size=3),
+        dots(p.time_s[steady], p.speed_m_s[steady], "constant speed", EDGE, size=3),
+        line(*smooth, f"mean of {AVERAGED}", "#CC0000", width=0.9),
+    ]
+    title = f"{MAGNIFIED} revolutions at {p.speed_m_s[row]:.1f} m/s"
+    magnified = [line(time, MICRO * strain, width=0.9)]
+    return (
+        recording,
+        part,
+        [
+            [
+                Panel("time [s]", "speed [m/s]", speeds, found.channel.name),
+                Panel("time [s]", "strain [microstrain]", magnified, title),
+            ]
+        ],
+    )
+
+
+def dissipation_picture(sketches: Sequence[Sketch]) -> Figure | None:
     """Specific power and factor over time and, with their regressions, over speed (P1)."""
-    fits = [regressions(recording.log, part.found)[0] for recording, part in kept]
+    fits = [regressions(recording.log, part.found)[0] for recording, part, _ in sketches]
     lines = [
         {name: np.broadcast_to(values, len(fit["slope"]))[i] for name, values in fit.items()}
         for fit in fits
         if fit is not None
         for i in range(len(fit["slope"]))
     ]
-    return table_picture([part.columns for _, part in kept], lines)
+    shown = next((rows for *_, rows in sketches if rows), [])
+    return table_picture([part.columns for _, part, _ in sketches], lines, shown)
 
 
 # ---- The footprint (P2 Figs. 17 to 22): also a passage of free rolling, and one with slip onset:
@@ -318,11 +356,9 @@ _OF_A_PASSAGE = (
     *("time_s", "speed_m_s", "length_m", "length_d2_m", "length_d1_m", "entry_time_s"),
     *("exit_time_s", "slip_onset_m"),
 )
-#: a recording, its part, and the panels of each passage that is shown
-FootprintSketch = tuple[Recording, Part, list[list[Panel]]]
 
 
-def footprint_sketch(recording: Recording, part: Part) -> FootprintSketch:
+def footprint_sketch(recording: Recording, part: Part) -> Sketch:
     """The passages of a channel for the page.  UsageError: no grating."""
     channel, shown = found_of_grating(recording, part).channel, []
     for row, title in passages(part.columns):
@@ -332,7 +368,7 @@ def footprint_sketch(recording: Recording, part: Part) -> FootprintSketch:
     return recording, part, shown
 
 
-def footprint_picture(sketches: Sequence[FootprintSketch]) -> Figure | None:
+def footprint_picture(sketches: Sequence[Sketch]) -> Figure | None:
     """Lengths over time and speed beside the static one, and passages below."""
     parts = [part.columns for _, part, _ in sketches]
     statics = {recording.setup.tire.static_footprint_length_m for recording, *_ in sketches}

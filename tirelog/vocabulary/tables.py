@@ -250,6 +250,7 @@ _ALL = (
             ),
         ),
         picture="tirelog.plots.tables:dissipation_picture",
+        sketch="tirelog.plots.tables:dissipation_sketch",
         drawn="whole",
     ),
     LogTable(
