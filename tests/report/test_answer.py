@@ -225,6 +225,12 @@ def test_what_names_or_describes_is_there_and_ids_are_used_once(tree: Tree) -> N
         assert not [name for name in attributes if name.startswith("on")]
 
 
+def test_every_axis_has_a_unit(page_file: Path) -> None:
+    for name, figure in data(page_file)["figures"].items():
+        for axis in ("xaxis", "yaxis"):
+            assert "[" in figure["layout"][axis]["title"]["text"], name
+
+
 def test_tables_have_scopes_and_names_and_folds_a_summary(tree: Tree) -> None:
     assert len(tree.of("table")) == len(tree.of("caption")) > 3
     assert {th["scope"] for th in tree.of("th")} == {"row", "col"}
