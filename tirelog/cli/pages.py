@@ -197,7 +197,8 @@ def proposal_page(
     """The proposal to read."""
     tables, said = result.below()
     yield f"{result.status.upper()}.  {result.headline}"
-    yield from (*tables, *said)
+    yield from tables
+    yield from said
     if command:
         yield f"next: {command}"
 
@@ -254,9 +255,9 @@ def fit_page(fitted: api.answers.FitOfLogs) -> Iterator[str | api.answers.Answer
     rows = []
     for name, p in answer["parameters"].items():
         error = "not determined" if p["se"] is None else f"+- {p['se']:.2g}"
-        form = known[name].se_with_form
-        if form is not None:
-            form = f"+- {form:.2g}" if form < float("inf") else "not determined"
+        with_form, form = known[name].se_with_form, ""
+        if with_form is not None:
+            form = f"+- {with_form:.2g}" if with_form < float("inf") else "not determined"
         rows.append([f"  {name}", f"{p['value']:.6g}", error, form, _unit(p["unit"])])
     names = ("  parameter", "value", "error", "with form", "unit")
     yield fitted.headline

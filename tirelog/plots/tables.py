@@ -161,8 +161,8 @@ def rows_of_parts(
         kept = np.flatnonzero(good_rows(columns["quality"]))
         kept = kept[:: -(-max(kept.size, 1) // MOST_ROWS)]
         log, name = (str(next(iter(np.atleast_1d(columns[c])), "")) for c in ("log", "channel"))
-        rows = {c: np.asarray(values)[kept] for c, values in columns.items() if np.ndim(values)}
-        rows |= {"log": log, "channel": name}
+        arrays = {c: np.asarray(values)[kept] for c, values in columns.items() if np.ndim(values)}
+        rows = {**arrays, "log": log, "channel": name}
         if len(parts) > 1:
             name = f"{Path(log).name}: {name}"
         of_log = colours is not None and len(colours) > 1
@@ -200,10 +200,10 @@ def ways(
         errors = {_ERROR.sub("", c): c for c in rows if _ERROR.search(c)}
         for i, (column, word) in enumerate(columns.items()):
             name = (word if one else f"{group}, {word}") if several else group
-            marker = {"symbol": SYMBOLS[i % len(SYMBOLS)] if several else symbol}
-            marker |= _ASIDE if i else {}
-            style: dict[str, Any] = {"symbol": marker["symbol"], "size": 2.5, "marker": marker}
-            style["zorder"] = 3.0 - 0.1 * i
+            shape = SYMBOLS[i % len(SYMBOLS)] if several else symbol
+            marker = {"symbol": shape, **(_ASIDE if i else {})}
+            style: dict[str, Any] = {"symbol": shape, "size": 2.5, "marker": marker}
+            style["zorder"] = 3.0 - 0.1 * i  # the best on top
             error = errors.get(column) or errors.get(next(iter(columns)))
             if error is not None:
                 style |= {"error": 2.0 * factor * np.nan_to_num(rows[error]), "elinewidth": 0.6}
@@ -313,11 +313,11 @@ def dissipation_sketch(recording: Recording, part: Part) -> Sketch:
     low, high = max(int(p.index[row]) - 10, 0), int(p.index[row + MAGNIFIED])
     time, strain = found.channel.axis.time(low, high), found.channel.read(low, high)
     mean = np.full(AVERAGED, 1.0 / AVERAGED)
-    smooth = [np.convolve(values, mean, "valid") for values in (p.time_s, p.speed_m_s)]
+    time_s, speed_m_s = (np.convolve(values, mean, "valid") for values in (p.time_s, p.speed_m_s))
     speeds = [
         dots(p.time_s, p.speed_m_s, "", RAW, size=3),
         dots(p.time_s[steady], p.speed_m_s[steady], "constant speed", EDGE, size=3),
-        line(*smooth, f"mean of {AVERAGED}", "#CC0000", width=0.9),
+        line(time_s, speed_m_s, f"mean of {AVERAGED}", "#CC0000", width=0.9),
     ]
     title = f"{MAGNIFIED} revolutions at {p.speed_m_s[row]:.1f} m/s"
     magnified = [line(time, MICRO * strain, width=0.9)]

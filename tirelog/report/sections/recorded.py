@@ -208,7 +208,7 @@ def signal_figures(
 
     They are decimated so that no peak vanishes.
     """
-    figures = []
+    figures = list[Figure]()
     for recording in recordings[:DRAWN_LOGS]:
         channels = recording.of_kind(*STRAIN_KINDS, *ACCELERATION_KINDS)[:DRAWN_CHANNELS]
         own = [part for part in parts if part["log"][0] == recording.log]
