@@ -17,6 +17,7 @@ import pytest
 from tests.diagnosis.planted import MODEL, ringing, stack
 from tests.report.test_page import data, numbers
 from tirelog.inference.measured import MeasuredLogs
+from tirelog.physics.effects import BY_ID
 from tirelog.report.build import model_story
 from tirelog.report.page import (
     COLOURS,
@@ -28,6 +29,7 @@ from tirelog.report.page import (
     PAPERS,
     ReportRequest,
 )
+from tirelog.report.sections import models
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
 
@@ -303,6 +305,21 @@ def test_what_is_unknown_is_named_with_the_command_that_writes_it_down(monkeypat
     (obstacles,) = (what for what, _ in missing if "obstacle" in what)
     assert obstacles.startswith("2 hits on an obstacle: a beam says nothing of them")
     assert 'carcass = "coupled_ring" does' in obstacles
+
+
+def test_a_disturbance_that_came_in_is_a_rung_of_its_own() -> None:
+    def one(error: float) -> SimpleNamespace:
+        return SimpleNamespace(rmse=1.0, rmse_heldout=error, noise_floor=1e-6)
+
+    search = SimpleNamespace(came_in=("wheel",))
+    found = SimpleNamespace(
+        found=search, before=one(4e-6), after=one(2e-6), selected=("water_film",)
+    )
+    rungs = models._rungs(one(9e-6), found, BY_ID, 1e6)
+    assert [(rung["name"], round(rung["error"], 9)) for rung in rungs] == [
+        ("your model", 9.0), ("+ wheel", 4.0), ("+ water_film", 2.0),
+    ]  # fmt: skip
+    assert rungs[1]["said"] == "the wheel's own run-out and force variation"
 
 
 def test_options_of_the_page_are_in_its_commands() -> None:
