@@ -191,14 +191,17 @@ def ladder_steps(result: api.answers.Ladder) -> Iterator[str]:
         )
 
 
-def proposal_page(
-    result: api.answers.Proposal, command: str
-) -> Iterator[str | api.answers.AnswerTable]:
-    """The proposal to read."""
-    tables, said = result.below()
+def proposal_page(result: api.answers.Proposal, command: str) -> Iterator[str]:
+    """The proposal to read: formulas with their numbers, and what else a reader should know."""
     yield f"{result.status.upper()}.  {result.headline}"
-    yield from tables
-    yield from said
+    for term in result.terms:
+        yield f"\n{term.name}, acts on {term.formula.acts_on}: {term.formula.words}"
+        yield f"  {term.formula.expression}"
+        for name, number in term.numbers.items():
+            error = "not determined" if number["se"] is None else f"{number['se']:.2g}"
+            value = f"{number['value']:.5g} +- {error} {_unit(number['unit'])}"
+            yield f"  {name} = {value}".rstrip()
+    yield from result.below()[1]
     if command:
         yield f"next: {command}"
 
