@@ -34,8 +34,12 @@ def test_an_edited_model_may_keep_its_name(model, tirelog):
     assert tirelog("model", "set", "linked.toml", "wheel=on").status == 0
     assert 'wheel = "on"' in model.read_text()
     before = model.read_text()
-    tirelog("model", "fit", "log.csv", "--model", "m.toml", "-o", "m.toml").ended(0)
+    told = tirelog("model", "fit", "log.csv", "--model", "m.toml", "-o", "m.toml").ended(0).out
     assert model.read_text() != before
+    for name, p in load_model(model).parameters.items():
+        if p.free and p.se is not None:  # with six digits, and the error beside it
+            line = next(line for line in told.splitlines() if line.split()[:1] == [name])
+            assert line.split()[1:4] == [f"{p.value:.6g}", "+-", f"{p.se:.2g}"]
     assert not list(model.parent.glob(".*.part"))
 
 
