@@ -53,7 +53,7 @@ test-extras:
 	test -x .venv-extras/bin/python || $(PYTHON) -m venv .venv-extras
 	.venv-extras/bin/python -m pip install --quiet --editable ".[formats]" pytest hypothesis
 	.venv-extras/bin/python -m pytest -q tests/faults/test_extras.py \
-		tests/readers/test_generated_layouts.py tests/cli/test_contents.py
+		tests/readers/test_generated_layouts.py
 
 # which lines no test runs; kernels run as plain Python, or their lines would all seem not to be run
 coverage: .venv/.dev

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 import tirelog
+from tests.cli.conftest import SETUP
 from tests.processes import python
 from tirelog.physics.model.file import as_toml
 from tirelog.tables.frame import read_table
@@ -209,3 +210,88 @@ def test_answers_are_drawn_shown_and_written(folder, command):
         fitted.plot("c.docx")
     for name, value in fitted.model.values.items():
         assert value == pytest.approx(compared.model.values[name], rel=1e-6)
+
+
+# ---- what a command does in one call ------------------------------------------------------------
+
+
+ENCODER = Path(__file__).parents[2] / "sample_data" / "encoder_ramp.h5"
+
+
+def test_a_log_is_ingested_drafted_and_checked(folder: Path) -> None:
+    assert tirelog.ingest("log.csv", "run.h5").losses == []
+    by_run, by_log = (tirelog.speed(log).drop(columns="log") for log in ("run.h5", "log.csv"))
+    assert by_run.equals(by_log)
+    assert not tirelog.check_setup("log.csv").implausible
+    (folder / "wrong.toml").write_text(SETUP.replace('"nm"', '"um"'))
+    assert tirelog.check_setup("log.csv", "wrong.toml").implausible
+    draft = tirelog.draft_setup("log.csv", "draft.toml")
+    assert (folder / "draft.toml").read_text() == draft.text
+
+
+def test_a_calibration_is_learnt_and_applied(folder: Path) -> None:
+    learnt = tirelog.calibrate(ENCODER)
+    tirelog.save_calibration(learnt, "own.toml")
+    tables = [tirelog.phase_shift(ENCODER, calibration=one) for one in (learnt, "own.toml")]
+    pd.testing.assert_frame_equal(*tables)
+    assert tables[0].phase_shift_detrended_deg.notna().any()
+
+
+def test_pictures_of_tables(folder: Path) -> None:
+    tirelog.plot_table("footprint", "log.csv", "p.png")
+    assert (folder / "p.png").read_bytes().startswith(b"\x89PNG")
+    for name in ("speed", "footprint", "dissipation"):
+        shown = tirelog.plot_table(name, "log.csv")
+        assert shown._repr_png_().startswith(b"\x89PNG")  # in a notebook
+    for given, says in (
+        (("slip", {}), "has no picture"),
+        (("footprint", {"cut_off": "auto"}), "nearest: cutoff"),
+        (("footprnt", {}), "nearest: footprint"),
+    ):
+        with pytest.raises(tirelog.TirelogError, match=says):
+            tirelog.plot_table(given[0], "log.csv", "x.png", **given[1])
+    assert not (folder / "x.png").exists()
+
+
+def test_a_campaign_is_run_and_asked(folder: Path) -> None:
+    (folder / "c.toml").write_text(
+        '[campaign]\nname = "c"\noutput = "made"\n[[logs]]\nglob = "log.csv"\n[tables.speed]\n'
+    )
+    assert tirelog.campaign_status("c.toml").count("open") == 1
+    said: list[str] = []
+    done = tirelog.run_campaign("c.toml", progress=said.append)
+    assert (done.logs, done.worked, done.failed, done.lost) == (1, 1, (), ())
+    assert any(done.summary in sentence for sentence in said)
+    assert tirelog.campaign_status("c.toml").count("done") == 1
+
+
+def test_a_report_is_written_or_refused(folder: Path) -> None:
+    said = tirelog.write_report("log.csv", "r.html")
+    assert said[0].startswith("r.html: ")
+    page = (folder / "r.html").read_text()
+    assert "tirelog report log.csv -o report.html" in page
+    for given, says in (
+        ({}, "nothing to report on"),
+        ({"logs": "log.csv"}, "nothing to write"),
+        ({"logs": "log.csv", "output": "r.pdf"}, "the page is HTML"),
+    ):
+        with pytest.raises(tirelog.TirelogError, match=says):
+            tirelog.write_report(**given)
+
+
+def test_a_ladder_is_kept_beside_its_model(folder: Path) -> None:
+    model = tirelog.Model.new("beam", "patch_length")
+    measured = tirelog.measure("log.csv", model)
+    tirelog.ladder(measured, model, keep="m.toml")
+    kept = json.loads((folder / "m.ladder.json").read_text())["ladders"]
+    assert len(kept) == 1
+    assert kept[0]["steps"]
+
+
+def test_tables_that_differ_are_told(folder: Path) -> None:
+    table = tirelog.speed("log.csv")
+    table.to_csv("old.csv", index=False)
+    table.assign(speed_m_s=table.speed_m_s * 1.01).to_csv("new.csv", index=False)
+    found = tirelog.check("new.csv", "old.csv")
+    assert {one.column for one in found.differences} == {"speed_m_s"}
+    assert tirelog.check("old.csv", "old.csv").differences == ()

@@ -6,10 +6,8 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
-from rich.console import Console
 from scipy.io import savemat, wavfile
 
-from benchmarks.layouts import writers
 from tests.cli.conftest import pulse_rows
 from tests.readers.mcap_files import START_NS, write_json
 from tirelog.data.setup import load_setup
@@ -82,18 +80,6 @@ LOGS = {
     "wav": (wav, {"#1": "signal"}),
     "feather": (lambda path: frame().to_feather(path), kinds_of("CH1", "CH2", v="signal")),
 }
-GRATINGS = {"CH1": STRAIN, "CH2": TWIN}
-_RUN = kinds_of("/run/CH1", "/run/CH2")
-#: suffix: library, and as in LOGS
-EXTRA_LOGS = {
-    "tdms": ("nptdms", lambda path: writers.tdms(path, GRATINGS, 2500.0, unit="nm"), _RUN),
-    "xlsx": (
-        "python_calamine",
-        lambda path: writers.xlsx(path, {"run": [["time", *GRATINGS], *ROWS.tolist()]}),
-        kinds_of("CH1", "CH2"),
-    ),
-    "mf4": ("asammdf", lambda path: writers.mdf(path, GRATINGS, 2500.0, unit="nm"), _RUN),
-}
 
 
 @pytest.fixture
@@ -114,26 +100,6 @@ def test_info_lists_every_series_of_a_log_without_a_setup(suffix, place, tirelog
     assert {row["source"]: row["likely_kind"] for row in rows} == kinds
     assert all(abs(row["rate_Hz"] - 2500.0) < 0.1 for row in rows)
     assert all(row["lowest"] < row["highest"] for row in rows)
-
-
-@pytest.mark.parametrize("width", [40, 80])
-@pytest.mark.parametrize("described", [False, True])
-def test_no_terminal_is_too_narrow(width, described, place, tirelog, monkeypatch):
-    name = "a_very_long_name_of_a_column_" * 3
-    (place / "l.csv").write_text(
-        f"time_s,{name}\n" + "".join(f"{k / 10},{k % 7}\n" for k in range(50))
-    )
-    if described:
-        keys = f'kind = "signal"\nsource = "{name}"\n'
-        (place / "l.toml").write_text(f"[channels.{name}]\n{keys}")
-    console = Console(width=width, highlight=False, markup=False, soft_wrap=True)
-    monkeypatch.setattr("tirelog.cli.pages.console", lambda _: console)
-    told = tirelog("info", "l.csv").ended(0)
-    lines = told.out.splitlines()
-    assert name in "".join(line.strip() for line in lines)
-    assert "…" not in told.out
-    wide = [line for line in lines if len(line) > width and name not in line]
-    assert wide == (lines[:1] if described and width == 40 else [])  # the terminal's to wrap
 
 
 def test_info_of_standard_input_and_of_what_has_no_rate(place, tirelog):
@@ -205,26 +171,3 @@ def test_names_that_toml_would_trip_over(place, tirelog):
     assert len(setup.channels) == len(names)
     told = tirelog("info", "l.csv").ended(0)
     assert "\x1b" not in told.out + told.err
-
-
-@pytest.mark.parametrize("suffix", EXTRA_LOGS)
-def test_a_log_that_a_library_reads_gives_the_speed_that_its_text_gives(suffix, place, tirelog):
-    needs, write, kinds = EXTRA_LOGS[suffix]
-    pytest.importorskip(needs, reason=f"{needs} comes with an extra")
-    write(place / f"drive.{suffix}")
-    rows = json.loads(tirelog("info", f"drive.{suffix}", "--format", "json").out)
-    found = {row["source"]: row["likely_kind"] for row in rows}
-    assert {source: found.get(source) for source in kinds} == kinds
-    text(place / "text.csv")
-    tables = []
-    for log in (f"drive.{suffix}", "text.csv"):
-        setup = f"{log.split('.')[0]}.toml"
-        assert tirelog("setup", "new", log, "-o", setup).status == 0
-        draft = (place / setup).read_text()
-        (place / setup).write_text(draft.replace("# rolling_radius_m", "rolling_radius_m"))
-        assert tirelog("setup", "check", log).status == 0
-        assert tirelog("ingest", log, "-o", f"{log}.h5").status == 0
-        assert tirelog("tables", f"{log}.h5", "-o", f"{log}.d").status == 0
-        tables.append(pd.read_csv(place / f"{log}.d" / "speed.csv")["speed_m_s"])
-    assert len(tables[0]) > 8
-    np.testing.assert_allclose(*tables, rtol=1e-6)

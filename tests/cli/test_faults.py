@@ -1,19 +1,20 @@
-"""Faults: what a broken, truncated or hostile input meets on the command line."""
+"""Faults: what a broken, truncated or hostile input, role or number meets on the command line."""
 
 import errno
 import gzip
 import json
 import lzma
+import re
 import zlib
-from types import SimpleNamespace
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
-from tests.cli.conftest import SETUP, pulse_rows
+from tests.cli.conftest import SETUP, Command, pulse_rows
+from tests.cli.test_printed_commands import SCENARIO
 from tests.readers.mcap_files import START_NS, write_json
-from tirelog.cli.pages import ladder_bars
 
 HEADER = "time_s,CH1,CH2\n"
 
@@ -118,26 +119,6 @@ def test_a_setup_is_not_blamed_for_a_damaged_log(folder, tirelog, name, damaged)
     found = tirelog("speed", "log.csv.gz", "--setup", "log.toml")
     assert found.status == (4 if damaged or name == "another source" else 2), found.err
     assert ("the gzip stream is damaged" in message(found.err)) == damaged
-
-
-@pytest.mark.parametrize("table", ["speed", "footprint", "dissipation"])
-def test_a_log_refused_for_its_second_channel_leaves_no_row(folder, tirelog, table):
-    """A wrong surface shows when the channel is read: after the first one's rows."""
-    rows = [row.split(",") for row in pulse_rows()]
-    mirrored = [f"{a},{b},{3100.0 - float(b):.4f}" for a, b, _ in rows]
-    (folder / "log.csv").write_text(HEADER + "\n".join(mirrored) + "\n")
-    second = '[channels.strain_2]\nkind = "fbg_strain"\nsource = "CH2"\nunit = "nm"\n'
-    second += 'reference_wavelength_nm = 1550.0\nsurface = "outer"\n'
-    setup = SETUP.replace('temperature_channel = "temp_1"\n', "")
-    setup = setup[: setup.index("[channels.temp_1]")] + second + '[log]\ntime = "time_s"\n'
-    (folder / "log.toml").write_text(setup)
-    (folder / "kept.csv").write_text("kept")
-    for output in ([], ["-o", "kept.csv"]):
-        done = tirelog(table, "log.csv", *output)
-        assert (done.status, done.out) == (2, "")
-        assert "channel strain_2 shows a maximum" in message(done.err)
-    assert (folder / "kept.csv").read_text() == "kept"
-    assert not list(folder.glob("*.part*"))
 
 
 def test_a_missing_column_costs_that_channel_only(folder, tirelog):
@@ -270,11 +251,137 @@ def test_a_few_irregular_stamps_do_not_take_the_log_with_them(folder, tirelog):
     assert len(both.out.splitlines()) > 10
 
 
-def test_the_ladder_s_bars_obey_no_name(capsys):
-    names = {"effect": "a\x1b[31m", "sentence": "b\x1b]0;c\x07", "rmse_heldout": None}
-    step = SimpleNamespace(step=1, rmse_fit=1e-6, noise_floor=1e-6, **names)
-    ladder_bars(SimpleNamespace(observable="strain", unit="1", steps=[step], rmse_untouched=None))
-    shown = capsys.readouterr().err
-    assert "a\\x1b[31m" in shown
-    assert "   b\\x1b]0;c\\x07\n" in shown
-    assert "\x1b" not in shown
+# ---- files in the wrong role --------------------------------------------------------------------
+
+
+#: (command, the file and what it is, what is needed, what to do with it)
+CASES = (
+    ("compare log.csv --model log.toml", "log.toml: is a setup; a model", "model new --setup"),
+    ("compare log.toml --model m.toml", "log.toml: is a setup; a log", "--setup"),
+    ("compare m.toml --model m.toml", "m.toml: is a model; a log", "--model"),
+    ("speed m.toml", "m.toml: is a model; a log", "--model"),
+    ("speed log.toml", "log.toml: is a setup; a log", "--setup"),
+    ("info m.toml", "m.toml: is a model; a log", "--model"),
+    ("setup new log.toml", "log.toml: is a setup; a log", "--setup"),
+    ("speed log.csv --setup m.toml", "m.toml: is a model; a setup", "--model"),
+    ("speed log.csv --setup s.toml", "s.toml: is a scenario; a setup", "simulate s.toml"),
+    ("model show log.toml", "log.toml: is a setup; a model", "model new --setup log.toml"),
+    ("simulate log.toml -o made.csv", "log.toml: is a setup; a scenario", "--setup"),
+    ("campaign run m.toml", "m.toml: is a model; a manifest", "--model"),
+    ("compare log.csv --model c.toml", "c.toml: is a manifest; a model", "campaign run c.toml"),
+)
+
+
+@pytest.mark.parametrize(("words", "role", "use"), CASES, ids=[case[0] for case in CASES])
+def test_a_file_in_the_wrong_role_is_named(folder, tirelog, words, role, use):
+    (folder / "s.toml").write_text(SCENARIO)
+    (folder / "c.toml").write_text('[campaign]\noutput = "o"\n[[logs]]\nglob = "*.csv"\n')
+    assert tirelog("model", "new", "--setup", "log.toml", "-o", "m.toml").status == 0
+    outcome = tirelog(*words.split())
+    outcome.refused(f"{role} is needed here", use)
+    assert len(outcome.err.split("error:")) == 2
+
+
+def test_who_has_no_model_is_told_what_makes_one(folder, tirelog):
+    outcome = tirelog("compare", "log.csv").ended(2)
+    found = re.search(r"`tirelog (model new [^`]*)` makes a model", outcome.err)
+    assert found
+    words = found[1].replace("SETUP.toml", "log.toml").split()
+    assert tirelog(*words).status == 0
+
+
+def test_a_setup_without_a_radius_is_named_by_its_file(folder, tirelog):
+    setup = (folder / "log.toml").read_text()
+    lines = [line for line in setup.splitlines() if "radius" not in line]
+    (folder / "log.toml").write_text("\n".join(lines))
+    tirelog("speed", "log.csv").refused("log.toml: the setup has no radius")
+    assert "file" not in tirelog("info", "log.csv").out.split("setup:")[-1]
+
+
+def test_passages_are_counted_as_they_are(folder, tirelog):
+    assert tirelog("model", "new", "--setup", "log.toml", "-o", "m.toml").status == 0
+    rows = (folder / "log.csv").read_text().splitlines()
+    (folder / "log.csv").write_text("\n".join(rows[:1200]) + "\n")
+    outcome = tirelog("compare", "log.csv", "--model", "m.toml").ended(
+        2, "3 passages in channel strain_1; at least 8 in a row are needed"
+    )
+    assert "0 whole" not in outcome.err
+
+
+# ---- numbers that no instrument writes ----------------------------------------------------------
+
+
+ENCODER = """[tire]
+name = "t"
+rolling_radius_m = 0.305
+[channels.encoder]
+kind = "wheel_encoder"
+source = "/encoder"
+unit = "V"
+steps = 48
+"""
+
+
+def test_hundreds_of_decimals_are_no_counts(folder: Path, tirelog: Command) -> None:
+    rows = (folder / "log.csv").read_text().splitlines()
+    rows[20] = rows[20].replace("1542.0000", "1542." + "0" * 400)
+    (folder / "log.csv").write_text("\n".join(rows) + "\n")
+    outcome = tirelog("speed", "log.csv")
+    assert outcome.status == 0, outcome.err
+    assert len(outcome.out.splitlines()) > 10
+
+
+def test_an_encoder_of_numbers_too_large_to_square_shows_no_teeth(folder, tirelog):
+    teeth = np.sin(2 * np.pi * 300 * np.arange(20_000) / 5000.0)
+    with h5py.File(folder / "encoder.h5", "w") as file:
+        file.create_dataset("encoder", data=1.7e308 * teeth).attrs["sampling_rate_Hz"] = 5000.0
+    (folder / "encoder.toml").write_text(ENCODER)
+    outcome = tirelog("speed", "encoder.h5")
+    assert outcome.status in (3, 4), outcome.err
+    assert "encoder" in outcome.err
+
+
+def test_a_log_that_spans_centuries_is_no_inflation_test(folder: Path, tirelog: Command) -> None:
+    seconds = np.concatenate([np.arange(2000) / 100.0, 9e9 + np.arange(2000) / 100.0])
+    rows = [f"{at:.2f},{1550 + 1e-5 * number:.5f},1542.0000" for number, at in enumerate(seconds)]
+    (folder / "log.csv").write_text("time_s,CH1,CH2\n" + "\n".join(rows) + "\n")
+    outcome = tirelog("inflation", "log.csv")
+    assert outcome.status == 2, outcome.err
+    assert "days; an inflation test of up to 7 days is allowed" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("model predict beam.toml --speed 20kmh", "20 km/h is 5.556 m/s"),
+        ("model predict beam.toml --speed 20m/s", "leave the unit out: 20"),
+        ("model predict beam.toml --speed 22,5", "the decimal sign is a point: 22.5"),
+        ("model forces beam.toml --speed 5 --slip 0,05", "the decimal sign is a point: 0.05"),
+        ("model predict beam.toml --speed 80", "--speed 80 is 288 km/h; 80 km/h is 22.22"),
+        ("model forces beam.toml --speed 80", "--speed 80 is 288 km/h; 80 km/h is 22.22"),
+        ("model modes beam.toml --load 350kgf", "350 kgf is 3432 N"),
+        ("model new -o new.toml --set radius_m=0,305", "the decimal sign is a point: 0.305"),
+        ("check log.csv --against log.csv --tolerance time_s=5ms", "5 ms is 0.005 s"),
+        ("footprint log.csv --friction-ratio 0,75", "the decimal sign is a point: 0.75"),
+    ],
+)
+def test_a_number_with_a_unit_is_read_back_in_si(model, tirelog, words, says):
+    done = tirelog(words)
+    assert done.status == 2
+    assert says in done.err
+
+
+def test_two_numbers_that_may_be_one_are_named(model, tirelog):
+    done = tirelog("model forces beam.toml --speed 2,5")
+    assert done.status == 0
+    assert "2,5 is two values; the decimal sign is a point: 2.5" in done.err
+    assert len(done.out.splitlines()) == 3
+
+
+def test_a_check_of_a_setup_tells_the_share_of_a_pulse(folder, tirelog):
+    pulses = 5.0 * (20.0 * np.arange(60_000) / 1e4 % 1.0 < 0.06)
+    with h5py.File(folder / "encoder.h5", "w") as file:
+        file.create_dataset("encoder", data=pulses).attrs["sampling_rate_Hz"] = 1e4
+    (folder / "encoder.toml").write_text(ENCODER.replace("48", "1"))
+    done = tirelog("setup check encoder.h5")
+    assert "noted: channel encoder: pulses of 6% of a step" in done.out

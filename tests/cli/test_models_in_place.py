@@ -1,4 +1,4 @@
-"""Property: a model is edited in its place, whole; nothing else that is read is written."""
+"""Property: models are made of presets and edited in their place, whole; nothing else is."""
 
 import gzip
 import re
@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.conftest import Command
 from tirelog.physics.model.file import load_model
+from tirelog.physics.model.from_setup import preset_model
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
@@ -32,8 +34,12 @@ def test_an_edited_model_may_keep_its_name(model, tirelog):
     assert tirelog("model", "set", "linked.toml", "wheel=on").status == 0
     assert 'wheel = "on"' in model.read_text()
     before = model.read_text()
-    tirelog("model", "fit", "log.csv", "--model", "m.toml", "-o", "m.toml").ended(0)
+    told = tirelog("model", "fit", "log.csv", "--model", "m.toml", "-o", "m.toml").ended(0).out
     assert model.read_text() != before
+    for name, p in load_model(model).parameters.items():
+        if p.free and p.se is not None:  # with six digits, and the error beside it
+            line = next(line for line in told.splitlines() if line.split()[:1] == [name])
+            assert line.split()[1:4] == [f"{p.value:.6g}", "+-", f"{p.se:.2g}"]
     assert not list(model.parent.glob(".*.part"))
 
 
@@ -126,3 +132,50 @@ def test_a_change_that_cannot_be_is_refused(model, tirelog, change, says):
     before = model.read_bytes()
     tirelog("model", "set", "m.toml", "line_mass_kg_m=5", change).refused(says)
     assert model.read_bytes() == before
+
+
+# ---- presets ------------------------------------------------------------------------------------
+
+
+def test_a_preset_is_written_as_it_is_with_its_sources(folder, tirelog):
+    for name in ("P1", "P2", "P3"):
+        outcome = tirelog("model", "new", "--preset", name, "-o", f"{name}.toml").ended(0)
+        assert "a guess" not in outcome.err
+        read = load_model(f"{name}.toml")
+        assert (read.values, read.free) == (preset_model(name).values, preset_model(name).free)
+        assert "Table" in (folder / f"{name}.toml").read_text()
+
+
+def test_a_setup_goes_before_a_preset_and_set_before_both(folder, tirelog):
+    line = ["model", "new", "--preset", "P2", "--setup", "log.toml", "-o", "m.toml"]
+    assert tirelog(*line).status == 0
+    assert load_model("m.toml").values["radius_m"] == 0.305
+    assert load_model("m.toml").values["foundation_stiffness_N_m2"] == 7.79e6
+    assert tirelog(*line, "--set", "radius_m=0.31").status == 0
+    assert load_model("m.toml").values["radius_m"] == 0.31
+
+
+def test_a_preset_of_another_carcass_is_refused(folder, tirelog):
+    tirelog("model", "new", "--preset", "P1", "--carcass", "ring", "-o", "m.toml").refused("a beam")
+    assert not (folder / "m.toml").exists()
+
+
+# ---- a history that is damaged ------------------------------------------------------------------
+
+
+DAMAGED = ["", "{}", '{"ladders": [{"steps": [{"step": 0}]}]}', '{"ladders": 3}', "[1]"]
+DEEP = [
+    "[" * 100_000,
+    '{"ladders": ' * 500,
+    '{"ladders": [1' + "0" * 400 + "]}",
+    "[" * 40 + "]" * 40,
+]
+
+
+@pytest.mark.parametrize("content", [*DAMAGED, *DEEP])
+def test_a_damaged_history(model: Path, tirelog: Command, content: str) -> None:
+    model.with_suffix(".ladder.json").write_text(content)
+    outcome = tirelog("ladder", "log.csv", "--model", model, "--quiet")
+    assert outcome.status == 2
+    assert "is no history of ladders" in outcome.err
+    assert model.with_suffix(".ladder.json").read_text() == content

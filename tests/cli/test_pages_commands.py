@@ -24,7 +24,6 @@ PARSED_ONLY = {
     "tirelog plot drive.csv.gz hidden_1.csv.gz --kind": "3 s; tests/strain draws it",
     "tirelog ladder hidden": "11 s; tests/diagnosis climbs ladders",
     "tirelog model predict m.toml": "a tire that moves takes 5 s; tests/physics drives it",
-    "tirelog plot ladder.json -o steps.png": "needs the ladder that is not climbed here",
     "tirelog propose unknown": "25 s; tests/diagnosis proposes",
     "tirelog compare unknown_1.csv.gz unknown_2.csv.gz --model proposed": "needs what is proposed",
     "tirelog report hidden": "16 s; tests/report makes pages",

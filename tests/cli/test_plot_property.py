@@ -1,6 +1,5 @@
 """Property: `tirelog plot` draws what a file holds, and says what it cannot."""
 
-import json
 import sys
 from pathlib import Path
 
@@ -10,28 +9,6 @@ import pytest
 
 import tirelog as package
 from tests.cli.conftest import RATE_HZ, Command
-
-FORM = {
-    "pressure": {name: [1.0, 2.0] for name in ("at", "value", "se", "formula")},
-    "stiffness": {name: [1.0, 2.0] for name in ("at", "value", "se", "formula")},
-    "load_N": 3000.0,
-    "speed_m_s": 20.0,
-}
-EFFECT = {"effect": "water_film", "excess_removed": 0.9, "p_adjusted": 0.002, "selected": True}
-DIAGNOSIS = {
-    "verdict": "missing",
-    "sentence": "water_film is missing.",
-    "effects": [{**EFFECT, "group": []}],
-    "rmse_heldout_before": 4.0,
-    "rmse_heldout_after": 1.0,
-    "noise_floor": 2.0,
-}
-STEP = {
-    "step": 0, "effect": "start", "rmse_fit": 1e-6, "rmse_heldout": 2e-6, "noise_floor": 1e-6,
-    "excess_heldout": 1e-6, "p_adjusted": None, "decision": "start", "outcome": "start",
-    "sentence": "", "parameters": {},
-}  # fmt: skip
-LADDER = {"observable": "strain", "unit": "1", "steps": [STEP], "manoeuvres": 8}
 
 
 def labels(figure):
@@ -73,7 +50,7 @@ def test_a_table_of_any_format_is_drawn_over_time(
 ) -> None:
     assert tirelog(f"speed log.csv -o table.{suffix}").status == 0
     figure = package.plot(f"table.{suffix}")
-    assert labels(figure)[0] == ("time [s]", "speed_m_s")
+    assert labels(figure)[0] == ("time [s]", "speed [m/s]")
     drawn = figure.axes[0].containers[0].lines[0]
     rows = package.speed("log.csv")
     np.testing.assert_allclose(drawn.get_ydata(), rows.speed_m_s[rows.quality == "ok"], rtol=1e-6)
@@ -118,36 +95,13 @@ def test_a_model_is_its_waveform_its_pressure_and_its_effects(model: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("answer", "shown"),
-    [
-        (FORM, "contact pressure (N/mm)"),
-        (DIAGNOSIS, "error over the noise floor"),
-        (LADDER, "strain error [microstrain]"),
-        ({"ladders": [LADDER]}, "strain error [microstrain]"),
-    ],
-)
-@pytest.mark.parametrize("indent", [None, 1])
-def test_an_answer_is_drawn_from_its_json(
-    folder: Path, answer: dict[str, object], shown: str, indent: int | None
-) -> None:
-    Path("answer").write_text(json.dumps(answer, indent=indent))
-    assert shown in [label for _, label in labels(package.plot("answer"))]
-
-
-def test_errors_of_an_answer_are_in_noise_floors(folder: Path) -> None:
-    Path("d.json").write_text(json.dumps(DIAGNOSIS))
-    errors = package.plot("d.json").axes[1]
-    assert [bar.get_height() for bar in errors.patches] == [2.0, 0.5]
-
-
-@pytest.mark.parametrize(
     ("words", "said"),
     [
         ("log.csv beam.toml", "one picture of log.csv, beam.toml (log and model)"),
         ("beam.toml beam.toml", "one picture of beam.toml, beam.toml (model)"),
         ("log.toml", "log.toml: is a setup; a log is needed here"),
         ("none.csv", "none.csv: cannot be read"),
-        ("odd.json", "odd.json: cannot be drawn"),
+        ("odd.json", "add --plot PICTURE to the command that gave it"),
         ("list.json", "list.json: is not a table"),
         ("empty.csv", "empty.csv: no rows to draw"),
         ("one.csv", "one.csv: is no table of numbers that vary"),
@@ -156,7 +110,6 @@ def test_errors_of_an_answer_are_in_noise_floors(folder: Path) -> None:
         ("log.csv --channel strain_9", "no channel is called 'strain_9' (nearest: strain_1)"),
         ("log.csv --from 90", "no sample lies in --from 90"),
         ("beam.toml --kind polar", "picture of beam.toml (model); they are allowed for logs"),
-        ("odd.json --from 1", "picture of odd.json (answer)"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused(

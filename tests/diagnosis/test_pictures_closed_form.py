@@ -55,7 +55,7 @@ def test_1_and_40_are_told_on_one_scale():
     assert 0.6 < at[3] < 0.85  # linear colours would give it 0.51
     assert at[1] == pytest.approx(1.0 - at[3])
     lone = Map(np.array([10.0]), "speed_m_s", PHI, map_of(1.0).residual[:1], PHI[None])
-    assert coloured(lone, lone.residual, "microstrain", 1.0, 2.0) is None
+    assert [mark.kind for mark in answers.residual_map(lone, RESULT.before).marks] == ["dots"]
 
 
 def test_before_and_after_have_one_scale_and_the_ranking_its_order(tmp_path):
@@ -67,7 +67,7 @@ def test_before_and_after_have_one_scale_and_the_ranking_its_order(tmp_path):
         "after: held-out error 1.1 microstrain",
     ]
     limits = [axes.collections[0].get_clim() for axes in maps.values()]
-    assert limits[0] == limits[1] == pytest.approx((-40.0, 40.0))
+    assert limits[0] == limits[1] == pytest.approx((-40.0, 40.0), rel=0.01)
     bars = titles["candidates; full colour: selected"]
     assert [label.get_text() for label in bars.get_yticklabels()] == ["water_film", "wear"]
     assert [bar.get_width() for bar in bars.patches] == pytest.approx([99.0, 10.0])
@@ -105,8 +105,8 @@ def test_logs_whose_names_hold_commas_are_two_on_the_page():
     )
     given.__dict__.update(waveforms=waves)
     colours = log_colours(["other.csv", "wet, a.csv"])
-    marks = answers.wave_marks(given, 1e6, styles(waves.logs, colours))
-    traces = figure("waveforms", "", "", Panel(marks=marks)).traces
+    panel = answers.waveforms(given, styles(waves.logs, colours))
+    traces = figure("waveforms", "", "", panel).traces
     measured = [trace for trace in traces if trace["name"].startswith("measured, ")]
     assert [trace["name"] for trace in measured] == [f"measured, {one}" for one in waves.labels]
     assert [trace["marker"]["color"] for trace in measured] == [COLOURS[2], COLOURS[1]]
@@ -118,6 +118,16 @@ def test_waveforms_show_what_is_left_behind_the_exit():
     assert drawn.y == "residual [microstrain]"
     assert first.y[first.x > np.degrees(0.2)] == pytest.approx(5.0)
     assert np.abs(first.y[first.x < np.degrees(0.2)]).max() < 1e-9
+    floors = next(mark for mark in drawn.marks if mark.kind == "band")
+    np.testing.assert_allclose([floors.y[0], floors.other[0]], [-2.0, 2.0])
+
+
+def test_logs_one_after_the_other_are_parted():
+    axes = Figure().add_subplot()
+    map_ = replace(map_of(1.0), axis_name="time_s", begins=(12.0,))
+    draw_panel(axes, answers.residual_map(map_, RESULT.before))
+    assert axes.get_ylabel() == "time [s], logs one after the other"
+    assert [12.0, 12.0] in [list(line.get_ydata()) for line in axes.lines]
 
 
 def test_what_scatter_alone_leaves_is_about_one_standard_error():
@@ -137,6 +147,6 @@ def test_the_least_probability_of_a_ladder_is_an_upper_limit():
     step |= {"rmse_heldout": 9e-6, "rmse_fit": 8e-6, "noise_floor": 1e-6}
     found = step | {"effect": "wear", "decision": "added", "outcome": "added"}
     steps = [step, found | {"p_adjusted": 2.0**-9}, found | {"p_adjusted": 0.01}]
-    climbed = {"observable": "strain", "steps": steps, "manoeuvres": 10, "rmse_untouched": None}
-    texts = [mark.name for mark in answers.climbed_panel(climbed, (1e6, "microstrain")).marks[3:]]
+    climbed = {"observable": "strain", "unit": "1", "steps": steps, "manoeuvres": 10}
+    texts = [mark.name for mark in answers.climbed_panel(climbed).marks[3:]]
     assert texts == ["start", "added\np <= 0.002", "added\np = 0.01"]

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from tests.cli.conftest import folder, tirelog
 from tests.diagnosis.toy import stack_of
@@ -70,15 +69,24 @@ def test_a_contact_length_has_the_error_that_all_passages_share() -> None:
 
 
 def test_around_the_wheel_zero_is_a_circle_and_the_patch_is_below() -> None:
-    axes = Figure().add_subplot(projection="polar")
-    wave = np.where(np.abs(PHI) < 0.2, -1500.0, 500.0)
-    zero = around_the_wheel(axes, [(PHI, wave, 0 * wave, "10 m/s")], ["black"], 0.2)
-    drawn, circle, arc = axes.lines
-    assert drawn.get_ydata() == pytest.approx(zero + wave)
-    assert np.min(drawn.get_ydata()) > 0.0
-    assert circle.get_ydata() == pytest.approx(zero)
-    assert (arc.get_xdata().min(), arc.get_xdata().max()) == pytest.approx((-0.2, 0.2))
-    assert axes.get_theta_offset() == pytest.approx(1.5 * np.pi)  # angle 0 points down
+    turns = sketch().turns
+    wave = np.where(np.abs(PHI) < 0.2, -1500e-6, 500e-6)
+    marks = around_the_wheel([(10.0, 3, wave, 0 * wave)], turns, 0.2)
+    zero, low, high, arc, ring = (np.hypot(mark.x, mark.y) for mark in marks if mark.kind == "line")
+    assert np.ptp(zero) == pytest.approx(0.0, abs=1e-9)
+    np.testing.assert_allclose(ring[:-1], zero[0] + 1e6 * wave)
+    assert (low[0], high[0]) == pytest.approx((zero[0] - 1500.0, zero[0] + 500.0))
+    assert ring.min() > 0.0
+    below = next(mark for mark in marks if mark.style.get("width") == 6.0)
+    assert arc.min() > high[0]
+    assert np.max(below.y) < 0.0  # the road is below, and the entry at the right
+    assert below.x[0] == pytest.approx(arc[0] * np.sin(0.2))
+
+
+def test_few_revolutions_of_many_speeds_are_one_class() -> None:
+    speed = np.linspace(10.0, 20.0, 7)
+    turns = turns_of(np.ones((7, PHI.size)), speed, np.arange(7.0))
+    assert [found[:2] for found in speed_classes(turns)] == [(15.0, 7)]
 
 
 @pytest.mark.parametrize("kind", [kind for kind in LOG_PICTURES if kind != "signal"])
@@ -89,7 +97,7 @@ def test_each_log_has_its_panel_or_colour_in_microstrain(kind: str) -> None:
     words += [t.get_text() for a in figure.axes if a.get_legend() for t in a.get_legend().texts]
     assert all(any(log in text for text in words) for log in ("a.csv", "b.csv"))
     words += [a.get_xlabel() + a.get_ylabel() for a in figure.axes]
-    words += [t.get_text() for a in figure.axes for t in a.get_yticklabels()]
+    words += [t.get_text() for a in figure.axes for t in a.texts]
     said = " ".join(words)
     assert "microstrain" in said
     assert "µ" not in said

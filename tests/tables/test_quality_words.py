@@ -112,7 +112,7 @@ def test_an_unknown_word_of_a_foreign_table_is_kept():
     counts = sections.quality(table, "footprint").rows
     assert sorted(counts) == [["gap;wobbly", "1"], ["ok", "2"], ["wobbly", "1"]]
     drawn = (table, None, [], "tirelog footprint a.csv", log_colours(["a.csv"]))
-    section = sections.footprint_section(drawn, [])
+    section = sections.table_section("footprint", drawn, [])
     assert any("2 passages without a mark" in text for text in section.text)
     assert not len(differences(table, table.copy(), {}))
     moved = table.assign(quality=["ok", "ok", "ok", "gap;wobbly"])

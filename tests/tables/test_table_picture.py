@@ -30,7 +30,7 @@ def test_a_panel_per_quantity_a_colour_per_channel_and_what_is_flagged_counted()
             ("b.csv", rows("left", 3))]  # fmt: skip
     figure = drawn(kept)
     speed, pressure = figure.axes  # the acceleration is the same in all rows
-    assert (speed.get_ylabel(), pressure.get_ylabel()) == ("speed_m_s", "contact_pressure_N_m")
+    assert (speed.get_ylabel(), pressure.get_ylabel()) == ("speed [m/s]", "contact_pressure_N_m")
     assert figure.get_suptitle() == "2 flagged rows are not drawn"
     first, second, third = speed.containers
     assert [one.get_label() for one in (first, second, third)] == [
@@ -45,17 +45,19 @@ def test_a_panel_per_quantity_a_colour_per_channel_and_what_is_flagged_counted()
 def test_many_passages_are_thinned_and_many_channels_counted():
     kept = [(f"{i}.csv", rows("left", 30_000 if i == 0 else 2)) for i in range(10)]
     figure = drawn(kept)
-    assert figure.axes[0].containers[0].lines[0].get_ydata().size == 15_000
-    assert figure.get_suptitle() == "2 more channels are not drawn"
+    assert figure.axes[0].containers[0].lines[0].get_ydata().size == 6_000
+    assert figure.get_suptitle() == ("1 channels' rows beyond 6000; 2 more channels are not drawn")
 
 
 def test_lengths_share_a_panel_and_strain_is_in_microstrain():
     n = np.arange(5.0)
     lengths = dict.fromkeys(("length_m", "length_d2_m", "length_d1_m"), 0.1 + 0.001 * n)
     figure = drawn([("a.csv", {**rows("left", 5), **lengths, "strain": 1e-6 * n})])
-    assert [axes.get_ylabel() for axes in figure.axes][2:] == ["length_m", "strain [microstrain]"]
+    shown = ["contact length [mm]"] * 2 + ["strain [microstrain]"]
+    assert [axes.get_ylabel() for axes in figure.axes][2:] == shown
+    assert [axes.get_xlabel() for axes in figure.axes][2:4] == ["time [s]", "speed [m/s]"]
     assert len(figure.axes[2].lines) == 3
-    np.testing.assert_allclose(figure.axes[3].lines[0].get_ydata(), n)
+    np.testing.assert_allclose(figure.axes[4].lines[0].get_ydata(), n)
 
 
 def test_a_table_without_time_is_over_its_first_column():
@@ -66,10 +68,15 @@ def test_a_table_without_time_is_over_its_first_column():
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("speed [m/s]", "hub_N")
 
 
+def test_a_table_without_numbers_has_no_picture():
+    words = {"time_s": np.zeros(2), "channel": ["a", "a"], "quality": ["ok", "ok"]}
+    assert drawn([("a.csv", words)]) is None
+
+
 def test_bars_are_two_standard_errors_to_each_side():
     axes = Figure().subplots()
-    rows = {"x": np.arange(3.0), "y": np.ones(3), "se": np.array([0.1, np.nan, 0.3])}
-    marks = tables.ways([("a", rows, 0, "circle")], "x", {"y": "words"}, error="se")
+    rows = {"x": np.arange(3.0), "y_m": np.ones(3), "y_se_m": np.array([1e-4, np.nan, 3e-4])}
+    marks = tables.ways([("a", rows, 0, "circle")], "x", {"y_m": "words"}, 1e3)
     draw_panel(axes, Panel(marks=marks))
     (bars,) = axes.containers[0].lines[2]
     heights = [np.ptp(segment[:, 1]) for segment in bars.get_segments()]

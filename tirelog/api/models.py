@@ -485,24 +485,22 @@ def passage(
     *,
     folder: File | None = None,
     loads: Sequence[tuple[float, float]] = (),
-    ramps: Sequence[tuple[float, float, float]] = (),
     duration_s: float | None = None,
-    step_s: float | None = None,
     sensors_deg: Sequence[float] = (),
     surface: str = "outer",
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Columns of `tirelog model predict --road`, a drive of a coupled ring in time, and remarks.
 
-    `conditions` hold at its start; `loads`, `ramps`, `duration_s` and `folder` as `course_of`,
-    `sensors_deg` as `passage_columns` (180 by default). UsageError and ModelError as `predict`, and
-    if the tire cannot drive there.
+    `conditions` hold at its start; `loads`, `duration_s` and `folder` as `course_of`, `sensors_deg`
+    as `passage_columns` (180 by default). UsageError and ModelError as `predict`, and if the tire
+    cannot drive there.
     """
     from tirelog.physics.moving.transient import course_of, driven, passage_columns
 
     given = _checked(model, conditions)
     load_N = float(given.load_N[0]) if given.known("load_N") else model.values["load_N"]
-    course = course_of(road, folder, float(given.speed_m_s[0]), load_N, loads, ramps, duration_s)
-    motion = driven(model, given, course, step_s=step_s)
+    course = course_of(road, folder, float(given.speed_m_s[0]), load_N, loads, duration_s)
+    motion = driven(model, given, course)
     return passage_columns(motion, list(sensors_deg) or [180.0], surface), tuple(motion.remarks)
 
 

@@ -122,7 +122,7 @@ def _run(
         outcome = f": {found[0]}" if found[0] else ""
         outcome += f", {' '.join(found[1:])}" if found[1:] else ""
         said(f"{ledger.folder.root}/{folder}/{name}.json{outcome}")
-    ledger.folder.write(f"{folder}/page.json", json_bytes(_page(pieces, results, manifest)))
+    ledger.folder.write(f"{folder}/page.json", json_bytes(_page(results, manifest)))
     # after the page, which is whole once these say so by their key
     for name, result in results.items():
         ledger.folder.write(
@@ -140,7 +140,7 @@ def _groups(tasks: list[LogTask], by: str) -> dict[str, list[str]]:
     return groups
 
 
-def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str, Any]:
+def _page(results: Mapping[str, Any], manifest: str) -> dict[str, Any]:
     """What the report shows of these results.
 
     The sections that it makes of a model and single logs.
@@ -157,7 +157,7 @@ def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str
     compared = results.get("compare") or (found.before if found is not None else None)
     if compared is None:
         return stored([] if climbed is None else [ladder_section(climbed, command)], [])
-    return stored(*story_of(pieces, compared, found, climbed, lambda name: command, BY_ID))
+    return stored(story_of(compared, found, climbed, lambda name: command, BY_ID), [])
 
 
 def _pieces(tasks: list[LogTask], observable: str, ledger: Ledger) -> tuple[Pieces, dict[str, Any]]:

@@ -210,8 +210,8 @@ def ladder(
         api.models.refuse_another(save)
     ask = partial(api.answers.ladder, propose=propose, progress=asked.session.say)
     with asked.answered("climbing", ask) as result:
-        if not asked.quiet:
-            pages.ladder_bars(result)
+        for step in pages.ladder_steps(result):
+            asked.session.say(step)
         asked.show(result, result.remarks)
         if save is not None:
             api.models.save_model(result.model, save)

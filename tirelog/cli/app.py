@@ -157,7 +157,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
             "tirelog plot drive.csv.gz --kind polar -o wheel.svg",
             "strain around the wheel; also waterfall, edges",
         ),
-        ("tirelog plot model.toml -o model.png", "what a model predicts; also tables and answers"),
+        ("tirelog plot model.toml -o model.png", "what a model predicts; also tables"),
     ),
     "simulate": (
         ("tirelog simulate scenarios/drive.toml -o made.csv", "beside it its truth and its setup"),

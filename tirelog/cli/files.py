@@ -13,7 +13,7 @@ import typer
 
 import tirelog.api as api
 from tirelog.cli import options, pages
-from tirelog.cli.session import Session
+from tirelog.cli.session import Session, say
 from tirelog.errors import ExitStatus, UsageError, printable
 from tirelog.vocabulary.tables import LOG_PICTURES, LOG_TABLES, STRETCH, LogTable, TableOption
 
@@ -228,8 +228,8 @@ def _write(
             writer.write(part.columns)
         if picture is not None:
             picture.keep(recording, part)
-    if picture is not None:
-        picture.draw(plot)
+    if picture is not None and picture.draw(plot) is None:
+        say(f"note: {plot} is not written: there are no rows to draw")
 
 
 def table_command(table: LogTable) -> Callable[..., None]:
@@ -279,7 +279,7 @@ def table_command(table: LogTable) -> Callable[..., None]:
 def plot(
     logs: Annotated[
         list[str],
-        typer.Argument(metavar="WHAT", help="Logs or runs; or tables, a model, an answer's JSON."),
+        typer.Argument(metavar="WHAT", help="Logs or runs; or tables, or a model."),
     ],
     output: Annotated[
         Path | None,
@@ -303,7 +303,7 @@ def plot(
     stop: Annotated[str | None, table_option(STRETCH[1])] = None,
     quiet: options.Quiet = False,
 ) -> None:
-    """Picture of a log's signals, a table, a model or an answer, on the screen or as a file.
+    """Picture of a log's signals, a table or a model, on the screen or as a file.
 
     The content of the files decides. A log needs no setup to be looked at.
     """
@@ -411,25 +411,29 @@ def phase_shift(
     quiet: options.Quiet = False,
 ) -> None:
     """Patch width and phase shift from a wheel encoder and an in-tire accelerometer."""
-    if calibration is not None and calibrate is not None:
-        raise UsageError(
+    learns, ends = calibrate is not None, {"start": start, "stop": stop}
+    for refused, what, allowed, do in (
+        (
+            learns and calibration is not None,
             "--calibration and --calibrate",
-            allowed="one reads a calibration, the other learns one",
-            do="give one of them",
-        )
-    if fit_forces and calibrate is None:
-        raise UsageError(
+            "one reads a calibration, the other learns one",
+            "give one of them",
+        ),
+        (
+            fit_forces and not learns,
             "--fit-forces without --calibrate",
-            allowed="the force maps are part of a calibration",
-            do="give --calibrate FILE",
-        )
-    ends = {"start": start, "stop": stop}
-    if calibrate is not None and ends != dict.fromkeys(ends):
-        raise UsageError(
+            "the force maps are part of a calibration",
+            "give --calibrate FILE",
+        ),
+        (
+            learns and (start, stop) != (None, None),
             "--calibrate with --from or --to",
-            allowed="a calibration is learnt from whole logs",
-            do="apply it to a stretch with --calibration",
-        )
+            "a calibration is learnt from whole logs",
+            "apply it to a stretch with --calibration",
+        ),
+    ):
+        if refused:
+            raise UsageError(what, allowed=allowed, do=do)
     applied = api.parts.calibration_notes(calibration)
     asked = {"zero": zero, "calibration": calibration}
     picture = None if plot is None else api.pictures.TablePicture(TABLE, ends)

@@ -15,11 +15,6 @@ from tirelog.cli.session import Session
 from tirelog.errors import UsageError, refuse_unknown
 
 
-def _words(text: str) -> list[str]:
-    """The words of a list with commas."""
-    return [word.strip() for word in text.split(",")]
-
-
 def _assignments(sets: list[str], prefix: str = "") -> dict[str, float | str]:
     """Numbers, and words of an effect's choices, by name."""
     values: dict[str, float | str] = {}
@@ -68,7 +63,7 @@ def new(
     model, remarks = api.models.new_model(
         carcass,
         session.setup,
-        observable=None if observable is None else _words(observable),
+        observable=observable and [word.strip() for word in observable.split(",")],
         contact=contact,
         values=_assignments(sets),
         preset=preset,
@@ -246,7 +241,7 @@ def fit(
         session.refuse_edit(model, new_model)
         api.models.save_model(result.model, new_model)
         if not quiet:
-            typer.echo(pages.fit_page(result))
+            pages.print_answer(pages.fit_page(result))
 
 
 # ---- Predictions of a model alone.
@@ -308,19 +303,9 @@ def predict(
             metavar="TIME:LOAD", help="The load [N] from that time [s] on; repeat for several."
         ),
     ] = [],  # noqa: B006
-    speed_ramp: Annotated[
-        list[str],
-        typer.Option(
-            metavar="FROM:TO:SPEED",
-            help="Speed [m/s] at the end of a ramp between two times [s]; repeat for several.",
-        ),
-    ] = [],  # noqa: B006
     duration: Annotated[
         float | None,
         typer.Option(help="Duration [s]; default half a second past the last event."),
-    ] = None,
-    step: Annotated[
-        float | None, typer.Option(help="Time step [s]; default the longest stable one.")
     ] = None,
     sensor: Annotated[
         list[float],
@@ -334,8 +319,8 @@ def predict(
     """Prediction of a model over one revolution, or its number per revolution.
 
     A revolution goes from half a turn before the patch centre to half a turn after. Several speeds,
-    loads, pressures, accelerations or slips are combined, each with each. With --road, --load-step
-    or --speed-ramp a coupled ring is driven in time: forces and sensor signals.
+    loads, pressures, accelerations or slips are combined, each with each. With --road or
+    --load-step a coupled ring is driven in time: forces and sensor signals.
     """
     session = Session(setup, quiet, output, format)
     read, given = api.models.load_model(model, effects=effects), session.setup
@@ -350,11 +335,11 @@ def predict(
     side = surface or api.models.known_surface(given) or "outer"
     number = read.observable in api.models.SCALARS
     whole = everything or modes is not None or len(conditions) > 1
-    if road is not None or load_step or speed_ramp:
+    if road is not None or load_step:
         if number or whole:
             raise UsageError(
-                "--road, --load-step or --speed-ramp with several conditions, --all or --modes, or "
-                f"a model of {read.observable}",
+                "--road or --load-step with several conditions, --all or --modes, or a model of "
+                f"{read.observable}",
                 allowed="one drive from one speed and load is allowed, of a model of a waveform",
                 do="leave them out",
             )
@@ -364,10 +349,8 @@ def predict(
                 conditions,
                 options.road_words(road or "flat", given),
                 folder=setup.parent if setup is not None and road == "setup" else None,
-                loads=options.events(load_step, "--load-step", "TIME:LOAD"),
-                ramps=options.events(speed_ramp, "--speed-ramp", "FROM:TO:SPEED"),
+                loads=options.load_steps(load_step),
                 duration_s=duration,
-                step_s=step,
                 sensors_deg=sensor,
                 surface=side,
             )

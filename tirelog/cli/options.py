@@ -213,32 +213,27 @@ def road_words(words: str, setup: Setup | None) -> RoadSetup:
     return setup.road
 
 
-def events(words: list[str], option: str, form: str) -> list[Any]:
-    """The numbers of each event of an option: its times [s] in order, and a value.
+#: a step of the load takes so long [s]
+_STEP_S = 1e-6
 
-    UsageError: words that do not have the `form`, such as TIME:LOAD, or go back in time.
-    """
-    made: list[Any] = []
-    before = 0.0
+
+def load_steps(words: list[str]) -> list[tuple[float, float]]:
+    """Times [s], which grow from 0 on, and loads [N].  UsageError: words that are none."""
+    made = [(-_STEP_S, 0.0)]
     for text in words:
+        time_s, _, load_N = text.partition(":")
         try:
-            numbers = [float(part) for part in text.split(":")]
+            step = float(time_s), float(load_N)
         except ValueError:
-            numbers = []
-        if len(numbers) != form.count(":") + 1 or not all(map(math.isfinite, numbers)):
+            step = math.nan, math.nan
+        if not (math.isfinite(sum(step)) and step[0] >= made[-1][0] + _STEP_S):
             raise UsageError(
-                f"{option} {text}", allowed=f"{form} in s and SI units is allowed", do="correct it"
-            )
-        times = [before, *numbers[:-1]]
-        if times != sorted(times):
-            raise UsageError(
-                f"{option} {text} goes back in time",
-                allowed="times that grow, from 0 s on, are allowed",
+                f"--load-step {text}",
+                allowed="TIME:LOAD in s and N is allowed, times that grow from 0 on",
                 do="correct it",
             )
-        before = times[-1] + (1e-6 if len(numbers) == 2 else 0.0)  # a step takes a moment
-        made.append(tuple(numbers))
-    return made
+        made.append(step)
+    return made[1:]
 
 
 def with_options(command: Callable[..., None], parameters: Iterable[Parameter]) -> None:

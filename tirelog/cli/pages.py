@@ -8,13 +8,12 @@ from __future__ import annotations
 import re
 import shlex
 import sys
-import textwrap
 from collections.abc import Iterable, Iterator
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 import tirelog.api as api
-from tirelog.cli.session import aligned, console, console_table, print_page
 from tirelog.errors import printable
 from tirelog.vocabulary.observables import shown, together
 
@@ -25,30 +24,14 @@ if TYPE_CHECKING:
 # ---- The pages of `ingest` and `info`: of a log with a setup, and of one without.
 
 
-#: columns of a page: as wide as a terminal, and no wider than one reads with ease
-_WIDEST = 100
 #: topics or columns without numbers that are named
 _MOST_OTHERS = 8
 
 
 def print_contents(inside: api.logs.Contents) -> None:
-    """The page, on standard output; nothing is cut off, however narrow the terminal."""
-    out = console(_WIDEST)
-    width = max(min(out.width, _WIDEST), 40)
-    print_page(map(partial(_wrapped, width=width), _contents(inside)), out)
-
-
-def _wrapped(text: str, width: int) -> str:
-    """A line as several of the width, those below the first further in."""
-    indent = " " * (len(text) - len(text.lstrip()))
-    below = f"{indent}  "
-    return textwrap.fill(
-        printable(text.lstrip()),
-        width,
-        initial_indent=indent,
-        subsequent_indent=below,
-        break_on_hyphens=False,
-    )
+    """The page, on standard output; whatever is long is the terminal's to wrap."""
+    for line in _contents(inside):
+        typer.echo(printable(line))
 
 
 def _contents(inside: api.logs.Contents) -> Iterator[str]:
@@ -93,40 +76,27 @@ def _facts(one: api.logs.FoundSeries) -> str:
     return "; ".join(filter(None, facts))
 
 
-#: columns of a page that no terminal shows
-_SUMMARY_WIDTH = 160
-
-
 def print_summary(recording: Recording) -> None:
     """The page, on standard output."""
-    out = console(_SUMMARY_WIDTH)
-    print_page(_summary(recording, out.width), out)
+    for line in _summary(recording):
+        typer.echo(printable(line))
 
 
-def _summary(recording: Recording, width: int) -> Iterator[Any]:
-    """The lines of the page, and its table if that is no wider than so many letters."""
+def _summary(recording: Recording) -> Iterator[str]:
+    """The lines of the page, those about a channel indented."""
     about, setup = recording.provenance, recording.setup
     hashed = about.get("sha256")
     size = f", {about['bytes']:,} bytes, sha256 {hashed[:12]}" if hashed else ""
-    yield printable(f"{recording.log}: {about.get('format', 'log')}{size}")
+    yield f"{recording.log}: {about.get('format', 'log')}{size}"
     if about.get("start"):
-        yield printable(f"started {about['start']}")
-    cells = {
-        name: [f"{x:,.6g}" if isinstance(x, float) else printable(str(x)) for x in values]
-        for name, values in api.logs.channels(recording).items()
-        if name != "log"
-    }
-    rows = list(zip(*cells.values(), strict=True))
-    across = sum(max(map(len, (name, *texts))) + 2 for name, texts in cells.items())
-    if across <= width:
-        left = [i for i, name in enumerate(cells) if name in ("channel", "kind", "unit")]
-        yield console_table(list(cells), rows, left)
-    else:  # channel by channel: nothing is cut off
-        for row in rows:
-            of = dict(zip(cells, row, strict=True))
-            yield f"{of.pop('channel')}: {of.pop('kind')}, unit {of.pop('unit')}"
-            facts = ", ".join(f"{name} {text}" for name, text in of.items())
-            yield from (f"  {line}" for line in textwrap.wrap(facts, max(width - 2, 20)))
+        yield f"started {about['start']}"
+    columns = api.logs.channels(recording)
+    for values in zip(*columns.values(), strict=True):
+        of = dict(zip(columns, values, strict=True))
+        yield f"{of['channel']}: {of['kind']}, unit {of['unit']}"
+        facts = {n: x for n, x in of.items() if n not in ("log", "channel", "kind", "unit")}
+        said = (f"{n} {x:,.6g}" if isinstance(x, float) else f"{n} {x}" for n, x in facts.items())
+        yield f"  {', '.join(said)}"
     done = {
         f"repaired in the time axis of {group}: {what}": n
         for group, repairs in about.get("repairs", {}).items()
@@ -134,23 +104,47 @@ def _summary(recording: Recording, width: int) -> Iterator[Any]:
     }
     counts = about.get("counts", {}).items()
     done |= {what: n for what, n in counts if not what.startswith("lost_samples")}
-    yield from (printable(f"{what}: {n}") for what, n in done.items() if n)
+    yield from (f"{what}: {n}" for what, n in done.items() if n)
     conditions = {k: v for k, v in setup.conditions.__dict__.items() if v is not None}
     if known := setup.tire.known() | conditions:
-        yield printable("setup: " + ", ".join(f"{k} {v}" for k, v in known.items()))
+        yield "setup: " + ", ".join(f"{k} {v}" for k, v in known.items())
 
 
-#: letters in the longest bar of a ladder
-_BAR = 40
 #: letters in a line of a page that no terminal shows
 _WIDTH = 110
 
 
 def print_answer(parts: Iterable[str | api.answers.AnswerTable]) -> None:
-    """Lines and tables of an answer to read, on standard output."""
-    print_page(
-        (one if isinstance(one, str) else console_table(one.names, one.rows) for one in parts),
-        console(_WIDTH),
+    """Lines and tables of an answer to read, on standard output, whose reader may leave."""
+    from rich.console import Console
+
+    shown = None if sys.stdout.isatty() else _WIDTH
+    out = Console(highlight=False, markup=False, soft_wrap=True, width=shown)
+    with out.capture() as made:  # rich itself would end the process with status 1 then
+        for part in parts:
+            out.print(part if isinstance(part, str) else _table(part))
+    sys.stdout.write(made.get())
+
+
+def _table(answer: api.answers.AnswerTable) -> Any:
+    """A table of a page: numbers with four digits, nothing for None; nothing is cut off."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for i, name in enumerate(answer.names):
+        table.add_column(name, justify="right" if i else "left", overflow="fold")
+    for row in answer.rows:
+        cells = (f"{v:.4g}" if isinstance(v, float) else v for v in row)
+        table.add_row(*("" if v is None else str(v) for v in cells))
+    return table
+
+
+def aligned(rows: Iterable[tuple[str, ...]], indent: str = "  ") -> str:
+    """Rows of text in columns, all to the left, as a text."""
+    rows = list(rows)
+    widths = [max(map(len, column)) for column in zip(*rows)]
+    return "\n".join(
+        (indent + "  ".join(cell.ljust(w) for cell, w in zip(row, widths))).rstrip() for row in rows
     )
 
 
@@ -177,30 +171,25 @@ def _gratings(found: api.answers.GratingsFound) -> api.answers.AnswerTable:
     )
 
 
-def ladder_bars(result: api.answers.Ladder) -> None:
-    """The held-out error of each step as a bar with the floor, on standard error."""
+def ladder_steps(result: api.answers.Ladder) -> Iterator[str]:
+    """A line for each step: its error, the floor, and what was decided."""
     factor, unit = shown(result.observable, result.unit)
-    errors = [
-        step.rmse_fit if step.rmse_heldout is None else step.rmse_heldout for step in result.steps
-    ]
-    lines = []
-    for step, error in zip(result.steps, errors, strict=True):
-        length = max(1, round(_BAR * error / max(errors)))
-        floor = min(_BAR - 1, round(_BAR * step.noise_floor / max(errors)))
-        bar = "".join("|" if i == floor else "#" if i < length else " " for i in range(_BAR))
-        lines.append(f"{step.step:2d} {step.effect:18s} {bar} {error * factor:.3g} {unit}")
-        lines.append(f"   {step.sentence}")
-    if result.rmse_untouched is not None:
-        lines.append(
-            f"   on manoeuvres reserved for the end: {result.rmse_untouched * factor:.3g} "
-            f"{unit}, floor {(result.floor_untouched or 0.0) * factor:.3g}"
+    for step in result.steps:
+        error = step.rmse_fit if step.rmse_heldout is None else step.rmse_heldout
+        yield (
+            f"{step.step:2d} {step.effect}: {error * factor:.3g} {unit}, floor "
+            f"{step.noise_floor * factor:.3g}. {step.sentence}"
         )
-    sys.stderr.writelines(f"{printable(line)}\n" for line in lines)
+    if result.rmse_untouched is not None:
+        yield (
+            f"on manoeuvres reserved for the end: {result.rmse_untouched * factor:.3g} {unit}, "
+            f"floor {(result.floor_untouched or 0.0) * factor:.3g}"
+        )
 
 
 def proposal_page(result: api.answers.Proposal, command: str) -> Iterator[str]:
-    """The proposal to read."""
-    yield f"{result.status.upper()}.  {result.sentence}"
+    """The proposal to read: formulas with their numbers, and what else a reader should know."""
+    yield f"{result.status.upper()}.  {result.headline}"
     for term in result.terms:
         yield f"\n{term.name}, acts on {term.formula.acts_on}: {term.formula.words}"
         yield f"  {term.formula.expression}"
@@ -208,8 +197,7 @@ def proposal_page(result: api.answers.Proposal, command: str) -> Iterator[str]:
             error = "not determined" if number["se"] is None else f"{number['se']:.2g}"
             value = f"{number['value']:.5g} +- {error} {_unit(number['unit'])}"
             yield f"  {name} = {value}".rstrip()
-    if sentences := result.sentences():
-        yield from ("", *sentences)
+    yield from result.below()[1]
     if command:
         yield f"next: {command}"
 
@@ -259,29 +247,25 @@ def rows_page(rows: dict[str, list[Any]]) -> str:
     return aligned([tuple(rows), *map(tuple, body)], indent="")
 
 
-def fit_page(fitted: api.answers.FitOfLogs) -> str:
+def fit_page(fitted: api.answers.FitOfLogs) -> Iterator[str | api.answers.AnswerTable]:
     """The result of a fit, and of a fit to obstacles."""
-    found, learned = fitted.found, fitted.learned
+    answer, learned = fitted.to_json(), fitted.learned
+    known = {**fitted.found.model.parameters, **fitted.model.parameters}
     rows = []
-    for name, value, se in zip(found.names, found.values, found.se):
-        p, error, form = found.model.parameters[name], f"+- {se:.2g}", ""
-        if not se < float("inf"):
-            error = "no error" if name in found.at_bound else "not determined"
-        if p.se_with_form is not None:
-            known = p.se_with_form < float("inf")
-            form = f"with form +- {p.se_with_form:.2g}" if known else "not determined with a form"
-        rows.append((name, f"{value:.6g}", error, form, _unit(p.unit)))
-    lines = [fitted.headline, aligned(rows)]
-    lines += [f"correlation {r:+.3f} between {a} and {b}" for a, b, r in found.correlations]
-    lines += [f"{name} is at a bound" for name in found.at_bound]
-    lines += fitted.doubts
+    for name, p in answer["parameters"].items():
+        error = "not determined" if p["se"] is None else f"+- {p['se']:.2g}"
+        with_form, form = known[name].se_with_form, ""
+        if with_form is not None:
+            form = f"+- {with_form:.2g}" if with_form < float("inf") else "not determined"
+        rows.append([f"  {name}", f"{p['value']:.6g}", error, form, _unit(p["unit"])])
+    names = ("  parameter", "value", "error", "with form", "unit")
+    yield fitted.headline
+    yield api.answers.AnswerTable("Parameters as fitted", names, rows)
+    yield from (f"correlation {r:+.3f} between {a} and {b}" for a, b, r in answer["correlations"])
+    yield from (said for said in fitted.below()[1] if said not in fitted.remarks)
     if learned is not None:
         less = 100.0 * (1.0 - learned.after / learned.before)
-        lines.append(
-            f"{learned.hits} hits on obstacles; the error of the response fell by {less:.0f} %"
-        )
-        lines.append(aligned(_cells(learned.model.parameters[name])[:4] for name in learned.names))
-    return "\n".join(lines)
+        yield f"{learned.hits} hits on obstacles; the error of the response fell by {less:.0f} %"
 
 
 def effect_page(effect: api.models.Effect) -> str:

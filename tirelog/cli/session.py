@@ -19,7 +19,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cached_property, partial
 from pathlib import Path
@@ -42,8 +42,6 @@ from tirelog.runtime import PATIENCE_S
 from tirelog.storage.whole import output_error, whole_file
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from tirelog.data.recording import Recording
     from tirelog.data.setup import Setup
     from tirelog.tables.writer import TableWriter
@@ -125,51 +123,6 @@ def drop_output() -> None:
         os.close(null)
 
 
-# ---- Pages to read, on a terminal or in a file: lines, and tables with columns as wide as their
-# widest cell.
-
-
-def console(width: int) -> Console:
-    """The console of a page: standard output, `width` columns wide if that is no terminal."""
-    from rich.console import Console
-
-    shown = None if sys.stdout.isatty() else width
-    return Console(highlight=False, markup=False, soft_wrap=True, width=shown)
-
-
-def console_table(
-    names: Sequence[str], rows: Iterable[Sequence[Any]], left: Collection[int] = (0,)
-) -> Any:
-    """A table of a page: numbers with four digits, nothing for None; `left` columns of words."""
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False)
-    for i, name in enumerate(names):
-        table.add_column(name, justify="left" if i in left else "right")
-    for row in rows:
-        table.add_row(
-            *(f"{v:.4g}" if isinstance(v, float) else "" if v is None else str(v) for v in row)
-        )
-    return table
-
-
-def print_page(parts: Iterable[Any], out: Console) -> None:
-    """Lines and tables to read, on standard output, whose reader may leave."""
-    with out.capture() as made:  # rich itself would end the process with status 1 then
-        for part in parts:
-            out.print(part)
-    sys.stdout.write(made.get())
-
-
-def aligned(rows: Iterable[tuple[str, ...]], indent: str = "  ") -> str:
-    """Rows of text in columns, all to the left, as a text."""
-    rows = list(rows)
-    widths = [max(map(len, column)) for column in zip(*rows)]
-    return "\n".join(
-        (indent + "  ".join(cell.ljust(w) for cell, w in zip(row, widths))).rstrip() for row in rows
-    )
-
-
 # ---- What a terminal shows while a command works: a line from two seconds on, a summary at the
 # end.
 #
@@ -183,35 +136,28 @@ def working(*, shown: bool) -> Iterator[Callable[..., None]]:
     It is shown from the third second until the context ends. The callable takes the text, and how
     many of a total are done.
     """
-    state, left = [("", 0, 0)], threading.Event()
+    if not shown:
+        yield lambda *_: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    def say(text: str, done: int = 0, total: int = 0) -> None:
-        state[0] = (printable(text), done, total)
+    words = TextColumn("{task.description}", markup=False)
+    columns = SpinnerColumn(), words, BarColumn(bar_width=20), TimeElapsedColumn()
+    line = Progress(*columns, console=Console(stderr=True), transient=True)
+    task, late = line.add_task("", total=None), threading.Timer(PATIENCE_S, line.start)
+    late.daemon = True
 
-    def draw() -> None:
-        if left.wait(PATIENCE_S):
-            return
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    def say_so(text: str, done: int = 0, total: int = 0) -> None:
+        line.update(task, description=printable(text), completed=done, total=total or None)
 
-        words = TextColumn("{task.description}", markup=False)
-        columns = SpinnerColumn(), words, BarColumn(bar_width=20), TimeElapsedColumn()
-        with Progress(*columns, console=Console(stderr=True), transient=True) as line:
-            task = line.add_task("", total=None)
-            while not left.is_set():
-                text, done, total = state[0]
-                line.update(task, description=text, completed=done, total=total or None)
-                left.wait(0.1)
-
-    drawing = threading.Thread(target=draw, daemon=True)
-    if shown:
-        drawing.start()
+    late.start()
     try:
-        yield say
+        yield say_so
     finally:
-        left.set()
-        if shown:
-            drawing.join()
+        late.cancel()
+        late.join()  # it may be starting the line just now
+        line.stop()
 
 
 def summary(output: Path | str, rows: int, logs: int, began: float) -> None:

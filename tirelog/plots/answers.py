@@ -12,7 +12,6 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,7 +43,7 @@ from tirelog.plots.record import (
     write,
 )
 from tirelog.vocabulary.conditions import CONDITIONS
-from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS, drawn
+from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS, shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -140,7 +139,7 @@ def driven(model: Model, observable: str, title: str, less: Model | None = None)
     The patch is grey where the model prescribes it.
     """
     phi, values = np.linspace(-0.8, 0.8, 801), model.values
-    factor, unit = drawn(observable, "N/m" if observable == "contact_pressure" else "")
+    factor, unit = shown(observable, "N/m" if observable == "contact_pressure" else "")
     half = 1e3 * values.get("patch_half_length_m", 0.0)
     marks, words = [span(-half, half, "0.92", zorder=0)], observable.replace("_", " ")
     for speed, acceleration, text, style in _DRIVES:
@@ -191,19 +190,18 @@ def ladder_figure(result: Ladder) -> Figure:
 
 def steps(result: Ladder) -> Panel:
     """Error and floor of each step that was taken."""
-    return climbed_panel(result.to_json(), drawn(result.observable, result.unit))
+    return climbed_panel(result.to_json())
 
 
 def climbed_panel(
     climbed: Mapping[str, Any],
-    as_shown: tuple[float, str],
     colours: Sequence[Any] = (COLOURS[5], "k", COLOURS[1], COLOURS[4]),
 ) -> Panel:
-    """The panel of a ladder's JSON; `as_shown`: factor and unit.
+    """The panel of a ladder's JSON.
 
     `colours`: of the bars, the marks, the floor, and the reserved manoeuvres.
     """
-    factor, unit = as_shown
+    factor, unit = shown(climbed["observable"], climbed["unit"])
     taken = [step for step in climbed["steps"] if step["outcome"] != "not_added"]
     place, untouched = np.arange(len(taken)), climbed.get("rmse_untouched")
     held_out, fitted, floor = (
@@ -223,8 +221,8 @@ def climbed_panel(
         marks.append(dots(place[-1:], there, name, colours[3], symbol="D", mec="black"))
     for x, (step, y) in enumerate(zip(taken, height, strict=True)):
         p = step["p_adjusted"]
-        shown = "" if p is None else f"\np = {probability(p, climbed['manoeuvres'])}"
-        text = step["decision"] + shown.replace("= <=", "<=")
+        chance = "" if p is None else f"\np = {probability(p, climbed['manoeuvres'])}"
+        text = step["decision"] + chance.replace("= <=", "<=")
         marks.append(words(text, x, y, va="bottom", ha="center", beside=(0, 7)))
     return Panel(
         "",
@@ -291,7 +289,7 @@ def shape(result: Proposal) -> Panel | None:
         return None
     best = result.shapes[0]
     frame = FRAMES[best.frame]
-    factor, unit = drawn(result.observable, result.unit)
+    factor, unit = shown(result.observable, result.unit)
     values, error = best.values * factor, 2.0 * best.band * factor
     seen = np.abs(best.values) > 3.0 * best.band
     reach: tuple[Any, Any] = (None, None)
@@ -316,7 +314,7 @@ def shape(result: Proposal) -> Panel | None:
 
 def rest(result: Proposal) -> Panel:
     """The leading shape of the residual, before and after."""
-    factor, unit = drawn(result.observable, result.unit)
+    factor, unit = shown(result.observable, result.unit)
     angle = np.degrees(result.phi_rad)
     return Panel(
         "angle [deg]",
@@ -376,7 +374,7 @@ SHOWN_S = 0.25
 
 def draw_transient(result: TransientComparison, path: Path) -> None:
     """Write a figure of the first hits; the suffix decides the format."""
-    as_shown = drawn(result.observable, result.unit)
+    as_shown = shown(result.observable, result.unit)
     rows = [hit_panels(hit, result.observable, *as_shown) for hit in result.hits[:_MOST_HITS]]
     write(picture(Page(rows, (11.0, 3.2 * len(rows) + 0.6))), path)
 
@@ -416,7 +414,7 @@ def hit_panels(result: HitResult, observable: str, factor: float, unit: str) -> 
 
 #: the map's colours end at this quantile of the residual, and are linear up to so many standard
 #: errors, or to the noise floor
-_QUANTILE = 99.9
+_QUANTILE = 99.5
 _SIGMAS = 3.0
 #: half lengths of the patch that a waveform or map shows at first
 _REACH = 6.0
@@ -429,18 +427,18 @@ def compare_figure(result: Comparison) -> Figure:
 
 def _residuals(result: Comparison) -> Page:
     """Waveforms, and below them the residual and the whitened one, over speed and over time."""
-    factor, unit = drawn(result.observable, result.unit)
-    edge, floor = result.half_angle_rad, result.noise_floor * factor
-    left, white = [], []
-    for map_, name in ((result.by_speed, "speed [m/s]"), (result.by_time, "time [s]")):
-        left.append(_map(map_, map_.residual * factor, floor, f"residual [{unit}]", name, edge))
-        white.append(_map(map_, map_.whitened, _SIGMAS, "residual [standard errors]", name, edge))
+    factor, unit = shown(result.observable, result.unit)
+    maps = (result.by_speed, result.by_time)
     return Page(
-        [[replace(waveforms(result), legend=None), differences(result)], left, white],
+        [
+            [replace(waveforms(result), legend=None), differences(result)],
+            [residual_map(map_, result) for map_ in maps],
+            [residual_map(map_, result, whitened=True) for map_ in maps],
+        ],
         (12.0, 9.5),
-        f"held-out error {in_unit(result.rmse_heldout, factor)} {unit}, noise floor {floor:.3g}, "
-        f"excess {in_unit(result.excess_heldout, factor)}; reduced chi-square "
-        f"{result.reduced_chi2:.3g}",
+        f"held-out error {in_unit(result.rmse_heldout, factor)} {unit}, noise floor "
+        f"{result.noise_floor * factor:.3g}, excess {in_unit(result.excess_heldout, factor)}; "
+        f"reduced chi-square {result.reduced_chi2:.3g}",
         heights=(1.1, 1.0, 1.0),
     )
 
@@ -458,58 +456,46 @@ def draw_compare(result: Comparison, path: Path) -> list[Path]:
     return beside
 
 
-def waveforms(
-    result: Comparison,
-    as_shown: tuple[float, str] | None = None,
-    looks: Sequence[tuple[Any, str, str]] | None = None,
-) -> Panel:
-    """Means of similar revolutions: measured, predicted, and the floor's band.
-
-    `as_shown`: factor and unit of the observable; `looks`: colour, dash and symbol of each mean.
-    """
-    factor, unit = as_shown or drawn(result.observable, result.unit)
-    return over_angle(
-        result,
-        f"{result.observable} [{unit}]",
-        wave_marks(result, factor, looks or _by_speed(result)),
-        "dots: measured means of similar revolutions; lines: predicted",
-    )
+#: colour, dash and symbol of each mean
+Looks = Sequence[tuple[Any, str, str]]
 
 
-def differences(
-    result: Comparison,
-    as_shown: tuple[float, str] | None = None,
-    looks: Sequence[tuple[Any, str, str]] | None = None,
-) -> Panel:
-    """The same means, measured less predicted, with two noise floors (`waveforms`)."""
-    factor, unit = as_shown or drawn(result.observable, result.unit)
-    waves, looks = result.waveforms, looks or _by_speed(result)
-    phi, floor = np.rad2deg(waves.phi_rad), 2.0 * factor * waves.floor
-    marks = [
-        *(
-            band(
-                phi[i], -floor[i], floor[i], f"_two floors, {waves.labels[i]}", colour, opacity=0.2
-            )
-            for i, (colour, *_) in enumerate(looks)
-        ),
-        *(
-            line(
-                phi[i],
-                factor * (waves.measured[i] - waves.predicted[i]),
-                waves.labels[i],
-                colour,
-                dash=dash,
-            )
-            for i, (colour, dash, _) in enumerate(looks)
-        ),
-    ]
-    return over_angle(
-        result, f"residual [{unit}]", marks, "measured less predicted; bands: two noise floors"
-    )
+def waveforms(result: Comparison, looks: Looks | None = None) -> Panel:
+    """Means of similar revolutions: measured, predicted, and two noise floors about it."""
+    factor, unit = shown(result.observable, result.unit)
+    waves, marks = result.waveforms, list[Mark]()
+    looks = looks or _by_speed(result)
+    for i, (said, (colour, dash, symbol)) in enumerate(zip(waves.labels, looks, strict=True)):
+        phi, expected = np.rad2deg(waves.phi_rad[i]), waves.predicted[i] * factor
+        floor, measured = 2.0 * factor * waves.floor[i], waves.measured[i] * factor
+        low, high = expected - floor, expected + floor
+        marks += [
+            band(phi, low, high, f"_two floors, {said}", colour, opacity=0.2),
+            line(phi, expected, f"model, {said}", colour, dash=dash, width=1.2),
+            dots(phi, measured, f"_measured, {said}", colour, symbol=symbol, size=2.5),
+        ]
+    title = "dots: measured means of similar revolutions; lines: predicted"
+    return over_angle(result, f"{result.observable} [{unit}]", marks, title)
 
 
-def _by_speed(result: Comparison) -> list[tuple[Any, str, str]]:
-    """Colour, dash and symbol of each mean: coloured by its speed."""
+def differences(result: Comparison, looks: Looks | None = None) -> Panel:
+    """The same means, measured less predicted, with two noise floors."""
+    factor, unit = shown(result.observable, result.unit)
+    waves, marks = result.waveforms, list[Mark]()
+    looks = looks or _by_speed(result)
+    for i, (said, (colour, dash, _)) in enumerate(zip(waves.labels, looks, strict=True)):
+        phi, floor = np.rad2deg(waves.phi_rad[i]), 2.0 * factor * waves.floor[i]
+        left = factor * (waves.measured[i] - waves.predicted[i])
+        marks += [
+            band(phi, -floor, floor, f"_two floors, {said}", colour, opacity=0.2),
+            line(phi, left, said, colour, dash=dash),
+        ]
+    title = "measured less predicted; bands: two noise floors"
+    return over_angle(result, f"residual [{unit}]", marks, title)
+
+
+def _by_speed(result: Comparison) -> Looks:
+    """Each mean coloured by its speed."""
     return [(c, "solid", ".") for c in by_value(result.waveforms.conditions.speed_m_s)]
 
 
@@ -521,48 +507,34 @@ def over_angle(result: Comparison, y: str, marks: Sequence[Mark], title: str = "
     return Panel(x, y, [*marks, *edges(half)], title, ((-reach, reach), None))
 
 
-def wave_marks(
-    result: Comparison, factor: float, looks: Sequence[tuple[Any, str, str]]
-) -> list[Mark]:
-    """Measured points and the model's line of each waveform, with two noise floors about it.
-
-    `looks`: colour, dash and symbol of each.
-    """
-    waves, marks = result.waveforms, []
-    for i, (said, (colour, dash, symbol)) in enumerate(zip(waves.labels, looks, strict=True)):
-        phi, expected = np.rad2deg(waves.phi_rad[i]), waves.predicted[i] * factor
-        floor, measured = 2.0 * factor * waves.floor[i], waves.measured[i] * factor
-        marks += [
-            band(
-                phi, expected - floor, expected + floor, f"_two floors, {said}", colour, opacity=0.2
-            ),
-            line(phi, expected, f"model, {said}", colour, dash=dash, width=1.2),
-            dots(phi, measured, f"_measured, {said}", colour, symbol=symbol, size=2.5),
-        ]
-    return marks
-
-
-def _map(map_: Map, values: Any, small: float, label: str, name: str, edge: float) -> Panel:
-    """`values` of a map in colour; of one with a single row or column as points."""
-    known = np.abs(values[np.isfinite(values)])
-    largest = float(np.percentile(known, _QUANTILE)) if known.size else 1.0
-    colours = coloured(
-        map_, values, f"{label}\nlinear to {small:.2g}, logarithmic beyond", small,
-        max(largest, small),
-    )  # fmt: skip
-    if colours is not None:
-        between = [level(begin) for begin in map_.begins]
-        after = ", logs one after the other" if map_.begins else ""
-        return Panel("angle [deg]", f"{name}{after}", [colours, *edges(edge), *between])
-    if map_.phi_rad.size > 1:
-        return Panel("angle [deg]", label, [dots(np.rad2deg(map_.phi_rad), np.ravel(values))])
-    return Panel(name, label, [dots(map_.axis, np.ravel(values))])
-
-
-def coloured(map_: Map, values: Any, unit: str, small: float, largest: float) -> Mark | None:
-    """A map's `values` (k, m) in colour over angle [deg] and its axis; None if it has one row."""
+def residual_map(map_: Map, result: Comparison, *, whitened: bool = False) -> Panel:
+    """The residual of a map in colour, or in standard errors; of a single row or column points."""
+    factor, unit = (1.0, "standard errors") if whitened else shown(result.observable, result.unit)
+    small = _SIGMAS if whitened else result.noise_floor * factor
+    values = map_.whitened if whitened else map_.residual * factor
+    name = {"speed_m_s": "speed [m/s]", "time_s": "time [s]"}[map_.axis_name]
+    label = f"residual [{unit}]"
     if map_.axis.size < 2 or map_.phi_rad.size < 2:
-        return None
+        over_angle = map_.phi_rad.size > 1
+        x = np.rad2deg(map_.phi_rad) if over_angle else map_.axis
+        return Panel("angle [deg]" if over_angle else name, label, [dots(x, np.ravel(values))])
+    largest = max(colour_reach(values), small)
+    after = ", logs one after the other" if map_.begins else ""
+    colours = coloured(map_, values, f"{label}\nlinear to {small:.2g}", small, largest)
+    between = [level(begin) for begin in map_.begins]
+    return Panel(
+        "angle [deg]", f"{name}{after}", [colours, *edges(result.half_angle_rad), *between]
+    )
+
+
+def colour_reach(values: Any) -> float:
+    """Where the colours of a map end: one odd cell does not bleach the rest."""
+    known = np.abs(values[np.isfinite(values)])
+    return float(np.percentile(known, _QUANTILE)) if known.size else 1.0
+
+
+def coloured(map_: Map, values: Any, unit: str, small: float, largest: float) -> Mark:
+    """A map's `values` (k, m) in colour over angle [deg] and its axis."""
     return heat(np.rad2deg(map_.phi_rad), map_.axis, values, unit, "signed", small, largest)
 
 
@@ -589,14 +561,13 @@ _BEFORE, _AFTER, _FLOOR = COLOURS[1], COLOURS[0], COLOURS[6]
 def diagnose_figure(result: Diagnosis) -> Figure:
     """A matplotlib figure of a diagnosis."""
     both = [one.parts[0] if one.parts else one for one in (result.before, result.after)]
-    several = both[0].by_speed.phi_rad.size > 1
     return picture(
         Page(
-            [_maps(both) if several else [_values(both)], [ranking(result)]],
+            [before_and_after(both), [ranking(result)]],
             (13.0, 8.5),
             "\n".join(textwrap.wrap(result.sentence, _LETTERS)),
             heights=(1.0, 0.9),
-            bar=f"residual [{drawn(both[0].observable, both[0].unit)[1]}]",
+            bar=f"residual [{shown(both[0].observable, both[0].unit)[1]}]",
             bar_style={"location": "bottom", "format": "%g", "shrink": 0.6},
         )
     )
@@ -617,23 +588,31 @@ def draw_diagnose(result: Diagnosis, path: Path) -> list[Path]:
     return list(others)
 
 
-def _maps(both: Sequence[Comparison]) -> list[Panel]:
-    """The residual over angle and speed before and after, and its size by angle."""
-    factor, unit = drawn(both[0].observable, both[0].unit)
+def before_and_after(both: Sequence[Comparison]) -> list[Panel]:
+    """The residual over angle and speed of each model at one scale, and its size by angle.
+
+    Of a number per revolution its residual over the speed.
+    """
+    factor, unit = shown(both[0].observable, both[0].unit)
     floor = both[0].noise_floor * factor
-    shown = [one.by_speed.residual * factor for one in both]
-    limit = float(np.nanmax(np.abs(shown[0]))) if np.isfinite(shown[0]).any() else 1.0
-    panels, sizes = list[Panel](), list[Mark]()
-    for word, one, values, colour in zip(
-        ("before", "after"), both, shown, (_BEFORE, _AFTER), strict=True
+    residuals = [one.by_speed.residual * factor for one in both]
+    panels, sizes, values = list[Panel](), list[Mark](), list[Mark]()
+    for word, one, left, colour in zip(
+        ("before", "after"), both, residuals, (_BEFORE, _AFTER), strict=False
     ):
-        mesh = coloured(one.by_speed, values, f"residual [{unit}]", floor, limit)
-        marks = [*([] if mesh is None else [mesh]), *edges(one.half_angle_rad)]
-        title = f"{word}: {_error(one, factor)} {unit}"
-        panels.append(Panel("angle [deg]", "" if panels else "speed [m/s]", marks, title))
-        some = np.isfinite(values).any(axis=0)
-        phi, size = np.rad2deg(one.by_speed.phi_rad), np.sqrt(np.nanmean(values[:, some] ** 2, 0))
+        error = "error of the fit" if one.rmse_heldout is None else "held-out error"
+        rmse = one.rmse if one.rmse_heldout is None else one.rmse_heldout
+        title, map_ = f"{word}: {error} {in_unit(rmse, factor)} {unit}", one.by_speed
+        values.append(dots(map_.axis, left[:, 0], title, colour))
+        mesh = coloured(map_, left, f"residual [{unit}]", floor, colour_reach(residuals[0]))
+        marks = [*[mesh] * (map_.axis.size > 1), *edges(one.half_angle_rad)]
+        panels.append(Panel("angle [deg]", "speed [m/s]", marks, title))
+        some = np.isfinite(left).any(axis=0)
+        phi, size = np.rad2deg(map_.phi_rad), np.sqrt(np.nanmean(left[:, some] ** 2, 0))
         sizes.append(line(phi[some], size, word, colour, width=1.4))
+    if both[0].by_speed.phi_rad.size < 2:
+        values += [level(y, "", _FLOOR, dash="dash") for y in (-floor, floor)]
+        return [Panel("speed [m/s]", f"residual [{unit}]", values)]
     sizes.append(level(floor, "noise floor of a revolution", _FLOOR, dash="dash"))
     return [
         *panels,
@@ -653,29 +632,6 @@ def _maps(both: Sequence[Comparison]) -> list[Panel]:
             },
         ),
     ]
-
-
-def _values(both: Sequence[Comparison]) -> Panel:
-    """The residual of a number per revolution over the speed, before and after."""
-    factor, unit = drawn(both[0].observable, both[0].unit)
-    marks = [
-        dots(
-            one.by_speed.axis,
-            np.ravel(one.by_speed.residual) * factor,
-            f"{word}: {_error(one, factor)} {unit}",
-            colour,
-        )
-        for word, one, colour in zip(("before", "after"), both, (_BEFORE, _AFTER), strict=True)
-    ]
-    floor = both[0].noise_floor * factor
-    marks += [level(y, "", _FLOOR, dash="dash") for y in (-floor, floor)]
-    return Panel("speed [m/s]", f"residual [{unit}]", marks)
-
-
-def _error(one: Comparison, factor: float) -> str:
-    if one.rmse_heldout is None:
-        return f"error of the fit {in_unit(one.rmse, factor)}"
-    return f"held-out error {in_unit(one.rmse_heldout, factor)}"
 
 
 def ranking(result: Diagnosis) -> Panel:
@@ -712,73 +668,4 @@ def ranked_panel(
         ((0.0, 118.0), (max(len(shown), 1) - 0.5, -0.5)),
         y_words=[c.effect for c in shown],
         legend=None,
-    )
-
-
-# ---- The picture of an answer's JSON: what its file holds.
-
-
-def answer_picture(fields: Mapping[str, Any]) -> Figure:
-    """The figure of an answer from its JSON, of `compare`, `diagnose`, `ladder` or `form`.
-
-    It has no waveforms and maps: these are in the answer, not in its JSON. ValueError: the JSON is
-    of no answer that has a picture.
-    """
-    if "steps" in fields:
-        shown = drawn(fields["observable"], fields["unit"])
-        return picture(Page([[climbed_panel(fields, shown)]], (8.0, 4.5)))
-    if "pressure" in fields and "stiffness" in fields:
-        profiles = {name: _profile_of(fields[name]) for name in ("pressure", "stiffness")}
-        form: Any = SimpleNamespace(**{**fields, **profiles})
-        return form_figure(form)
-    if "verdict" in fields and "effects" in fields:
-        candidates = [SimpleNamespace(**one) for one in fields["effects"]]
-        panels = [ranked_panel(candidates[:_MOST_EFFECTS]), _errors(fields)]
-        title = "\n".join(textwrap.wrap(fields["sentence"], _LETTERS))
-        return picture(Page([panels], (13.0, 5.5), title, widths=(1.6, 1.0)))
-    if "extra_errors" in fields:
-        return picture(Page([[_extra(fields), _errors(fields)]], (13.0, 5.5), widths=(1.6, 1.0)))
-    raise ValueError("it is of no answer that has a picture")
-
-
-def _profile_of(fields: Mapping[str, Any]) -> SimpleNamespace:
-    """A profile of a form's JSON, with arrays."""
-    return SimpleNamespace(**{name: np.array(values, float) for name, values in fields.items()})
-
-
-def _errors(fields: Mapping[str, Any]) -> Panel:
-    """The errors of an answer's JSON over its noise floor."""
-    known = {
-        said: fields[name] / fields["noise_floor"]
-        for name, said in (
-            ("rmse", "of the fit"),
-            ("rmse_heldout", "held out"),
-            ("rmse_heldout_before", "held out, before"),
-            ("rmse_heldout_after", "held out, after"),
-        )
-        if fields.get(name) is not None
-    }
-    return Panel(
-        "",
-        "error over the noise floor",
-        [bars(np.arange(len(known)), list(known.values())), level(1.0, "noise floor", _FLOOR)],
-        x_words=list(known),
-    )
-
-
-def _extra(fields: Mapping[str, Any]) -> Panel:
-    """The error that a model adds at least, by where and when, the first on top."""
-    observable = fields["observable"].split(" ")[0]
-    shown = [
-        row
-        for row in fields["extra_errors"]
-        if row["of"] != "parameter" and row["size"] is not None and row["observable"] == observable
-    ]
-    factor, unit = drawn(observable, fields["unit"])
-    return Panel(
-        f"error in {observable.replace('_', ' ')} that the model adds at least [{unit}]",
-        "",
-        [bars(np.arange(len(shown)), [factor * row["size"] for row in shown], across=True)],
-        limits=(None, (len(shown) - 0.5, -0.5)),
-        y_words=[f"{row['of']} {row['name']}" for row in shown],
     )

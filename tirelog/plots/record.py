@@ -13,7 +13,7 @@ needed; a message says if it is not there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
@@ -63,7 +63,6 @@ class Panel:
     scales   of x and of y: "linear" or "log"
     x_words, y_words   at 0, 1, ... of the axis
     legend   how matplotlib places it; None: none is drawn
-    own      draws on matplotlib's axes what is no mark; `polar` says of which kind they are
     bare     no axes, and both to one scale
     """
 
@@ -76,8 +75,6 @@ class Panel:
     x_words: Sequence[str] = ()
     y_words: Sequence[str] = ()
     legend: Mapping[str, Any] | None = field(default_factory=lambda: {"fontsize": 7})
-    own: Callable[[Any], object] | None = None
-    polar: bool = False
     bare: bool = False
 
 
@@ -85,8 +82,7 @@ class Panel:
 class Page:
     """Panels by rows; a row of fewer panels spreads them over the width.  None: an empty place.
 
-    size      inches; of a part of a page none
-    parts     pages side by side, or below each other if `stacked`, instead of panels
+    size      inches
     share     axes that the panels of a column ("x") or of a row ("y") have in common
     bar       one bar of colours for all panels: its label; else each has its own
     """
@@ -94,11 +90,8 @@ class Page:
     rows: Sequence[Sequence[Panel | None]] = ()
     size: tuple[float, float] = (12.0, 4.0)
     title: str = ""
-    widths: Sequence[float] | None = None
     heights: Sequence[float] | None = None
     share: str = ""
-    parts: Sequence[Page] = ()
-    stacked: bool = False
     bar: str = ""
     bar_style: Mapping[str, Any] = field(default_factory=dict)
 
@@ -234,26 +227,10 @@ _LETTERS = 90
 def picture(page: Page) -> Figure:
     """The page drawn."""
     figure = figure_page(*page.size)
-    _fill(figure, page)
-    return figure
-
-
-def _fill(figure: Any, page: Page) -> None:
-    """A page, or a part of one, on a (sub)figure."""
     if page.title:
         figure.suptitle(page.title, fontsize=12)
-    if page.parts:
-        shape = (len(page.parts), 1) if page.stacked else (1, len(page.parts))
-        of = figure.subfigures(
-            *shape, squeeze=False, width_ratios=page.widths, height_ratios=page.heights
-        )
-        for place, part in zip(of.ravel(), page.parts, strict=True):
-            _fill(place, part)
-        return
     across = int(np.lcm.reduce([max(len(row), 1) for row in page.rows]))
-    grid = figure.add_gridspec(
-        len(page.rows), across, width_ratios=page.widths, height_ratios=page.heights
-    )
+    grid = figure.add_gridspec(len(page.rows), across, height_ratios=page.heights)
     meshes, firsts = list[Any](), dict[int, "Axes"]()
     for i, row in enumerate(page.rows):
         wide = across // max(len(row), 1)
@@ -263,7 +240,6 @@ def _fill(figure: Any, page: Page) -> None:
                 continue
             axes = figure.add_subplot(
                 grid[i, j * wide : (j + 1) * wide],
-                projection="polar" if panel.polar else None,
                 sharex=firsts.get(j) if "x" in page.share else None,
                 sharey=first if "y" in page.share else None,
             )
@@ -273,7 +249,7 @@ def _fill(figure: Any, page: Page) -> None:
             meshes += [] if mesh is None else [mesh]
             if mesh is not None and not page.bar:
                 figure.colorbar(mesh, ax=axes, label=panel.marks[0].name, format="%g")
-            if "x" in page.share and i + 1 < len(page.rows):
+            if "x" in page.share and i + 1 < len(page.rows) and page.rows[i + 1][j] is not None:
                 axes.tick_params(labelbottom=False)
                 axes.set_xlabel("")
             if "y" in page.share and j > 0:
@@ -281,6 +257,7 @@ def _fill(figure: Any, page: Page) -> None:
     if page.bar and meshes:
         shown = [mesh.axes for mesh in meshes]
         figure.colorbar(meshes[-1], ax=shown, label=page.bar, **page.bar_style)
+    return figure
 
 
 def draw_panel(axes: Any, panel: Panel) -> Any:
@@ -289,8 +266,6 @@ def draw_panel(axes: Any, panel: Panel) -> Any:
     axes.grid(alpha=0.25, linewidth=0.6)
     for mark in panel.marks:
         mesh = _draw_mark(axes, mark) or mesh
-    if panel.own is not None:
-        panel.own(axes)
     axes.set(xlabel=panel.x, ylabel=panel.y)
     if panel.scales != ("linear", "linear"):
         axes.set(xscale=panel.scales[0], yscale=panel.scales[1])
@@ -305,9 +280,7 @@ def draw_panel(axes: Any, panel: Panel) -> Any:
         axes.set_axis_off()
         axes.set_aspect("equal")
     if panel.title:
-        axes.set_title(
-            panel.title, loc="center" if panel.polar or panel.bare else "left", fontsize="medium"
-        )
+        axes.set_title(panel.title, loc="center" if panel.bare else "left", fontsize="medium")
     if panel.legend is not None and axes.get_legend_handles_labels()[1]:
         axes.legend(**panel.legend)
     return mesh

@@ -1,15 +1,14 @@
-"""Pictures of tables: footprint and dissipation, speed, static tests, encoder, and phase shift.
+"""Pictures of tables, and their panels for the report's page.
 
-    Recording and what a command found of each channel --while the log is open--> Sketch
-        --all of them--> PNG, SVG or PDF
-
-Longer than others: a picture per table, which share their parts.
+rows of a table, by channels --> its quantities --> panels over time and over speed
+    of a footprint also single passages, of phase shifts fronts and the calibration's maps;
+    a static test's strain over time and pressure --> PNG, SVG or PDF
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +17,6 @@ import numpy as np
 
 from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.filters import Cutoff, lowpassed, window_spectra
-from tirelog.errors import UsageError
 from tirelog.plots.record import (
     COLOURS,
     EDGE,
@@ -29,7 +27,6 @@ from tirelog.plots.record import (
     Mark,
     Page,
     Panel,
-    decimated,
     dots,
     level,
     line,
@@ -42,124 +39,214 @@ from tirelog.plots.record import (
 )
 from tirelog.plots.turns import found_of_grating
 from tirelog.products import Part
-from tirelog.strain.dissipation import AVERAGED, DissipationOfChannel, regressions
+from tirelog.strain.dissipation import AVERAGED, regressions
 from tirelog.strain.footprint.learn import gather_windows
 from tirelog.strain.footprint.measure import along_tread
 from tirelog.strain.inflation import InflationOfChannel
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.quality import OK, good_rows
+from tirelog.vocabulary.quality import good_rows
 from tirelog.wheel.calibration import Calibration
 from tirelog.wheel.phase_shift import EdgeTimes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# ---- Columns of a table as panels: of pages of pictures, and of the report.
+# ---- Quantities of tables as panels: of pages of pictures, and of the report.
 
 
 #: a channel's good rows: its name in the legend, columns, the number of its colour, its symbol
 ChannelRows = tuple[str, Mapping[str, Any], int, str]
 #: columns that something is drawn over, with their titles
 AXES = {"time_s": "time [s]", "speed_m_s": "speed [m/s]"}
-#: columns that tell one length, with their words
-LENGTHS = {
+#: channels that are drawn, and rows of each: evenly over the log if there are more
+MOST, MOST_ROWS = 8, 6000
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity of a table: its columns with their words, the best first.
+
+    factor      from the columns to its unit
+    over_speed  those of the columns that are drawn over the speed, too
+    source      figures of a paper that show it
+    """
+
+    name: str
+    unit: str
+    columns: Mapping[str, str]
+    factor: float = 1.0
+    over_speed: Sequence[str] = ()
+    source: str = ""
+
+
+_LENGTHS = {
     "length_m": "best estimate",
     "length_d2_m": "second derivative",
     "length_d1_m": "first derivative",
 }
-#: columns of what dissipates: the column of its moving averages, its name, its unit
-DISSIPATED = {
-    "specific_power_m3_s2": ("specific_power_mean_m3_s2", "specific power", "m³/s²"),
-    "dissipation_factor_1_m": ("dissipation_factor_mean_1_m", "dissipation factor", "1/m"),
+_SHIFTS, _WIDTHS = (
+    {
+        f"{name}{part}_deg": word
+        for part, word in (
+            ("", "measured"),
+            ("_detrended", "detrended"),
+            ("_corrected", "corrected"),
+        )
+    }
+    for name in ("phase_shift", "patch_width")
+)
+_FACTORS = {
+    "dissipation_factor_mean_1_m": "moving average",
+    "dissipation_factor_1_m": "each revolution",
 }
-#: quantities of phase shifts, and their columns by the end of the name
-SHIFTED = ("phase_shift", "patch_width")
-_CLEANED = {"": "measured", "_detrended": "detrended", "_corrected": "corrected"}
-#: marks of columns beside the best estimate, of each revolution, and of averages over some
-_ASIDE, _PALE = {"size": 6, "opacity": 0.4}, {"size": 4, "opacity": 0.4}
-_FULL = {"size": 7, "opacity": 1.0, "symbol": "square"}
+_POWERS = {
+    "specific_power_mean_m3_s2": "moving average",
+    "specific_power_m3_s2": "each revolution",
+}
+#: any other column of numbers is a quantity of its own
+QUANTITIES = (
+    Quantity("speed", "m/s", {"speed_m_s": ""}),
+    Quantity("acceleration", "m/s²", {"acceleration_m_s2": ""}),
+    Quantity("contact length", "mm", _LENGTHS, 1e3, tuple(_LENGTHS), "P2 Figs. 20 to 22"),
+    Quantity("slip onset", "mm", {"slip_onset_m": ""}, 1e3),
+    Quantity("dissipation factor", "1/m", _FACTORS, 1.0, tuple(_FACTORS)[:1], "P1 Figs. 9 to 11"),
+    Quantity("specific power", "m³/s²", _POWERS, 1.0, tuple(_POWERS)[:1], "P1 Figs. 9 to 11"),
+    Quantity("power of the strip", "W", {"strip_power_W": ""}, 1.0, ("strip_power_W",)),
+    Quantity(
+        "resistance of the strip",
+        "N",
+        {"strip_rolling_resistance_N": ""},
+        1.0,
+        ("strip_rolling_resistance_N",),
+    ),
+    Quantity(
+        "resistance coefficient of the strip",
+        "1",
+        {"strip_rolling_resistance_coefficient": ""},
+    ),
+    Quantity("phase shift", "deg", _SHIFTS, 1.0, tuple(_SHIFTS), "P4 Figs. 8 to 13"),
+    Quantity("patch width", "deg", _WIDTHS, 1.0, tuple(_WIDTHS), "P4 Figs. 8 to 13"),
+    Quantity("vertical force", "N", {"vertical_force_N": ""}),
+    Quantity("longitudinal force", "N", {"longitudinal_force_N": ""}),
+    Quantity("strain", "microstrain", {"strain": ""}, MICRO),
+)
+_KNOWN = {column: quantity for quantity in QUANTITIES for column in quantity.columns}
+#: columns that only say which row it is
+_OF_A_ROW = (
+    *("revolution", "period_s", "entry_time_s", "exit_time_s", "steady", "rank", "step"),
+    *("entry_angle_deg", "exit_angle_deg"),
+)
+#: what the name of a column of standard errors has more than that of its quantity
+_ERROR = re.compile(r"_se(?=_|$)")
+#: what the page shows of columns beside the best of a quantity
+_ASIDE = {"size": 4, "opacity": 0.4}
 
 
-#: rows of a channel that are drawn: evenly over the log if there are more
-_MOST_ROWS = 20_000
+def parts_of_frame(table: Any) -> list[dict[str, Any]]:
+    """The columns of a DataFrame by channels of logs."""
+    groups = table.groupby(["log", "channel"], sort=False, observed=True, dropna=False)
+    return [{str(name): rows[name].to_numpy() for name in rows} for _, rows in groups]
 
 
-def rows_of_parts(parts: Sequence[Mapping[str, Any]]) -> list[ChannelRows]:
-    """The good rows of each part, by channel and, of several, log; at most MOST.
+def rows_of_parts(
+    parts: Sequence[Mapping[str, Any]], colours: Mapping[str, int] | None = None
+) -> list[ChannelRows]:
+    """The good rows of each part, by channel and, of several, log; at most MOST, each MOST_ROWS.
 
-    Of more than so many rows every n-th.
+    Of several logs each has its colour, if there are `colours` by file names, and symbols tell its
+    channels apart.
     """
-    found = list[ChannelRows]()
+    found, seen = list[ChannelRows](), list[str]()
     for number, columns in enumerate(parts[:MOST]):
         kept = np.flatnonzero(good_rows(columns["quality"]))
-        kept = kept[:: -(-max(kept.size, 1) // _MOST_ROWS)]
+        kept = kept[:: -(-max(kept.size, 1) // MOST_ROWS)]
         log, name = (str(next(iter(np.atleast_1d(columns[c])), "")) for c in ("log", "channel"))
+        arrays = {c: np.asarray(values)[kept] for c, values in columns.items() if np.ndim(values)}
+        rows = {**arrays, "log": log, "channel": name}
         if len(parts) > 1:
             name = f"{Path(log).name}: {name}"
-        rows = {c: np.asarray(values)[kept] for c, values in columns.items() if np.ndim(values)}
-        found.append((name, rows, number, SYMBOLS[0]))
+        of_log = colours is not None and len(colours) > 1
+        colour = colours[Path(log).name] if colours is not None and of_log else number
+        symbol = SYMBOLS[seen.count(log) % len(SYMBOLS) if of_log else 0]
+        found.append((name, rows, colour, symbol))
+        seen.append(log)
     return found
 
 
 def undrawn(parts: Iterable[Mapping[str, Any]]) -> str:
     """How many flagged rows and further channels a picture leaves out; empty if none."""
-    rows = [int((~good_rows(columns["quality"])).sum()) for columns in parts]
-    left_out = ((sum(rows[:MOST]), "flagged rows"), (len(rows) - MOST, "more channels"))
+    flagged = [int((~good_rows(columns["quality"])).sum()) for columns in parts]
+    rows = [len(columns["quality"]) - n for columns, n in zip(parts, flagged, strict=True)]
+    left_out = (
+        (sum(flagged[:MOST]), "flagged rows"),
+        (sum(n > MOST_ROWS for n in rows[:MOST]), f"channels' rows beyond {MOST_ROWS}"),
+        (len(rows) - MOST, "more channels"),
+    )
     said = "; ".join(f"{number} {what}" for number, what in left_out if number > 0)
     return f"{said} are not drawn" if said else ""
 
 
 def ways(
-    found: Sequence[ChannelRows],
-    x: str,
-    columns: Mapping[str, str],
-    factor: float = 1.0,
-    *,
-    error: str = "",
-    look: Mapping[str, Any] | None = None,
-    aside: Mapping[str, Any] | None = None,
+    found: Sequence[ChannelRows], x: str, columns: Mapping[str, str], factor: float = 1.0
 ) -> list[Mark]:
     """Several `columns` (name -> words) that tell one quantity, against another.
 
     Of one group by colour; of several the colour is the group's and the symbol tells them apart.
-    Points look on the page as `look` says, those of all columns but the first as `aside`. A single
-    column has the group's name and symbol. `error`: the column of its errors.
+    A single column has the group's name and symbol. Bars are two standard errors, of a column
+    without any those of the first.
     """
     drawn, one, several = list[Mark](), len(found) == 1, len(columns) > 1
     for group, rows, own, symbol in found:
+        errors = {_ERROR.sub("", c): c for c in rows if _ERROR.search(c)}
         for i, (column, word) in enumerate(columns.items()):
             name = (word if one else f"{group}, {word}") if several else group
-            marker = {"symbol": SYMBOLS[i % len(SYMBOLS)] if several else symbol}
-            marker |= (aside if i else look) or {}
-            style: dict[str, Any] = {"symbol": marker["symbol"], "size": 2.5, "marker": marker}
-            if error:
-                style |= {"error": 2.0 * np.nan_to_num(rows[error]), "elinewidth": 0.6}
+            shape = SYMBOLS[i % len(SYMBOLS)] if several else symbol
+            marker = {"symbol": shape, **(_ASIDE if i else {})}
+            style: dict[str, Any] = {"symbol": shape, "size": 2.5, "marker": marker}
+            style["zorder"] = 3.0 - 0.1 * i  # the best on top
+            error = errors.get(column) or errors.get(next(iter(columns)))
+            if error is not None:
+                style |= {"error": 2.0 * factor * np.nan_to_num(rows[error]), "elinewidth": 0.6}
             values = np.asarray(rows[column], float) * factor
             drawn.append(dots(rows[x], values, name, i if one and several else own, **style))
     return drawn
 
 
-def lengths(found: Sequence[ChannelRows], x: str) -> Panel:
-    """Contact lengths by three methods over a column of AXES."""
-    return Panel(AXES[x], "contact length [mm]", ways(found, x, LENGTHS, 1e3, aside=_ASIDE))
+def table_panels(
+    found: Sequence[ChannelRows], lines: Sequence[Mapping[str, Any]] = ()
+) -> Iterator[tuple[Quantity, str, Panel]]:
+    """(quantity, the column that it is over, panel) of all numbers that vary.
 
-
-def dissipation_panels(
-    found: Sequence[ChannelRows],
-    column: str,
-    lines: Iterable[tuple[str, int, Mapping[str, Any]]],
-) -> tuple[Panel, Panel]:
-    """A column of DISSIPATED and its averages over time, and these over speed (P1 Figs. 9 to 11).
-
-    lines  (name, number of the colour, row of `dissipation --fit`)
+    lines   rows of `dissipation --fit`: they are drawn with what they are of
     """
-    mean, name, unit = DISSIPATED[column]
-    label = f"{name} [{unit}]"
-    both = {column: "each revolution", mean: "moving average"}
-    marks = ways(found, "time_s", both, look=_PALE, aside=_FULL)
-    over = ways(found, "speed_m_s", {mean: ""})
-    over += [fitted_line(*one) for one in lines if one[2]["quantity"] == column]
-    return Panel(AXES["time_s"], label, marks), Panel(AXES["speed_m_s"], label, over)
+    varying = list[str]()
+    for name in found[0][1] if found else ():
+        values = np.concatenate([np.atleast_1d(rows[name]) for _, rows, _, _ in found])
+        if values.dtype.kind in "fiu" and np.unique(values[np.isfinite(values)]).size > 1:
+            varying.append(name)
+    first = "time_s" if "time_s" in varying else next(iter(varying), "")
+    done = {first, *_OF_A_ROW}
+    for column in varying:
+        if column in done or _ERROR.search(column):
+            continue
+        quantity = _KNOWN.get(column) or Quantity(column, "", {column: ""})
+        done |= set(quantity.columns)
+        columns = {c: said for c, said in quantity.columns.items() if c in varying}
+        fast = {c: said for c, said in columns.items() if c in quantity.over_speed}
+        own = [one for one in lines if one["quantity"] in columns]
+        for x, shown in ((first, columns), ("speed_m_s", fast if "speed_m_s" in varying else {})):
+            if not shown or (shown is fast and x == first):
+                continue
+            marks = ways(found, x, shown, quantity.factor)
+            if shown is fast:
+                marks += [
+                    fitted_line(name, colour, one)
+                    for name, rows, colour, _ in found
+                    for one in own
+                    if (one["log"], one["channel"]) == (rows["log"], rows["channel"])
+                ]
+            unit = f" [{quantity.unit}]" if quantity.unit else ""
+            yield quantity, x, Panel(AXES.get(x, x), f"{quantity.name}{unit}", marks)
 
 
 def fitted_line(who: str, colour: int, row: Mapping[str, Any]) -> Mark:
@@ -173,44 +260,34 @@ def fitted_line(who: str, colour: int, row: Mapping[str, Any]) -> Mark:
     return line(ends, y, name, colour, dash=dash, line={"width": 2.5})
 
 
-def shifts(found: Sequence[ChannelRows], quantity: str, x: str) -> Panel:
-    """A quantity of SHIFTED over a column of AXES, measured and cleaned (P4 Figs. 8 to 13)."""
-    named = {f"{quantity}{part}_deg": word for part, word in _CLEANED.items()}
-    columns = {
-        c: word for c, word in named.items() if any(holds(rows, c) for _, rows, _, _ in found)
-    }
-    error = f"{quantity}_se_deg" if found and f"{quantity}_se_deg" in found[0][1] else ""
-    marks = ways(found, x, columns, error=error)
-    return Panel(AXES[x], f"{quantity.replace('_', ' ')} [deg]", marks)
-
-
 def holds(table: Mapping[str, Any], column: str) -> bool:
     """True if the table has a value in this column of numbers."""
     return column in table and bool(np.isfinite(np.asarray(table[column], float)).any())
 
 
-# ---- Any table as one page: a panel per quantity, over time or over its first column of numbers.
+# ---- Tables as one page each: a panel per quantity, over time or over its first column of numbers.
+#
+# recordings and parts, kept while their logs were open --> PNG, SVG or PDF
 
 
-#: columns that share a panel, with their words, by the first of them
-_TOGETHER: Mapping[str, Mapping[str, str]] = {
-    "length_m": LENGTHS,
-    **{
-        column: {column: "each revolution", mean: "moving average"}
-        for column, (mean, _, _) in DISSIPATED.items()
-    },
-    **{
-        f"{quantity}_deg": {f"{quantity}{part}_deg": word for part, word in _CLEANED.items()}
-        for quantity in SHIFTED
-    },
-}
-#: columns that only say which row it is
-_OF_A_ROW = ("revolution", "period_s", "entry_time_s", "exit_time_s", "steady", "rank", "step")
-#: what the name of a column of standard errors has more than that of its quantity
-_ERROR = re.compile(r"_se(?=_|$)")
+def table_picture(
+    parts: Sequence[Mapping[str, Any]],
+    lines: Sequence[Mapping[str, Any]] = (),
+    more: Sequence[Sequence[Panel]] = (),
+) -> Figure | None:
+    """The page of a table by parts with `log`, `channel` and `quality`; None if nothing varies."""
+    panels = [panel for *_, panel in table_panels(rows_of_parts(parts), lines)]
+    return _page(panels, undrawn(parts), more) if panels else None
 
 
-def rows_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure:
+def _page(panels: Sequence[Panel], title: str, more: Sequence[Sequence[Panel]] = ()) -> Figure:
+    """Panels in rows of two, or as wide as the rows that follow them."""
+    across = max(min(len(panels), 2), *map(len, more), 1)
+    rows = [*rows_of(panels, across), *more]
+    return picture(Page(rows, ((6.5, 13.0, 16.0)[across - 1], 0.6 + 2.7 * len(rows)), title))
+
+
+def rows_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure | None:
     """The page of a table as its command made it, with scalars for columns of one value."""
     parts = []
     for _, part in kept:
@@ -219,52 +296,61 @@ def rows_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure:
     return table_picture(parts)
 
 
-def table_picture(parts: Sequence[Mapping[str, Any]]) -> Figure:
-    """The page of a table by parts with `log`, `channel` and `quality`, as a rule by channels.
-
-    UsageError: it has no two columns of numbers that vary.
-    """
-    found, varying = rows_of_parts(parts), list[str]()
-    for name in parts[0]:
-        values = np.concatenate([np.asarray(part[name]) for part in parts])
-        if values.dtype.kind in "fiu" and np.unique(values[np.isfinite(values)]).size > 1:
-            varying.append(name)
-    x = "time_s" if "time_s" in varying else next(iter(varying), "")
-    aside = {c for own in _TOGETHER.values() for c in own if c not in _TOGETHER}
-    panels = []
-    for column in varying:
-        if column in (x, *aside, *_OF_A_ROW) or _ERROR.search(column):
-            continue
-        words = {c: said for c, said in _TOGETHER.get(column, {}).items() if c in varying}
-        error = next((c for c in parts[0] if c != column and _ERROR.sub("", c) == column), "")
-        factor, label = (MICRO, "strain [microstrain]") if column == "strain" else (1.0, column)
-        marks = ways(found, x, words or {column: ""}, factor, error=error)
-        panels.append(Panel(AXES.get(x, x), label, marks))
-    if not panels:
-        raise UsageError(
-            "is no table of numbers that vary",
-            allowed="allowed is a table with two columns of such numbers",
-            do="read its rows",
-            file=str(next(iter(parts[0]["log"]), "")),
-        )
-    across = min(len(panels), 2)
-    rows = rows_of(panels, across)
-    return picture(Page(rows, (6.5 * across, 0.6 + 2.7 * len(rows)), undrawn(parts)))
+#: a recording, its part, and further rows of panels, drawn while the log is open
+Sketch = tuple[Recording, Part, list[list[Panel]]]
+#: revolutions in the magnification of the strain
+MAGNIFIED = 4
 
 
-# ---- The footprint as one page (P2 Figs. 17 to 22).
-#
-# Left: strain and speed over time of the first channel (Figs. 17, 20), contact lengths over time
-# and speed of all. Right: one passage, free rolling if there is one, and the one with the clearest
-# slip onset: strain, first and second derivative along the tread, raw and low-passed, edges by each
-# method (Figs. 18, 19, 21).
+def dissipation_sketch(recording: Recording, part: Part) -> Sketch:
+    """The speed with its moving average, and the strain of a few revolutions (P1 Figs. 7, 8)."""
+    found, p = part.found, part.found.passages
+    if len(p) <= max(MAGNIFIED, AVERAGED):
+        return recording, part, []
+    steady = np.flatnonzero(found.dissipation.steady)
+    row = int(steady[steady.size // 2]) if steady.size else len(p) // 2
+    row = min(row, len(p) - MAGNIFIED - 1)
+    low, high = max(int(p.index[row]) - 10, 0), int(p.index[row + MAGNIFIED])
+    time, strain = found.channel.axis.time(low, high), found.channel.read(low, high)
+    mean = np.full(AVERAGED, 1.0 / AVERAGED)
+    time_s, speed_m_s = (np.convolve(values, mean, "valid") for values in (p.time_s, p.speed_m_s))
+    speeds = [
+        dots(p.time_s, p.speed_m_s, "", RAW, size=3),
+        dots(p.time_s[steady], p.speed_m_s[steady], "constant speed", EDGE, size=3),
+        line(time_s, speed_m_s, f"mean of {AVERAGED}", "#CC0000", width=0.9),
+    ]
+    title = f"{MAGNIFIED} revolutions at {p.speed_m_s[row]:.1f} m/s"
+    magnified = [line(time, MICRO * strain, width=0.9)]
+    return (
+        recording,
+        part,
+        [
+            [
+                Panel("time [s]", "speed [m/s]", speeds, found.channel.name),
+                Panel("time [s]", "strain [microstrain]", magnified, title),
+            ]
+        ],
+    )
 
 
-#: channels with a colour of their own, or logs with a row, and the window of a passage in half
-#: lengths
-MOST, WINDOW = 8, 2.2
-#: what is read beside a window for the low-pass, in its periods
-_BESIDE = 3.0
+def dissipation_picture(sketches: Sequence[Sketch]) -> Figure | None:
+    """Specific power and factor over time and, with their regressions, over speed (P1)."""
+    fits = [regressions(recording.log, part.found)[0] for recording, part, _ in sketches]
+    lines = [
+        {name: np.broadcast_to(values, len(fit["slope"]))[i] for name, values in fit.items()}
+        for fit in fits
+        if fit is not None
+        for i in range(len(fit["slope"]))
+    ]
+    shown = next((rows for *_, rows in sketches if rows), [])
+    return table_picture([part.columns for _, part, _ in sketches], lines, shown)
+
+
+# ---- The footprint (P2 Figs. 17 to 22): also a passage of free rolling, and one with slip onset:
+# strain, first and second derivative along the tread, raw and low-passed, with the edges.
+
+#: the window of a passage in half lengths, and what is read beside it for the low-pass, in periods
+WINDOW, _BESIDE = 2.2, 3.0
 #: numbers of the footprint table that a picture of a passage has
 _OF_A_PASSAGE = (
     *("time_s", "speed_m_s", "length_m", "length_d2_m", "length_d1_m", "entry_time_s"),
@@ -272,91 +358,41 @@ _OF_A_PASSAGE = (
 )
 
 
-@dataclass(frozen=True)
-class Sketch:
-    """The numbers of one channel for a page, read while its log is open.
-
-    found    what the command found of it; `signal` its samples, decimated
-    closer   of a footprint the panels of the passages that are shown, of a dissipation times,
-             strain and speed of a few revolutions
-    """
-
-    recording: Recording
-    found: Any
-    signal: tuple[FloatArray, FloatArray]
-    closer: Any
-
-
 def footprint_sketch(recording: Recording, part: Part) -> Sketch:
-    """The numbers of a channel for the page.  UsageError: no grating."""
-    found = found_of_grating(recording, part)
-    shown = []
-    for row, title in _passages(part.columns):
+    """The passages of a channel for the page.  UsageError: no grating."""
+    channel, shown = found_of_grating(recording, part).channel, []
+    for row, title in passages(part.columns):
         said = f"{title}: {row['time_s']:.2f} s, {row['speed_m_s']:.1f} m/s"
-        panels = passage_panels(recording, found.channel, row, (RAW, COLOURS[0]))
+        panels = passage_panels(recording, channel, row, (RAW, COLOURS[0]))
         shown += [[replace(panels[0], title=said), *panels[1:]]] if panels else []
-    return Sketch(recording, found, decimated(found.channel), shown)
+    return recording, part, shown
 
 
-def footprint_picture(sketches: Sequence[Sketch]) -> Figure:
-    """Time series and lengths at the left, passages at the right."""
-    first = next((sketch for sketch in sketches if len(sketch.found.passages)), sketches[0])
-    kept = [sketch.found.columns for sketch in sketches]
-    p, found = first.found.passages, rows_of_parts(kept)
-    speeds = Panel(
-        "time [s]", "speed [m/s]", [line(p.time_s, p.speed_m_s, symbol=".", size=2, width=0.8)]
-    )
-    tires = (sketch.recording.setup.tire for sketch in sketches)
-    statics = {tire.static_footprint_length_m for tire in tires} - {None}
+def footprint_picture(sketches: Sequence[Sketch]) -> Figure | None:
+    """Lengths over time and speed beside the static one, and passages below."""
+    parts = [part.columns for _, part, _ in sketches]
+    statics = {recording.setup.tire.static_footprint_length_m for recording, *_ in sketches}
     known = [
         level(1e3 * length, f"static {1e3 * length:.0f} mm", dash="dot", width=1.2)
         for length in statics
         if length is not None
     ]
-    levels = [np.full(1 + p.time_s.size, 1e3 * length) for length in statics if length]
-    by_time, by_speed = (
-        replace(
-            panel,
-            marks=[*panel.marks, *known],
-            # levels by themselves are in sight, whatever share of the rows they are
-            limits=(None, robust_range(*(np.atleast_1d(mark.y) for mark in panel.marks), *levels)),
-        )
-        for panel in (lengths(found, x) for x in AXES)
-    )
-    over_time = [[signal_panel(first, len(sketches))], [speeds], [by_time]]
-    columns = first.closer
-    right = [list(row) for row in zip(*columns, strict=True)] or [[None]]
-    left = [Page(over_time, heights=(1.0, 0.7, 1.0), share="x"), Page([[by_speed]])]
-    return picture(
-        Page(
-            size=(13.5 if len(columns) < 2 else 17.0, 10.5),
-            title=undrawn(kept),
-            parts=[Page(parts=left, stacked=True, heights=(2.7, 1.1)), Page(right, share="x")],
-            widths=(1.0, 0.8 * max(len(columns), 1)),
-        )
-    )
+    panels = [
+        replace(panel, marks=[*panel.marks, *known]) if quantity.name == "contact length" else panel
+        for quantity, _, panel in table_panels(rows_of_parts(parts))
+    ]
+    shown = next((rows for *_, rows in sketches if rows), [])
+    return _page(panels, undrawn(parts), shown) if panels else None
 
 
-def signal_panel(sketch: Sketch, channels: int) -> Panel:
-    """The whole strain of one of so many channels over time (P2 Fig. 17)."""
-    channel, (time, strain) = sketch.found.channel, sketch.signal
-    which = f", 1 of {channels}" if channels > 1 else ""
-    return Panel(
-        "time [s]",
-        "strain [microstrain]",
-        [line(time, MICRO * strain, width=0.5, opacity=0.9)],
-        f"{Path(sketch.recording.log).name}: {channel.name} ({channel.surface} surface){which}",
-    )
-
-
-def _passages(columns: Mapping[str, Any]) -> list[tuple[dict[str, float], str]]:
+def passages(columns: Mapping[str, Any]) -> list[tuple[dict[str, float], str]]:
     """Rows of a footprint table of one channel that are shown, each with its title.
 
     A clean one of free rolling, and the clean one with the surest slip onset.
     """
     numbers = {name: np.asarray(columns[name], float) for name in _OF_A_PASSAGE}
     length, onset = numbers["length_m"], numbers["slip_onset_m"]
-    clean = np.flatnonzero((columns["quality"] == OK) & np.isfinite(length))
+    clean = np.flatnonzero(good_rows(columns["quality"]) & np.isfinite(length))
     if not clean.size:
         return []
     chosen = {int(clean[free_rolling(numbers["time_s"][clean], numbers["speed_m_s"][clean])]): ""}
@@ -452,90 +488,6 @@ def _edge_lines(row: Any, colour: Any) -> list[Mark]:
     ]
 
 
-# ---- Dissipation of whatever logs a command has worked on, as one page (P1 Figs. 7 to 11).
-#
-#     Recording and DissipationOfChannel of each channel --while the log is open--> Sketch
-#         --all of them--> PNG, SVG or PDF
-#
-# Left: strain and speed over time (Figs. 7, 8's magnification), specific power and factor over time
-# with their moving averages (Figs. 9, 10). Right: both averages over speed with their regressions
-# (Fig. 11).
-
-
-#: revolutions in the magnification of the strain
-MAGNIFIED = 4
-
-
-def dissipation_sketch(recording: Recording, part: Part) -> Sketch:
-    """The numbers of a channel for the page."""
-    found = part.found
-    p, steady = found.passages, np.flatnonzero(found.dissipation.steady)
-    row = int(steady[steady.size // 2]) if steady.size else len(p) // 2
-    row = max(min(row, len(p) - MAGNIFIED - 1), 0)
-    magnified = (np.zeros(0), np.zeros(0), float("nan"))
-    if len(p) > MAGNIFIED:
-        low, high = max(int(p.index[row]) - 10, 0), int(p.index[row + MAGNIFIED])
-        channel = found.channel
-        magnified = channel.axis.time(low, high), channel.read(low, high), float(p.speed_m_s[row])
-    return Sketch(recording, found, decimated(found.channel), magnified)
-
-
-def dissipation_picture(sketches: Sequence[Sketch]) -> Figure:
-    """The page."""
-    first = next((sketch for sketch in sketches if len(sketch.found.passages)), sketches[0])
-    d, p = first.found.dissipation, first.found.passages
-    kept = [sketch.found.columns for sketch in sketches]
-    found = rows_of_parts(kept)
-    lines = [
-        (name, number, fit)
-        for (name, _, number, _), sketch in zip(found, sketches, strict=False)
-        for fit in _fits(sketch.found)
-    ]
-    (power, powers), (factor, factors) = (
-        dissipation_panels(found, column, lines) for column in DISSIPATED
-    )
-    speeds = [
-        dots(p.time_s, p.speed_m_s, "", RAW, size=3),
-        line(
-            _smoothed(p.time_s), _smoothed(p.speed_m_s), f"mean of {AVERAGED}", "#CC0000", width=0.9
-        ),
-        dots(p.time_s, np.where(d.steady, p.speed_m_s, np.nan), "constant speed", EDGE, size=3),
-    ]
-    left = [
-        signal_panel(first, len(sketches)),
-        power,
-        factor,
-        Panel("time [s]", "speed [m/s]", speeds),
-    ]
-    right = [_magnified(first), powers, factors]
-    parts = [Page([[panel] for panel in left], share="x"), Page([[panel] for panel in right])]
-    return picture(Page(size=(15.0, 10.0), title=undrawn(kept), parts=parts, widths=(1.35, 1.0)))
-
-
-def _fits(found: DissipationOfChannel) -> list[Mapping[str, Any]]:
-    """The regressions of a channel, as rows of `dissipation --fit`."""
-    columns = regressions("", found)[0] or {"slope": ()}
-    count = len(columns["slope"])
-    return [
-        {name: values[i] for name, values in columns.items() if np.ndim(values)}
-        for i in range(count)
-    ]
-
-
-def _smoothed(values: FloatArray) -> FloatArray:
-    """Moving averages over AVERAGED revolutions (P1 Fig. 7, red), or all of fewer."""
-    if values.size < AVERAGED:
-        return values
-    return np.convolve(values, np.full(AVERAGED, 1.0 / AVERAGED), "valid")
-
-
-def _magnified(sketch: Sketch) -> Panel:
-    """The strain of a few revolutions (P1 Fig. 8)."""
-    time, strain, speed = sketch.closer
-    title = f"{MAGNIFIED} revolutions at {speed:.1f} m/s" if time.size else ""
-    return Panel("time [s]", "strain [microstrain]", [line(time, MICRO * strain, width=0.9)], title)
-
-
 # ---- Static tests as one page (P2 Figs. 15, 16).
 #
 # Strain over time with its ramps and stops, and over the inflation pressure.
@@ -594,48 +546,25 @@ def _ramps(recording: Recording, found: InflationOfChannel) -> Panel:
     return Panel("inflation pressure [bar]", _SINCE, marks, title, legend={"fontsize": 8})
 
 
-# ---- Phase shift (P4).
-#
-# Top: fronts in the acceleration over wheel angle (Fig. 7), maps of shift and width over speed
-# (Fig. 9). Below, a column for each of the first accelerometers: speed, shift and width over time,
-# raw (Fig. 8), detrended (Fig. 10), corrected (Figs. 11 to 13). Error bars are two standard errors.
-
-
-#: accelerometers that have a column of their own
-MOST_ACCELEROMETERS = 4
-_DRIVEN = {True: ", driven", False: ", undriven", None: ""}
+# ---- Phase shift (P4): also fronts in the acceleration over wheel angle (Fig. 7), and the
+# calibration's maps over speed (Fig. 9).
 
 
 def phase_shift_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure:
-    """The page."""
-    kept, calibration = kept[:MOST_ACCELEROMETERS], kept[0][1].found.calibration
-    shown = [part.found.passages[0] for _, part in kept]
-    parts = [part.columns for _, part in kept]
-    rows = rows_of_parts(parts)
-    maps = [_with_map(rows, quantity, calibration) for quantity in SHIFTED]
-    columns = [
-        [
-            Panel(
-                "",
-                "speed [m/s]",
-                [line(p.time_s, p.speed_m_s, colour="k", width=1)],
-                f"{Path(p.log).name}: {p.channel}{_DRIVEN[p.driven]}",
-            ),
-            *(shifts([one], quantity, "time_s") for quantity in SHIFTED),
-        ]
-        for one, p in zip(rows, shown, strict=True)
-    ]
-    below = Page([list(row) for row in zip(*columns, strict=True)], share="x")
-    both = [Page([[_fronts(shown), *maps]]), below]
-    size = (max(4.2 * len(shown), 12.0), 13.0)
-    title = undrawn(parts)
-    return picture(Page(size=size, title=title, parts=both, stacked=True, heights=(1.0, 2.2)))
+    """Shift and width over time and over speed, raw and cleaned, and fronts."""
+    calibration, parts = kept[0][1].found.calibration, [part.columns for _, part in kept]
+    panels = [_fronts([part.found.passages[0] for _, part in kept])]
+    for quantity, x, panel in table_panels(rows_of_parts(parts)):
+        mapped = calibration is not None and x == "speed_m_s"
+        maps = [_map(calibration, width=quantity.name == "patch width")] if mapped else []
+        panels.append(replace(panel, marks=[*panel.marks, *maps]))
+    return _page(panels, undrawn(parts))
 
 
 def _fronts(logs: Sequence[EdgeTimes]) -> Panel:
     """P4 Fig. 7: one passage of each accelerometer, in levels outside the patch, and its fronts."""
     marks = [level(0.5, "", "0.8", width=0.8)]
-    for number, p in enumerate(logs):
+    for number, p in enumerate(logs[: len(COLOURS)]):
         if p.example.size:
             name, colour = f"{p.channel}, {Path(p.log).name}", COLOURS[number]
             marks.append(
@@ -652,14 +581,10 @@ def _fronts(logs: Sequence[EdgeTimes]) -> Panel:
     )
 
 
-def _with_map(rows: Sequence[ChannelRows], quantity: str, calibration: Calibration | None) -> Panel:
-    """P4 Fig. 9: all passages over speed, and the calibration's map with its range."""
-    panel = replace(shifts(rows, quantity, "speed_m_s"), title="Over speed (P4 Fig. 9)")
-    if calibration is None:
-        return panel
-    width = quantity == "patch_width"
+def _map(calibration: Calibration, *, width: bool) -> Mark:
+    """P4 Fig. 9: the calibration's map over speed, with its range."""
     one = calibration.width if width else calibration.shift
     speed = np.linspace(one.low_m_s, one.high_m_s, 200)
     least = calibration.patch_width_deg if width else 0.0
     change = one(speed, calibration.reference_speed_m_s) + least
-    return replace(panel, marks=[*panel.marks, line(speed, change, "map", "k", width=1.5)])
+    return line(speed, change, "map", "k", width=1.5)

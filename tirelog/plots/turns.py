@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,11 +19,13 @@ from tirelog.errors import UsageError
 from tirelog.inference.stacks.cut import joined, stacks_from_logs
 from tirelog.plots.record import (
     BUCKETS,
+    COLOURS,
     EDGE,
     MARK,
     MICRO,
     RAW,
     SLIDE,
+    Mark,
     Page,
     Panel,
     band,
@@ -38,6 +40,7 @@ from tirelog.plots.record import (
     rows_of,
     span,
     upright,
+    words,
 )
 from tirelog.products import Part
 from tirelog.strain.footprint.footprint import FootprintOfChannel
@@ -47,59 +50,6 @@ from tirelog.vocabulary.quality import good, good_rows
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-# ---- Waveforms drawn around the wheel, as they are where they act: the road is below.
-
-
-def around_the_wheel(
-    axes: Any,
-    waves: Sequence[tuple[FloatArray, FloatArray, FloatArray, str]],
-    colours: Sequence[Any],
-    half_angle_rad: float,
-    unit: str = "microstrain",
-) -> float:
-    """Waveforms (angle, value, band, name) on polar `axes`: zero is a circle, the road is below.
-
-    The tire turns so that the entry is at the right. The radius of the zero circle comes back: the
-    whole range of the values, so that the lowest of them stays off the centre.
-    """
-    values = np.concatenate([w for _, w, _, _ in waves])
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    zero = 1.6 * max(high - low, 1e-12) - low
-    axes.set_theta_zero_location("S")
-    axes.set_theta_direction(-1)
-    for (phi, wave, width, name), colour in zip(waves, colours, strict=True):
-        axes.fill_between(
-            phi, zero + wave - width, zero + wave + width, color=colour, alpha=0.3, lw=0
-        )
-        axes.plot(phi, zero + wave, color=colour, label=name)
-    round_it = np.linspace(-np.pi, np.pi, 361)
-    axes.plot(round_it, np.full(361, zero), color=RAW, lw=0.9, ls="--")
-    outer = zero + high + 0.12 * (high - low)
-    arc = np.linspace(-half_angle_rad, half_angle_rad, 61)
-    axes.plot(arc, np.full(61, outer), color=EDGE, lw=6.0, solid_capstyle="butt")
-    axes.annotate("patch", (0.0, outer), xytext=(0, -14), textcoords="offset points",
-                  ha="center", va="top", color=EDGE, annotation_clip=False)  # fmt: skip
-    axes.annotate("rolls →", (0.94, 0.04), xycoords="axes fraction", ha="right", color=RAW)
-    step = _round_step(high - low)
-    ticks = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
-    names = [f"{t:g} {unit}" if t == ticks[-1] else f"{t:g}" for t in ticks]
-    _, labels = axes.set_rgrids(zero + ticks, names, angle=205.0, fontsize=10)
-    for text in labels:
-        text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 1.0})
-        text.set_ha("center")
-    axes.set_rlim(0.0, outer)
-    turns = np.arange(-135, 181, 45)
-    axes.set_thetagrids(turns % 360, ["" if t == 0 else f"{t}°" for t in turns], fontsize=11)
-    axes.grid(alpha=0.35)
-    return zero
-
-
-def _round_step(span: float) -> float:
-    """A round number that divides the span into two to four."""
-    size = 10.0 ** np.floor(np.log10(span / 2.0))
-    return float(size * max(n for n in (1.0, 2.0, 5.0) if n * size <= span / 2.0))
-
 
 # ---- The signals of a log over time, with the passages of the patch.
 
@@ -115,10 +65,12 @@ def signals(
     channels: Sequence[Channel],
     speeds: Sequence[Mapping[str, Any]],
     ends: tuple[float, float],
+    colours: tuple[Any, Any, Any] = (COLOURS[0], MARK, EDGE),
 ) -> list[Panel]:
     """A panel per channel of a log that is open, between two times [s]; points are passages.
 
-    `speeds`: rows of the table `speed`, a part for each channel that has passages.
+    speeds   rows of the table `speed`, a part for each channel that has passages
+    colours  of the signal, and of passages without and with a mark
     """
     left = len(channels) - _MOST_SIGNALS
     title = f"{left} more channels are not drawn" if left > 0 else ""
@@ -129,12 +81,13 @@ def signals(
         time, values = decimated(channel, BUCKETS, int(np.ceil(low)), int(high) + 1)
         strain = channel.kind in STRAIN_KINDS
         factor, unit = (MICRO, "microstrain") if strain else (1.0, channel.unit or "1")
-        marks = [line(time, factor * values, width=0.6)]
+        marks = [line(time, factor * values, "", colours[0], width=0.6)]
         if channel.name in passages and values.size:
             rows = passages[channel.name]
             clean = good_rows(rows["quality"])
             below = factor * (np.min(values) - 0.06 * np.ptp(values))
-            for some, said, colour in ((clean, "", MARK), (~clean, ", flagged", EDGE)):
+            of = ((clean, "", colours[1]), (~clean, ", flagged", colours[2]))
+            for some, said, colour in of:
                 at = np.asarray(rows["time_s"])[some]
                 marks.append(dots(at, np.full(at.size, below), f"passage{said}", colour, size=4))
         panels.append(Panel("time [s]", f"{channel.name}\n[{unit}]", marks))
@@ -144,13 +97,12 @@ def signals(
 
 def signal_page(logs: Sequence[Sequence[Panel]]) -> Page:
     """Logs beside each other, the signals of each below each other."""
-    shown = [Page([[panel] for panel in panels], share="x") for panels in logs[:MOST]]
+    shown = logs[:MOST]
+    rows = list(zip_longest(*shown))
     left = len(logs) - len(shown)
     title = f"{left} more logs are not drawn" if left > 0 else ""
     width = 12.0 if len(shown) == 1 else 7.0 * len(shown)
-    return Page(
-        size=(width, 1.4 + 1.9 * max(len(part.rows) for part in shown)), title=title, parts=shown
-    )
+    return Page(rows, (width, 1.4 + 1.9 * len(rows)), title, share="x")
 
 
 # ---- The revolutions of a grating.
@@ -234,15 +186,20 @@ class TurnsSketch:
         return 0.5 * (length if np.isfinite(length) else 0.1) / self.turns.radius_m
 
 
-def speed_classes(turns: Stack) -> list[tuple[float, int, FloatArray, FloatArray]]:
-    """(speed, revolutions, mean (m,), scatter (m,)) of each class of speed, slowest first.
+#: speed [m/s], how many revolutions, their mean (m,) and scatter (m,)
+SpeedClass = tuple[float, int, FloatArray, FloatArray]
+
+
+def speed_classes(turns: Stack) -> list[SpeedClass]:
+    """Each class of speed, slowest first.
 
     Classes are of equal width. One of fewer than three revolutions has no scatter and is left out.
     """
     speed = turns.conditions.speed_m_s
     # a spread of a tenth of the speed is one class
     span = float(np.ptp(speed)) / max(float(np.median(speed)), 1e-9)
-    count = 1 if span < 0.1 else _CLASSES
+    # of twelve revolutions one of four classes has three
+    count = 1 if span < 0.1 or speed.size < 3 * _CLASSES else _CLASSES
     edges = np.linspace(speed.min(), speed.max(), count + 1)
     which = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, count - 1)
     found = []
@@ -318,31 +275,46 @@ def polar(sketches: Sequence[TurnsSketch]) -> Page:
     """The mean strain around the wheel, road below, by speed; the patch as an arc on the road."""
     panels = []
     for sketch in sketches[:MOST]:
-        classes, phi = speed_classes(sketch.turns), sketch.turns.phi_rad
-        waves = [
-            (phi, MICRO * mean, MICRO * scatter, f"{speed:.1f} m/s ({count})")
-            for speed, count, mean, scatter in classes
-        ]
         length, se, _ = sketch.length
         told = f"\npatch {1e3 * length:.1f} ± {1e3 * se:.1f} mm" if np.isfinite(length) else ""
-        panels.append(
-            Panel(
-                title=f"{sketch.name}{told}",
-                legend={
-                    "loc": "center",
-                    "title": "mean of (revolutions)",
-                    "title_fontsize": 10,
-                },
-                own=partial(
-                    around_the_wheel,
-                    waves=waves,
-                    colours=by_value([speed for speed, *_ in classes]),
-                    half_angle_rad=sketch.half_angle_rad,
-                ),
-                polar=True,
-            )
-        )
+        marks = around_the_wheel(speed_classes(sketch.turns), sketch.turns, sketch.half_angle_rad)
+        legend = {"loc": "center", "title": "mean of (revolutions)", "title_fontsize": 10}
+        panels.append(Panel(marks=marks, title=f"{sketch.name}{told}", legend=legend, bare=True))
     return _page(panels, sketches)
+
+
+def around_the_wheel(
+    classes: Sequence[SpeedClass], turns: Stack, half_angle_rad: float
+) -> list[Mark]:
+    """The mean strain of each class of speed as a ring about that of zero; the road is below.
+
+    The tire turns so that the entry is at the right. The radius of zero is the whole range of the
+    values, so that the lowest of them stays off the centre.
+    """
+    means = MICRO * np.stack([mean for _, _, mean, _ in classes])
+    low, high = float(np.nanmin(means)), float(np.nanmax(means))
+    zero = 1.6 * max(high - low, 1e-12) - low
+    outer = zero + high + 0.12 * (high - low)
+    phi = np.append(turns.phi_rad, turns.phi_rad[0])
+
+    def ring(angle: FloatArray, radius: Any, name: str, colour: Any, **style: Any) -> Mark:
+        return line(-radius * np.sin(angle), -radius * np.cos(angle), name, colour, **style)
+
+    marks = []
+    for value in (0.0, low, high):
+        circle = np.full(phi.size, zero + value)
+        marks.append(ring(phi, circle, "", RAW, width=0.9, dash="dash" if value else "solid"))
+        said = {"ha": "center", "beside": (0, 2), "color": RAW}
+        marks.append(words(f"{value:.0f} microstrain", 0.0, zero + value, **said))
+    arc = np.linspace(-half_angle_rad, half_angle_rad, 61)
+    marks.append(ring(arc, outer, "", EDGE, width=6.0))
+    marks.append(words("patch", 0.0, -outer, ha="center", va="bottom", color=EDGE, beside=(0, 8)))
+    marks.append(words("rolls →", outer, -outer, ha="right", color=RAW))
+    colours = by_value([speed for speed, *_ in classes])
+    for (speed, count, _, _), mean, colour in zip(classes, means, colours, strict=True):
+        closed = np.append(mean, mean[0])
+        marks.append(ring(phi, zero + closed, f"{speed:.1f} m/s ({count})", colour))
+    return marks
 
 
 def edges(sketches: Sequence[TurnsSketch]) -> Page:

@@ -25,12 +25,13 @@ import pandas as pd
 
 from tirelog.data.recording import Recording
 from tirelog.diagnosis.answer import AnswerTable, plain_fields
-from tirelog.diagnosis.compare import Measured, compare, comparison_of, measured_pieces, start_from
+from tirelog.diagnosis.compare import compare
 from tirelog.diagnosis.diagnose import Diagnosis, diagnose
 from tirelog.diagnosis.obstacles import compare_transients
 from tirelog.diagnosis.results import Comparison, read_ladder
-from tirelog.errors import ModelError, TirelogError, UsageError, nearest, or_refusal
-from tirelog.inference.measured import TransientLog, measured_for, once_each
+from tirelog.errors import ModelError, TirelogError, UsageError, or_refusal
+from tirelog.inference.measured import measured_for
+from tirelog.inference.shared_samples import once_each
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.file import load_model
 from tirelog.physics.model.model import Model
@@ -101,7 +102,6 @@ def build(
     shown = first_pictures(report.sections)
     answers = [one if one.figures else replace(one, figures=shown) for one in answers]
     report.sections[:0] = [*answers, *(section for section in told if section.card is None)]
-    report.papers += used_papers(report.sections)
     report.commands += dict.fromkeys(
         [*(section.command for section in report.sections), asked.report_command()]
     )
@@ -111,7 +111,7 @@ def build(
 
 def first_pictures(sections: Sequence[Section]) -> list[Figure]:
     """The speed, and a passage with its edges: what an answer shows that has no picture."""
-    drawn = [s.figures[0] for s in sections if s.figures and s.id in ("drive", "footprint")]
+    drawn = [s.figures[0] for s in sections if s.figures and s.id in ("speed", "footprint")]
     return [replace(one, id=f"answer-{one.id}", half=True) for one in drawn]
 
 
@@ -143,7 +143,7 @@ def _tables(
         ready = made_tables(wanted, recordings)
     except TirelogError:  # which of them it is, each alone will say
         ready = {}
-    for name, section in sections.OF_TABLES.items():
+    for name in sections.OF_TABLES:
         command = asked.command(name)
         try:
             table, lines, remarks = _one_table(name, files, ready, recordings)
@@ -156,25 +156,17 @@ def _tables(
             report.missing.append((f"{name}: {found}", look))
             continue
         drawn = (table, lines, remarks, command, colours)
-        report.sections.append(section(drawn, recordings))
+        report.sections.append(sections.table_section(name, drawn, recordings))
         if name == "dissipation" and lines is None:
             absent = "dissipation: the regressions on speed (give the file with --table)"
             report.missing.append((absent, asked.command(name, "--fit", "-o", "fit.csv")))
-        uncalibrated = [what for c, what in _CALIBRATED.items() if not holds(table, c)]
-        if name == "phase-shift" and uncalibrated:
+        if name == "phase-shift" and not holds(table, "phase_shift_corrected_deg"):
             learnt = ("--calibration", "CALIBRATION.toml", "-o", "phase.csv")
-            said = f"phase shift: {' and '.join(uncalibrated)} (give the table with --table)"
-            report.missing.append((said, asked.command(name, *learnt)))
+            absent = "phase shift: the corrected one, and forces (give the table with --table)"
+            report.missing.append((absent, asked.command(name, *learnt)))
         del table, drawn  # an hour of 16 gratings is half a million rows
     measured = [(section.title, section.text[0]) for section in report.sections[first:]]
     return [("Measured", sections.measured_on(recordings)), *measured] if recordings else measured
-
-
-#: what only a calibration adds to phase shifts, by a column that holds it
-_CALIBRATED = {
-    "phase_shift_corrected_deg": "the corrected shift (P4 Figs. 11 to 13)",
-    "vertical_force_N": "forces by the calibration's maps",
-}
 
 
 def _one_table(
@@ -207,11 +199,10 @@ def _models(
         absent = "the model against the measurement, the diagnosis (then --model M)"
         report.missing.append((absent, asked.make_model()))
         return [models.without_a_model(seen, asked, models.NO_MODEL), *ladder]
-    catalogue = catalogue_with(model.effects_file)
     try:
         if not recordings:
             raise UsageError("no log was given")
-        told, missing = model_story(recordings, model, climbed, asked, catalogue, progress, colours)
+        told, missing = model_story(recordings, model, climbed, asked, progress, colours)
     except TirelogError as problem:
         said = f"the model against the measurement: {problem}"
         report.missing.append((said, asked.command("compare", model=True)))
@@ -238,10 +229,8 @@ def _provenance(recordings: Sequence[Recording], asked: ReportRequest) -> list[s
 
 # ---- What a model says of the logs: one search for missing effects, shown in sections.
 #
-# recordings, Model --stacks, `diagnose`--> comparison, diagnosis
-#                                           (a campaign: pieces of its logs, and what it was asked)
-# + a ladder, or what the diagnosis selected --> the best model's comparison
-# all of it --`answer`--> the page's first section
+# recordings, Model --stacks, `diagnose`--> comparison, diagnosis (of a campaign: of its pieces)
+#     + a ladder --> sections, the answer first
 # logs that met an obstacle --> how well the model answers it
 
 
@@ -254,7 +243,6 @@ def model_story(
     model: Model,
     climbed: Mapping[str, Any] | None,
     asked: ReportRequest,
-    catalogue: Mapping[str, Effect],
     progress: Callable[[str], None],
     colours: LogColours | None = None,
 ) -> Told:
@@ -264,48 +252,33 @@ def model_story(
     """
     logs = measured_for(recordings, model.observables, asked.channel, level=not model.ac_coupled)
     own = own_effects(model.effects_file)
-    colours = log_colours(r.log for r in recordings) if colours is None else colours
     compared = compare(logs.revolutions, model)
     asked_of = or_refusal(diagnose)(logs.revolutions, model, effects=own, progress=progress)
-    found = None if isinstance(asked_of, ModelError) else asked_of
-    command = partial(asked.command, model=True)
-    told, missing = story_of(
-        logs.revolutions,
-        compared,
-        found,
-        climbed,
-        command,
-        catalogue,
-        colours,
-        "" if found is None else asked.with_options(found.next_command),
-    )
+    command, missing = partial(asked.command, model=True), list[tuple[str, str]]()
     if isinstance(asked_of, ModelError):
-        missing.append((f"the diagnosis: {asked_of}", command("diagnose")))
-
-    if logs.obstacles:
-        try:
-            told.insert(1, _obstacles(logs.obstacles, compared, command("compare"), progress))
-        except TirelogError as problem:
-            missing.append((f"obstacles: {problem}", command("compare")))
-    if found is not None and found.next_command.startswith("tirelog propose"):
-        unknown = "what is unknown, written down as a formula"
-        missing.append((unknown, asked.with_options(found.next_command)))
+        found, follows = None, command("diagnose")
+        missing.append((f"the diagnosis: {asked_of}", follows))
+    else:
+        found, follows = asked_of, asked.with_options(asked_of.next_command)
+    catalogue = catalogue_with(model.effects_file)
+    told = story_of(compared, found, climbed, command, catalogue, colours, follows)
+    hits = sum(log.hits_s.size for log in logs.obstacles)
+    if hits and model.carcass != "coupled_ring":
+        said = f"{hits} hits on an obstacle: a {model.carcass} says nothing of them; a model with "
+        missing.append((f'{said}carcass = "coupled_ring" does', command("compare")))
+    elif hits:
+        progress("driving the model over the obstacles")
+        answers = or_refusal(compare_transients)(logs.obstacles, compared.model, unit=compared.unit)
+        if isinstance(answers, ModelError):
+            missing.append((f"obstacles: {answers}", command("compare")))
+        else:
+            told.insert(1, models.obstacles(answers, command("compare")))
+    if follows.startswith("tirelog propose"):
+        missing.append(("what is unknown, written down as a formula", follows))
     return told, missing
 
 
-def _obstacles(
-    logs: Sequence[TransientLog], compared: Comparison, command: str, progress: Progress
-) -> Section:
-    """The answer to the obstacles of the model that came, as `compare` gives it."""
-    if compared.model.carcass != "coupled_ring":
-        return models.not_answered(logs, compared.model.carcass, command)
-    progress("driving the model over the obstacles")
-    answers = compare_transients(logs, compared.model, unit=compared.unit)
-    return models.obstacles(answers, command)
-
-
 def story_of(
-    measured: Measured,
     compared: Comparison,
     found: Diagnosis | None,
     climbed: Mapping[str, Any] | None,
@@ -313,62 +286,20 @@ def story_of(
     catalogue: Mapping[str, Effect],
     colours: LogColours | None = None,
     next_command: str = "",
-) -> Told:
-    """The sections of what was found on `measured`: answer, diagnosis, ladder and comparison.
+) -> list[Section]:
+    """The sections of what was found: answer, diagnosis, ladder and comparison.
 
     `command(name)`: the line that repeats it; `next_command`: what to type next.
     """
     colours = log_colours(models.logs_of(compared)) if colours is None else colours
-    best: Comparison | None = None
-    added: Sequence[str] = () if found is None else (*found.found.came_in, *found.selected)
-    missing: list[tuple[str, str]] = []
-    if climbed is not None:
-        top = top_of_ladder(compared.model, climbed, catalogue)
-        came = [effect.id for effect in compared.model.effects]
-        added = [effect.id for effect in top.effects if effect.id not in came]
-        try:
-            best = comparison_of(start_from(measured_pieces(measured), top)) if added else None
-        except ModelError as problem:
-            missing.append((f"the ladder's last model: {problem.message}", command("ladder")))
-    elif found is not None and added:
-        best = found.after
-    given = models.AnswerSection(compared, found, best, added, climbed, catalogue)
-    asked = "compare" if found is None else "diagnose"
+    made_with = command("compare" if found is None else "diagnose")
     follows = next_command or (command("diagnose") if found is None else found.next_command)
-    told = [models.answer(given, follows, command(asked), colours)]
+    told = [models.answer(compared, found, catalogue, follows, made_with, colours)]
     if found is not None:
         told.append(models.diagnosis(found, command("diagnose")))
     if climbed is not None:
         told.append(models.ladder_section(climbed, command("ladder")))
-    return [*told, *models.comparisons(compared, command("compare"), colours)], missing
-
-
-def top_of_ladder(
-    model: Model, climbed: Mapping[str, Any], catalogue: Mapping[str, Effect]
-) -> Model:
-    """The model with the effects that a ladder added and the values it found.
-
-    UsageError: an effect that nobody knows.
-    """
-    added = [step for step in climbed["steps"] if step["outcome"] == "added"]
-    for step in added:
-        name = step["effect"]
-        if name in [e.id for e in model.effects]:
-            continue
-        if name not in catalogue:
-            raise UsageError(
-                f"the ladder has the effect {name!r}{nearest(name, catalogue)}, which is not "
-                "known here",
-                do="give it with --effects",
-            )
-        model = model.with_effect(catalogue[name])
-    values = {
-        name: p["value"]
-        for step in added[-1:]
-        for name, p in step["parameters"].items()
-        if name in model.parameters
-    }
-    return model.with_values(values)
+    return [*told, *models.comparisons(compared, command("compare"), colours)]
 
 
 # ---- Where the tables come from: nothing is read before it is asked for, and then only the columns
@@ -413,34 +344,19 @@ def table_kind(columns: Sequence[str], path: Path) -> str:
 
 
 def _lighter(frame: pd.DataFrame, log: str | None) -> pd.DataFrame:
-    """The table in less memory, with its column `log`.
-
-    Words as categories, numbers as exact as a picture, times as they are; `log` is put in its
-    column if it is not there.
-    """
-    kinds: dict[str, Any] = {name: "category" for name in _WORDS if name in frame}
-    kinds |= {
+    """The table with numbers as exact as a picture, times as they are, and its column `log`."""
+    kinds = {
         str(name): np.float32
         for name in frame
         if frame[name].dtype == np.float64 and not str(name).endswith("time_s")
     }
-    frame = frame.astype(kinds)
-    if log is not None:
-        frame["log"] = pd.Categorical([log]).repeat(len(frame))
-    return frame
+    return frame.astype(kinds).assign(**({} if log is None else {"log": log}))
 
 
 def _joined(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """Parts as one table; words stay categories."""
-    if len(parts) == 1:
-        return parts[0]
-    words = {
-        name: pd.api.types.union_categoricals([p[name] for p in parts])
-        for name in _WORDS
-        if all(name in p for p in parts)
-    }
-    numbers = pd.concat([p.drop(columns=list(words)) for p in parts], ignore_index=True)
-    return numbers.assign(**words)
+    """Parts as one table, words in little memory."""
+    whole = pd.concat(parts, ignore_index=True)
+    return whole.astype({name: "category" for name in _WORDS if name in whole})
 
 
 def given_tables(paths: Sequence[Path], campaign: Path | None = None) -> GivenTables:
@@ -493,46 +409,6 @@ def made_tables(names: Sequence[str], recordings: Sequence[Recording]) -> dict[s
     }
 
 
-# ---- The papers that figures and effects on the page stand on (their errata: docs/errata.md).
-
-
-PAPERS = {
-    "P1": "N. Roveri, G. Pepe, A. Carcaterra, On line estimation of rolling resistance for "
-    "intelligent tires.",
-    "P2": "N. Roveri, G. Pepe, A. Carcaterra, OPTYRE - A new technology for tire monitoring: "
-    "Evidence of contact patch phenomena, Mechanical Systems and Signal Processing 66-67 (2016) "
-    "793-810.",
-    "P3": "H. Hijry, S. Mohsen, O. Albalawi, S. Ali, A. Alhawiti, G. A. Elnashar, Development and "
-    "simulation of a novel mathematical model for an intelligent tire system toward predictive "
-    "maintenance.",
-    "P4": "New Regressors for the Direct Identification of Tire Deformation in Road Vehicles Via "
-    '"In-Tire" Accelerometers.',
-}
-_PAPER = re.compile(r"\bP[1-4]\b")
-#: sections by the papers whose method they use
-_METHODS = {
-    "drive": ("P2", "speed"),
-    "footprint": ("P2", "contact length and slip onset"),
-    "dissipation": ("P1", "dissipation"),
-    "phase-shift": ("P4", "patch width and phase shift"),
-}
-
-
-def used_papers(sections: Sequence[Section]) -> list[tuple[str, str]]:
-    """(paper, what of it is on the page), of each paper that the sections name."""
-    used: dict[str, list[str]] = {name: [] for name in PAPERS}
-    for section in sections:
-        methods = [_METHODS[section.id]] if section.id in _METHODS else []
-        named = ((p, name) for name, what in section.sources for p in _PAPER.findall(what))
-        for paper, what in (*methods, *named):
-            used[paper].append(what)
-    return [
-        (f"{paper}: {PAPERS[paper]}", ", ".join(dict.fromkeys(what)))
-        for paper, what in used.items()
-        if what
-    ]
-
-
 # ---- Sections as a file.
 #
 # What a campaign's models have to show is drawn where their results are, and put on the page later.
@@ -556,7 +432,6 @@ _SECTION = {
     ],
     "tables": [{"caption": str, "names": [str], "rows": [[object]], "colours?": [int]}],
     "card?": _CARD,
-    "sources?": [[str]],
 }
 
 
@@ -586,7 +461,6 @@ def _section(data: dict[str, Any]) -> Section:
     figures = [Figure(**one) for one in data.pop("figures")]
     tables = [AnswerTable(**one) for one in data.pop("tables")]
     card = data.pop("card", None)
-    data["sources"] = tuple((str(name), str(text)) for name, text in data.get("sources", ()))
     if not all(_ID.fullmatch(name) for name in (data["id"], *(figure.id for figure in figures))):
         raise ValueError
     answer = None if card is None else Card(**card)

@@ -57,7 +57,6 @@ DIVERGING = (
     (0.75, "#f4a582"),
     (1.0, "#b2182b"),
 )
-SCATTER_POINTS = 6000
 DASHES = ("solid", "dash", "dot", "dashdot")
 
 
@@ -102,11 +101,6 @@ def log_colours(logs: Iterable[str]) -> LogColours:
     return numbers
 
 
-def thinning(points: int) -> int:
-    """Every how many-th of so many points a figure draws."""
-    return max(1, -(-points // SCATTER_POINTS))
-
-
 #: symbols of marks that have no name of their own here
 _MARKERS: dict[str, dict[str, Any]] = {
     ".": {},
@@ -135,10 +129,16 @@ def figure(id: str, title: str, alt: str, panel: Panel, half: bool = False, **sh
         if scale == "log":
             shape[key]["type"] = "log"
     look = {"color": EDGE, "width": 1, "dash": "dash"}
-    lines = [m.x for m in panel.marks if m.kind == "upright" and panel.limits[1] is None]
-    if lines:
-        across = {"type": "line", "yref": "paper", "y0": 0, "y1": 1, "line": look}
-        shape["shapes"] = [across | {"x0": float(x), "x1": float(x)} for x in lines]
+    ends = {"type": "line", "line": look}
+    shape["shapes"] = [
+        ends | {"yref": "paper", "y0": 0, "y1": 1, "x0": float(mark.x), "x1": float(mark.x)}
+        for mark in panel.marks
+        if mark.kind == "upright" and panel.limits[1] is None
+    ] + [
+        ends | {"xref": "paper", "x0": 0, "x1": 1, "y0": float(mark.y), "y1": float(mark.y)}
+        for mark in panel.marks
+        if mark.kind == "level"
+    ]
     traces = [trace for mark in panel.marks for trace in _traces(mark, panel)]
     return Figure(id, title, alt, traces, shape, half)
 
@@ -155,7 +155,10 @@ def _traces(mark: Mark, panel: Panel) -> list[dict[str, Any]]:
     if mark.kind in ("words", "level", "span"):
         return []
     if mark.kind == "heat":
-        reach = mark.style["high"]
+        reach, label = (
+            mark.style["high"],
+            mark.name.split("\n")[0],
+        )  # the second line is of the scale
         return [
             {
                 "type": "heatmap",
@@ -165,7 +168,7 @@ def _traces(mark: Mark, panel: Panel) -> list[dict[str, Any]]:
                 "zmin": -reach,
                 "zmax": reach,
                 "colorscale": [list(stop) for stop in DIVERGING],
-                "colorbar": {"title": {"text": mark.name, "side": "right"}, "thickness": 12},
+                "colorbar": {"title": {"text": label, "side": "right"}, "thickness": 12},
             }
         ]
     if mark.kind == "bars":
@@ -181,12 +184,10 @@ def _traces(mark: Mark, panel: Panel) -> list[dict[str, Any]]:
             bar["error_x" if across else "error_y"] = error | look
         return [own | bar]
     if mark.kind == "dots":
-        step = thinning(np.size(mark.x))
         symbol = SYMBOLS[mark.colour % 3] if isinstance(mark.colour, int) else SYMBOLS[0]
         marker = {"color": colour, "size": 5, "opacity": 0.7, "symbol": symbol}
         marker |= _MARKERS.get(style.get("symbol", "."), {"symbol": style.get("symbol")})
         own |= {"mode": "markers", "marker": marker | style.get("marker", {})}
-        at, along = np.asarray(at)[::step], np.asarray(along)[::step]
     else:
         steps = {"steps-mid": "hvh", "steps-post": "hv"}.get(style.get("drawstyle", ""), "linear")
         drawn = {"dash": style.get("dash", "solid"), "shape": steps} | style.get("line", {})
@@ -231,7 +232,6 @@ class Section:
     """A section: what it says, the command that makes it, its figures and tables.
 
     The first paragraph always shows; the rest is folded away if `folded`.
-    `sources`: (effect, where its physics is from).
     """
 
     id: str
@@ -242,7 +242,6 @@ class Section:
     tables: Sequence[AnswerTable] = ()
     folded: bool = True
     card: Card | None = None
-    sources: Sequence[tuple[str, str]] = ()
 
 
 @dataclass(frozen=True)
@@ -318,8 +317,7 @@ def _hash(script: str) -> str:
 class Report:
     """What goes on the page, in plain text.
 
-    `missing`: (what cannot be shown, the command that would show it); `papers`: (a paper, what of
-    it is shown); `made`: when, and by what.
+    `missing`: (what cannot be shown, the command that would show it); `made`: when, and by what.
     """
 
     title: str
@@ -327,7 +325,6 @@ class Report:
     missing: list[tuple[str, str]] = field(default_factory=list)
     provenance: list[str] = field(default_factory=list)
     commands: list[str] = field(default_factory=list)
-    papers: list[tuple[str, str]] = field(default_factory=list)
     made: str = f"tirelog {__version__}"
 
 
@@ -364,9 +361,10 @@ def render(report: Report) -> list[str]:
         '<script type="application/json" id="data">'
     )
     return [
-        head,
+        head.replace("m/s^2", "m/s²"),
         # JSON that cannot close its script element
         json.dumps(data, ensure_ascii=True, separators=(",", ":"), allow_nan=False)
+        .replace("m/s^2", "m/s\\u00b2")
         .replace("<", "\\u003c")
         .replace("&", "\\u0026"),
         "</script><script>",
@@ -395,13 +393,14 @@ def _palette() -> str:
 def _about(report: Report) -> str:
     """What the page rests on, at its foot."""
     absent = _items(f"{escape(what)}: <code>{escape(done)}</code>" for what, done in report.missing)
-    cited = _items(f"{escape(p)} <em>Here: {escape(what)}.</em>" for p, what in report.papers)
+    cited = _items(f"{name}: {escape(paper)}" for name, paper in PAPERS.items())
     meanings = "".join(f"<dt>{escape(w)}</dt><dd>{escape(meaning)}</dd>" for w, meaning in GLOSSARY)
     commands = escape("\n".join(report.commands))
     return (
         '<section id="about"><h2>About this page</h2>'
         + (f"<h3>Not shown</h3><ul>{absent}</ul>" if absent else "")
-        + (f'<h3 id="papers">Papers</h3><ul>{cited}</ul>' if cited else "")
+        + "<h3>Papers</h3>"
+        + _fold("Where methods and effects are from", f"<ul>{cited}</ul>")
         + "<h3>Glossary</h3>"
         + _fold(f"What {len(GLOSSARY)} words mean here", f"<dl>{meanings}</dl>")
         + "<h3>Provenance</h3>"
@@ -485,7 +484,7 @@ def _rungs(card: Card) -> str:
 
 def _table(table: AnswerTable) -> str:
     """The table; the first cell of a row names it, with the colour that it has in the figures."""
-    caption, *names = (escape(t.replace("m/s^2", "m/s²")) for t in (table.caption, *table.names))
+    caption, *names = map(escape, (table.caption, *table.names))
     head = "".join(f'<th scope="col">{name}</th>' for name in names)
     rows = ""
     for number, row in enumerate(table.rows):
@@ -502,6 +501,19 @@ def _table(table: AnswerTable) -> str:
     )
 
 
+#: the papers that methods, figures and effects stand on (their errata: docs/errata.md)
+PAPERS = {
+    "P1": "N. Roveri, G. Pepe, A. Carcaterra, On line estimation of rolling resistance for "
+    "intelligent tires.",
+    "P2": "N. Roveri, G. Pepe, A. Carcaterra, OPTYRE - A new technology for tire monitoring: "
+    "Evidence of contact patch phenomena, Mechanical Systems and Signal Processing 66-67 (2016) "
+    "793-810.",
+    "P3": "H. Hijry, S. Mohsen, O. Albalawi, S. Ali, A. Alhawiti, G. A. Elnashar, Development and "
+    "simulation of a novel mathematical model for an intelligent tire system toward predictive "
+    "maintenance.",
+    "P4": "New Regressors for the Direct Identification of Tire Deformation in Road Vehicles Via "
+    '"In-Tire" Accelerometers.',
+}
 #: words of the page and their meanings, also those of docs/glossary.md
 GLOSSARY = (
     ("revolution", "one turn of the wheel, patch centre to patch centre"),

@@ -175,8 +175,3 @@ def shown(name: str, unit: str) -> tuple[float, str]:
     """Factor and unit in which a page shows an observable; `unit` itself for an unknown one."""
     known = OBSERVABLES.get(name)
     return (known.shown_factor, known.shown_unit) if known is not None else (1.0, unit)
-
-
-def drawn(name: str, unit: str) -> tuple[float, str]:
-    """Factor and unit in pictures and reports: waveforms as on pages, numbers in SI."""
-    return shown(name, unit) if name in WAVEFORMS else (1.0, unit)

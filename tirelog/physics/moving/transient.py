@@ -325,8 +325,7 @@ def tire_of(task: Task) -> CoupledRing:
 # ---- What a coupled ring is driven over, put together from events, and its passage as rows of a
 # table.
 #
-# road, speed, load, load steps, speed ramps --`course_of`--> Course --`driven`-->
-# Transient
+# road, speed, load, load steps --`course_of`--> Course --`driven`--> Transient
 # --`passage_columns`--> a row per sensor and time
 
 
@@ -336,14 +335,12 @@ def course_of(
     speed_m_s: float,
     load_N: float,
     loads: Sequence[tuple[float, float]] = (),
-    ramps: Sequence[tuple[float, float, float]] = (),
     duration_s: float | None = None,
 ) -> Course:
-    """The course of a drive that begins at `speed_m_s` under `load_N`.
+    """The course of a drive at `speed_m_s` that begins under `load_N`.
 
     folder      where a road profile's file lies
-    loads       (time [s], load [N]) of each step; ramps (from [s], to [s], speed [m/s]) of each
-                change of speed; in the order of time
+    loads       (time [s], load [N]) of each step, in the order of time
     duration_s  None: half a second past the last event
     UsageError  nothing to drive, or more than 100 s
     """
@@ -355,10 +352,10 @@ def course_of(
     # a step of the load takes so long [s]: far less than a step of the motion; twice as long is
     # still a hundredth of it at most
     steps = [(time, time + 1e-6, value) for time, value in loads]
-    load, speed = _schedule(load_N, steps), _schedule(speed_m_s, ramps)
+    load, speed = _schedule(load_N, steps), _schedule(speed_m_s, ())
     if duration_s is None:
         reached = at / speed_m_s if road.kind != "flat" and speed_m_s > 0.0 else 0.0
-        duration_s = max(reached, load.time_s[-1], speed.time_s[-1]) + 0.5
+        duration_s = max(reached, load.time_s[-1]) + 0.5
     if not 0.0 < duration_s <= 100.0:
         raise UsageError(
             f"{duration_s:g} s to drive",

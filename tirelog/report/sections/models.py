@@ -3,43 +3,36 @@
     Comparison, Diagnosis, a ladder as its command keeps it (JSON) --> Section
 
 The answer is the page's first section. Its card has the verdict, the data, the certainty, the
-errors of the models, and what to do next. Its figure has measured, first and best model at one
-scale. Everything is what the commands gave; nothing is estimated here. The file is longer than
-others, since each answer has its section.
+errors of the models, and what to do next. Its figures have what the first and the best model leave
+at one scale. Everything is what the commands gave; nothing is estimated here.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.answer import (
-    NUISANCES_SAID,
-    AnswerTable,
-    in_unit,
-    percent,
-    probability,
-    separation_sentence,
-)
+from tirelog.diagnosis.answer import NUISANCES_SAID, in_unit, separation_sentence
 from tirelog.diagnosis.candidates.search import removed_errors
 from tirelog.diagnosis.candidates.separation import drive_sentences
 from tirelog.diagnosis.diagnose import Diagnosis
 from tirelog.diagnosis.obstacles import TransientComparison
-from tirelog.diagnosis.results import Comparison, Map, steps_table
-from tirelog.inference.measured import TransientLog
+from tirelog.diagnosis.results import Comparison, steps_table
 from tirelog.physics.effects import Effect
 from tirelog.plots.answers import (
+    before_and_after,
     climbed_panel,
     differences,
     over_angle,
     ranked_panel,
+    residual_map,
     waveforms,
 )
-from tirelog.plots.record import SYMBOLS, Panel, band, dots, heat, line
+from tirelog.plots.record import SYMBOLS, Panel, band, dots, line
 from tirelog.report.page import (
     DASHES,
     GREY,
@@ -56,7 +49,7 @@ from tirelog.report.page import (
 from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
 from tirelog.vocabulary.observables import shown
 
-#: remarks and logs' conditions that the card has room for; the sections and tables have all of them
+#: remarks and logs that the card has room for; the sections and tables have all of them
 _SHOWN = 3
 #: verdicts that take more than their own word
 _WORDS = {
@@ -70,62 +63,41 @@ Rung = dict[str, Any]
 NO_MODEL = "No model was compared with these logs, so its errors are not known."
 
 
-def shown_value(observable: str, unit: str) -> tuple[float, str]:
-    """Factor and unit in which the page shows the observable."""
-    factor, unit = shown(observable, unit)
-    return factor, unit.replace("m/s^2", "m/s²")
-
-
 def logs_of(result: Comparison) -> list[str]:
     """The logs that a comparison is about."""
     rows = (row for part in result.parts or (result,) for row in part.tables["conditions"])
     return list(dict.fromkeys(str(row["log"]) for row in rows))
 
 
-@dataclass(frozen=True)
-class AnswerSection:
-    """What the answer is made of.
+def answer(
+    compared: Comparison,
+    found: Diagnosis | None,
+    catalogue: Mapping[str, Effect],
+    command: str,
+    made_with: str,
+    colours: LogColours,
+) -> Section:
+    """The section of a comparison, and of a diagnosis if one was asked for.
 
-    compared   the model as given; `found` its diagnosis, None if none was asked for
-    best       the model at the top, None if it is the one that came; `added` its further effects
-    climbed    a ladder as its command keeps it
+    `command`: what to type next; `made_with`: the command that repeats it.
     """
-
-    compared: Comparison
-    found: Diagnosis | None
-    best: Comparison | None
-    added: Sequence[str]
-    climbed: Mapping[str, Any] | None
-    catalogue: Mapping[str, Effect]
-
-
-def answer(given: AnswerSection, command: str, made_with: str, colours: LogColours) -> Section:
-    """The section.  `command`: what to type next; `made_with`: the command that repeats it."""
-    factor, unit = shown_value(given.compared.observable, given.compared.unit)
-    first, named = given.compared, (given.best or given.compared).model.effects
-    rungs, rungs_said = _rungs(given, factor)
-    if given.found is None:
-        which = (
-            "Error of the fit (none held out)" if first.rmse_heldout is None else "Held-out error"
-        )
-        word, sentence = (
-            "Compared",
-            f"{which} {rungs[0]['error']:.3g} {unit}, noise floor {rungs[0]['floor']:.3g}. What "
-            "is missing was not asked.",
-        )
+    factor, unit = shown(compared.observable, compared.unit)
+    rungs, advice = _rungs(compared, found, catalogue, factor), ["Ask what is missing:"]
+    if found is None or found.rmse_heldout_before is None:
+        errors = "The error of the fit: of one manoeuvre none can be held out."
     else:
-        word, sentence = _word(given.found, given.catalogue), given.found.sentence
-    facts, advice = _facts(given, factor, unit), _advice(given.found)
-    return Section(
-        "answer",
-        "The answer",
-        made_with,
-        (),
-        _before_and_after(given, colours),
-        folded=False,
-        card=Card(word, sentence, facts, command, advice, rungs, rungs_said, unit),
-        sources=[(one.id, one.effect.source) for one in named],
-    )
+        errors = "Error on manoeuvres that the fit had not seen."
+    figures, word = _first_and_best(compared, found, colours), "Compared"
+    sentence = f"{compared.headline}. What is missing was not asked."
+    if found is not None:
+        word, sentence = _word(found, catalogue), found.sentence
+        unexplained = str(found.unexplained["sentence"])
+        drives = [f"Drive next, {separation_sentence(row)}." for row in found.separating_manoeuvres]
+        advice = [unexplained] * (found.verdict in ("unknown", "partial"))
+        advice += drives or drive_sentences(found.drive_next)
+    facts = _facts(compared, found, catalogue)
+    card = Card(word, sentence, facts, command, advice, rungs, errors, unit)
+    return Section("answer", "The answer", made_with, (), figures, folded=False, card=card)
 
 
 def without_a_model(seen: Sequence[tuple[str, str]], asked: ReportRequest, said: str) -> Section:
@@ -153,207 +125,130 @@ def _word(found: Diagnosis, catalogue: Mapping[str, Effect]) -> str:
     return f"{word}: {', '.join(named)}" if named else word
 
 
-def _facts(given: AnswerSection, factor: float, unit: str) -> list[tuple[str, str]]:
-    compared, found = given.compared, given.found
+def _facts(
+    compared: Comparison, found: Diagnosis | None, catalogue: Mapping[str, Effect]
+) -> list[tuple[str, str]]:
     first = compared.parts[0] if compared.parts else compared
-    ends = (np.min(first.by_speed.axis), np.max(first.by_speed.axis))
-    speeds = " to ".join(dict.fromkeys(f"{float(speed):.3g}" for speed in ends))
-    logs = [Path(log).name for log in logs_of(compared)]
-    some = ", ".join(logs[:_SHOWN]) + (f" and {len(logs) - _SHOWN} more" if logs[_SHOWN:] else "")
+    speeds = f"{first.by_speed.axis.min():.3g} to {first.by_speed.axis.max():.3g} m/s"
+    logs, remarks = [Path(log).name for log in logs_of(compared)], compared.remarks
+    more_logs = f" and {len(logs) - _SHOWN} more" if logs[_SHOWN:] else ""
+    more = f"; and {len(remarks) - _SHOWN} more below" if remarks[_SHOWN:] else ""
     facts = [
-        ("Measured on", f"{compared.observable.replace('_', ' ')} in {some}"),
+        (
+            "Measured on",
+            f"{compared.observable.replace('_', ' ')} in {', '.join(logs[:_SHOWN])}{more_logs}",
+        ),
         (
             "How much",
             f"{compared.revolutions} revolutions in {compared.manoeuvres} "
-            f"manoeuvre{'s' if compared.manoeuvres > 1 else ''}, {speeds} m/s",
+            f"manoeuvre{'s' if compared.manoeuvres > 1 else ''}, {speeds}",
         ),
         ("Conditions", _conditions(first)),
     ]
     if found is not None:
-        known = [name for name in found.selected if name in given.catalogue]
-        facts.append(("How sure", _how_sure(found)))
-        facts += [(name, _physics(given.catalogue[name])) for name in known]
+        known = [catalogue[name] for name in found.selected if name in catalogue]
+        chosen = [row for row in found.ranking_table().rows if str(row[0]).startswith("* ")]
+        sure = [
+            f"{name[2:]} removes {removed}"
+            + (f" ± {error:.1f} %" if error is not None else "")
+            + f" of the excess; chance alone does so with p {p}."
+            for name, removed, error, p, _ in chosen
+        ]
+        facts.append(("How sure", " ".join([f"{found.certainty.count}.", *sure])))
+        facts += [(effect.id, _physics(effect)) for effect in known]
         facts.append(("Or the setup", "; ".join(s.said for s in found.suspects)))
-    more = len(compared.remarks) - _SHOWN
-    remarks = "; ".join(compared.remarks[:_SHOWN]) + (
-        f"; and {more} more below" if more > 0 else ""
-    )
-    facts += [("Where it fails", where(first)), ("Mind", remarks)]
+    facts += [("Where it fails", where(first)), ("Mind", "; ".join(remarks[:_SHOWN]) + more)]
     return [(term, text) for term, text in facts if text]
 
 
 def _conditions(result: Comparison) -> str:
-    """What the setups say, log by log, or from the least to the most."""
+    """What the setups say, from the least to the most."""
     said = []
     for key in SETUP_KEYS:
         known = [row[key] for row in result.tables["conditions"] if np.isfinite(row[key])]
-        if not known:
-            continue
-        condition = CONDITIONS[key]
-        scale, unit = (1e-3, "kPa") if condition.unit == "Pa" else (1.0, condition.unit)
-        shown = list(dict.fromkeys(f"{value * scale:.4g}" for value in known))
-        reach = (min(known) * scale, max(known) * scale)
-        told = ", ".join(shown) if len(shown) <= _SHOWN else "{:.4g} to {:.4g}".format(*reach)
-        said.append(f"{condition.name or condition.symbol} {told} {unit}")
+        if known:
+            condition = CONDITIONS[key]
+            scale, unit = (1e-3, "kPa") if condition.unit == "Pa" else (1.0, condition.unit)
+            ends = dict.fromkeys(f"{value * scale:.4g}" for value in (min(known), max(known)))
+            said.append(f"{condition.name or condition.symbol} {' to '.join(ends)} {unit}")
     return "; ".join(said)
-
-
-def _how_sure(found: Diagnosis) -> str:
-    """What the section of the diagnosis says at length, in short sentences."""
-    errors, told = removed_errors(found.found), [f"{found.certainty.count}."]
-    for c in found.effects:
-        if c.selected:
-            error = f" ± {100.0 * errors[c.effect]:.1f} %" if c.effect in errors else ""
-            p = f"p = {probability(c.p_adjusted, found.manoeuvres)}".replace("= <=", "<=")
-            told.append(
-                f"{c.effect} removes {percent(c.excess_removed)}{error} of the excess; chance "
-                f"alone does so with {p}."
-            )
-    return " ".join(told)
 
 
 def _physics(effect: Effect) -> str:
     return f"{effect.mechanism}: {effect.signature}" if effect.signature else effect.mechanism
 
 
-def _advice(found: Diagnosis | None) -> list[str]:
+def _rungs(
+    compared: Comparison, found: Diagnosis | None, catalogue: Mapping[str, Effect], factor: float
+) -> list[Rung]:
+    """The models on the way to the best one."""
+
+    def rung(name: str, said: str, one: Comparison) -> Rung:
+        error = one.rmse if one.rmse_heldout is None else one.rmse_heldout
+        floor = one.noise_floor * factor
+        return {"name": name, "said": said, "error": error * factor, "floor": floor}
+
+    rungs = [rung("your model", "", compared)]
     if found is None:
-        return ["Ask what is missing:"]
-    left = str(found.unexplained["sentence"])
-    drives = [f"Drive next, {separation_sentence(row)}." for row in found.separating_manoeuvres]
-    drives = drives or drive_sentences(found.drive_next)
-    return [*([left] if found.verdict in ("unknown", "partial") and left else []), *drives]
-
-
-def _rungs(given: AnswerSection, factor: float) -> tuple[list[Rung], str]:
-    """The models on the way, from the ladder or the diagnosis, and what errors these are."""
-
-    def rung(name: str, said: str, error: float, held_out: float | None, floor: float) -> Rung:
-        shown_error = (error if held_out is None else held_out) * factor
-        return {"name": name, "said": said, "error": shown_error, "floor": floor * factor}
-
-    def of(name: str, said: str, one: Comparison) -> Rung:
-        return rung(name, said, one.rmse, one.rmse_heldout, one.noise_floor)
-
-    def physics(*effects: str) -> str:
-        known = (given.catalogue.get(name) for name in effects)
-        return "; ".join("" if one is None else one.mechanism for one in known)
-
-    climbed, found, start = given.climbed, given.found, "your model"
-    if climbed is not None:
-        steps = [s for s in climbed["steps"] if s["outcome"] != "not_added"]
-        names = [
-            f"{'without' if s['outcome'] == 'removed' else '+'} {s['effect']}" for s in steps[1:]
-        ]
-        said = ["", *(physics(s["effect"]) for s in steps[1:])]
-        rungs = [
-            rung(name, what, s["rmse_fit"], s["rmse_heldout"], s["noise_floor"])
-            for name, what, s in zip([start, *names], said, steps, strict=True)
-        ]
-        return rungs, _climbed_on(climbed, logs_of(given.compared))
-    rungs = [of(start, "", given.compared)]
-    if found is None:
-        return rungs, ""
+        return rungs
     if came_in := found.found.came_in:
-        what = "; ".join(NUISANCES_SAID[name] for name in came_in)
-        rungs.append(of(f"+ {' and '.join(came_in)}", what, found.before))
+        said = "; ".join(NUISANCES_SAID[name] for name in came_in)
+        rungs.append(rung(f"+ {' and '.join(came_in)}", said, found.before))
     if found.selected:
-        name = f"+ {' and '.join(found.selected)}"
-        rungs.append(of(name, physics(*found.selected), found.after))
+        known = (catalogue[name].mechanism for name in found.selected if name in catalogue)
+        rungs.append(rung(f"+ {' and '.join(found.selected)}", "; ".join(known), found.after))
     else:  # the floor of the verdict
         rungs[-1]["floor"] = found.noise_floor * factor
-    if found.rmse_heldout_before is None:
-        return rungs, "The error of the fit: of one manoeuvre none can be held out."
-    return rungs, "Error on manoeuvres that the fit had not seen."
+    return rungs
 
 
-def _climbed_on(climbed: Mapping[str, Any], logs: Sequence[str]) -> str:
-    """On what the ladder was climbed, if not on all of these logs' manoeuvres."""
-    of_fit = climbed["steps"][0]["rmse_heldout"] is None
-    said = ["Errors of the fit by the ladder" if of_fit else "Held-out errors of the ladder"]
-    of = [Path(str(log)).name for log in climbed.get("logs") or ()]
-    if of and sorted(of) != sorted(Path(log).name for log in logs):
-        said.append(f"climbed on other logs than these: {', '.join(of)}")
-    seen, kept = climbed.get("manoeuvres"), climbed.get("manoeuvres_locked")
-    if seen and kept:
-        said.append(f"on the {seen} manoeuvres that the search saw; {kept} were locked away")
-    return ", ".join(said) + "."
-
-
-def _before_and_after(given: AnswerSection, colours: LogColours) -> list[Figure]:
-    """Measured and both models, what each leaves, and the residual's maps; one scale each."""
-    has = ", ".join(effect.id for effect in given.compared.model.effects)
-    models = {f"first model, with {has}" if has else "first model": given.compared}
-    if given.best is not None:
-        models[f"best model, with {', '.join(given.added) or 'the effects'} added"] = given.best
-    named = {name: one.parts[0] if one.parts else one for name, one in models.items()}
-    first = next(iter(named.values()))
-    factor, unit = shown_value(first.observable, first.unit)
-    reach = max(_colour_reach(one.by_speed.residual * factor) for one in named.values())
-    maps = [
-        replace(
-            residual_map(f"answer-map-{i}", f"Left by the {name}", one.by_speed, one, reach),
-            half=len(named) > 1,
-        )
-        for i, (name, one) in enumerate(named.items())
-    ]
-    if first.by_speed.phi_rad.size < 2:
-        return maps
-    return [*_waves(named, factor, unit, colours), *maps]
-
-
-def _waves(
-    named: Mapping[str, Comparison], factor: float, unit: str, colours: LogColours
+def _first_and_best(
+    compared: Comparison, found: Diagnosis | None, colours: LogColours
 ) -> list[Figure]:
-    """The waveform on which the models differ most, and what each leaves of it."""
-    every, last = list(named.values()), list(named.values())[-1]
-    labels = [one.waveforms.labels for one in every]
-    common = [label for label in labels[-1] if all(label in known for known in labels)]
-    if not common:
-        return []
+    """What the first and the best model leave, at one scale, and the best one's waveforms."""
+    added = () if found is None else (*found.found.came_in, *found.selected)
+    models = [compared] if found is None or not added else [compared, found.after]
+    models = [one.parts[0] if one.parts else one for one in models]
+    has = ", ".join(effect.id for effect in models[0].model.effects)
+    named = [f"the first model{', with ' if has else ''}{has}"]
+    named += [f"the best model, with {', '.join(added)} added"] * bool(added)
+    panels, several = before_and_after(models), len(models) > 1
+    titles = [f"Left by {name}" for name in named] if len(panels) > 1 else []
+    titles.append(f"What {' and '.join(named)} leave")
+    said = f"Measured less predicted {compared.observable.replace('_', ' ')}"
+    figures = [
+        figure(f"answer-left-{i}", title, f"{said}: {panel.title}.", panel, half=several and i < 2)
+        for i, (title, panel) in enumerate(zip(titles, panels, strict=True))
+    ]
+    return figures + (waves(models[-1], colours, "answer-") if several else [])
 
-    def left(one: Comparison, label: str) -> Any:
-        i = one.waveforms.labels.index(label)
-        return one.waveforms.measured[i] - one.waveforms.predicted[i]
 
-    def parted(label: str) -> float:
-        other = left(last, label) if len(every) > 1 else 0.0
-        return float(np.nanmean((left(every[0], label) - other) ** 2))
-
-    label = max(common, key=parted)
-    i = labels[-1].index(label)
-    phi, floor = np.rad2deg(last.waveforms.phi_rad[i]), 2.0 * factor * last.waveforms.floor[i]
-    measured, colour = (
-        last.waveforms.measured[i] * factor,
-        colours[Path(last.waveforms.logs[i]).name],
-    )
-    waves = [dots(phi, measured, f"measured, {label}", colour, marker={"size": 5})]
-    rest = [band(phi, -floor, floor, "two noise floors", GREY)]
-    looks = ({"color": GREY, "dash": "dash", "width": 2}, {"color": INK, "width": 2})
-    for (name, one), look in zip(named.items(), looks, strict=False):
-        k = one.waveforms.labels.index(label)
-        angle, predicted = np.rad2deg(one.waveforms.phi_rad[k]), one.waveforms.predicted[k] * factor
-        waves.append(line(angle, predicted, name, INK, line=look))
-        rest.append(line(angle, left(one, label) * factor, f"left by the {name}", INK, line=look))
+def waves(result: Comparison, colours: LogColours, prefix: str = "") -> list[Figure]:
+    """Waveforms, measured and predicted, and what is left of them."""
+    looks, said = styles(result.waveforms.logs, colours), "; ".join(result.waveforms.labels)
     return [
         figure(
-            "answer-waves",
-            f"Measured, and the {' and '.join(named)}: {label}",
-            "Measured mean of similar revolutions (points) and predictions (lines); dashed upright "
-            "lines: the patch's edges.",
-            over_angle(last, f"{last.observable} [{unit}]", waves),
-            half=True,
-            height=330,
+            f"{prefix}waveforms",
+            "Waveforms",
+            "Measured means of similar revolutions (points), the model (lines) and two noise "
+            f"floors about it (bands) at {said}; dashed lines: the patch's edges.",
+            waveforms(result, looks),
+            height=520,
         ),
         figure(
-            "answer-left",
-            f"The same, measured less predicted: {label}",
-            "What each model leaves of this waveform, with two noise floors as a band about zero.",
-            over_angle(last, f"residual [{unit}]", rest),
-            half=True,
-            height=330,
+            f"{prefix}differences",
+            "What the model leaves of these waveforms",
+            f"Measured less predicted {result.observable} of the same waveforms, with two noise "
+            "floors as bands about zero.",
+            differences(result, looks),
+            height=460,
         ),
     ]
+
+
+def _sentence(text: str) -> str:
+    """The text with its first letter as a sentence begins."""
+    return f"{text[:1].upper()}{text[1:]}"
 
 
 def comparisons(
@@ -363,7 +258,16 @@ def comparisons(
     colours = log_colours(logs_of(result)) if colours is None else colours
     if not result.parts:
         return [comparison(result, command, colours)]
-    found = [_together(result, command)]
+    words = [
+        f"{result.observable} of one wheel are fitted together, each by its own noise; "
+        f"{result.revolutions} revolutions, {result.manoeuvres} manoeuvres.",
+        result.agreement,
+        *map(_sentence, filter(None, [result.nuisances_sentence()])),
+        *(f"{remark}." for remark in result.remarks),
+    ]
+    tables = [result.together_table(), result.parameters_table()]
+    title = "Several observables in one fit"
+    found = [Section("model", title, command, words, (), tables)]
     for part in result.parts:
         own = comparison(part, command, colours)
         figures = [replace(f, id=f"{f.id}-{part.label}") for f in own.figures]
@@ -372,91 +276,41 @@ def comparisons(
     return found
 
 
-def _together(result: Comparison, command: str) -> Section:
-    """One fit of several observables: the error of each, what each knows, whether they agree."""
-    return Section(
-        "model",
-        "Several observables in one fit",
-        command,
-        [
-            f"{result.observable} of one wheel are fitted together, each by its own noise; "
-            f"{result.revolutions} revolutions, {result.manoeuvres} manoeuvres.",
-            result.agreement,
-            *_with_nuisances(result),
-            *(f"{remark}." for remark in result.remarks),
-        ],
-        (),
-        [
-            result.together_table(),
-            result.parameters_table(),
-        ],
-    )
-
-
 def comparison(result: Comparison, command: str, colours: LogColours) -> Section:
     """The section of a comparison of model and logs.
 
     Errors beside the floor, waveforms with the floor's band, residual over angle and speed, and
     angle and time.
     """
-    factor, unit = shown_value(result.observable, result.unit)
+    factor, _ = shown(result.observable, result.unit)
     words = [
-        "Error of one revolution's value at one angle, on manoeuvres held out from the fit: "
-        f"{in_unit(result.rmse_heldout, factor)} "
-        f"{unit}; noise floor {result.noise_floor * factor:.3g}, excess "
-        f"{in_unit(result.excess_heldout, factor)}. On the data of the fit: "
-        f"{result.rmse * factor:.3g}. Reduced chi-square {result.reduced_chi2:.3g}; "
-        f"{result.revolutions} revolutions, {result.manoeuvres} manoeuvres.",
-        *_with_nuisances(result),
+        f"{_sentence(result.headline)}, excess {in_unit(result.excess_heldout, factor)}. On the "
+        f"data of the fit: {result.rmse * factor:.3g}. Reduced chi-square "
+        f"{result.reduced_chi2:.3g}.",
+        *map(_sentence, filter(None, [result.nuisances_sentence()])),
         where(result),
         *result.floor_sentences(),
         *(f"{remark}." for remark in result.remarks),
     ]
-    waves = result.waveforms
-    looks = styles(waves.logs, colours)
-    figures = [
+    maps = [
         figure(
-            "waveforms",
-            "Waveforms",
-            "Measured means of similar revolutions (points), the model (lines) and two noise "
-            f"floors about it (bands) at {'; '.join(waves.labels)}; dashed lines: the patch's "
-            "edges.",
-            waveforms(result, (factor, unit), looks),
-            height=520,
-        ),
-        figure(
-            "differences",
-            "What the model leaves of these waveforms",
-            f"Measured less predicted {result.observable} of the same waveforms, {unit}, with two "
-            "noise floors as bands about zero.",
-            differences(result, (factor, unit), looks),
-            height=460,
-        ),
-        residual_map("residual-speed", "Residual over angle and speed", result.by_speed, result),
-        residual_map("residual-time", "Residual over angle and time", result.by_time, result),
+            f"residual-{name}",
+            f"Residual over angle and {name}",
+            f"Measured less predicted {result.observable} as colour, blue below and red above "
+            f"zero, over the wheel angle and {name} from {map_.axis.min():.4g} to "
+            f"{map_.axis.max():.4g}.",
+            residual_map(map_, result),
+        )
+        for name, map_ in (("speed", result.by_speed), ("time", result.by_time))
     ]
-    return Section(
-        "model",
-        "The model against the measurement",
-        command,
-        words,
-        figures,
-        [
-            result.errors_table(lambda log: Path(log).name),
-            result.parameters_table(fixed=True),
-        ],
-    )
-
-
-def _with_nuisances(result: Comparison) -> list[str]:
-    """What the errors are beside nuisances, if any earns a place."""
-    said = result.nuisances_sentence()
-    return [f"{said[:1].upper()}{said[1:]}."] if said else []
+    tables = [result.errors_table(lambda log: Path(log).name), result.parameters_table(fixed=True)]
+    title = "The model against the measurement"
+    return Section("model", title, command, words, [*waves(result, colours), *maps], tables)
 
 
 def where(result: Comparison) -> str:
     """Where the map of the residual is largest, and at which speed and regime the excess is."""
-    factor, unit = shown_value(result.observable, result.unit)
+    factor, unit = shown(result.observable, result.unit)
     speed = max(result.tables["speed"], key=lambda row: row["excess"])
     regime = max(result.tables["regime"], key=lambda row: row["excess"])
     if speed["excess"] == 0.0:
@@ -494,51 +348,11 @@ def styles(logs: Sequence[str], colours: LogColours) -> list[tuple[int, str, str
     ]
 
 
-def _colour_reach(values: Any) -> float:
-    """Where the colours of a map end: one odd cell does not bleach the rest."""
-    known = np.abs(values[np.isfinite(values)])
-    return float(np.percentile(known, 99.5)) if known.size else 1.0
-
-
-def residual_map(
-    id: str, title: str, found: Map, result: Comparison, reach: float | None = None
-) -> Figure:
-    """The residual, measured less predicted, over an axis and the angle.
-
-    Colours go to `reach` in the page's unit.
-    """
-    factor, unit = shown_value(result.observable, result.unit)
-    along = {"speed_m_s": ("speed", "m/s"), "time_s": ("time", "s")}[found.axis_name]
-    name, residual = "{} [{}]".format(*along), found.residual * factor
-    said, label = f"Measured less predicted {result.observable} in {unit}", f"residual [{unit}]"
-    if found.phi_rad.size < 2:
-        marks = [dots(found.axis, residual[:, 0], "residual", INK)]
-        ends = None if reach is None else (-1.1 * reach, 1.1 * reach)
-        panel = Panel(name, label, marks, limits=(None, ends))
-        return figure(id, title, f"{said} against {name}.", panel)
-    alt = (
-        f"{said} as colour, blue below and red above zero, over the wheel angle and {along[0]} "
-        f"from {found.axis.min():.4g} to {found.axis.max():.4g}."
-    )
-    most = _colour_reach(residual) if reach is None else reach
-    colours = heat(np.rad2deg(found.phi_rad), found.axis, residual, label, "signed", 0.0, most)
-    return figure(id, title, alt, over_angle(result, name, [colours]))
-
-
 def diagnosis(result: Diagnosis, command: str) -> Section:
-    """The section of a diagnosis.
-
-    Verdict, ranking, sets that are not separated, what is unexplained, the next manoeuvre and
-    command.
-    """
-    errors = result.errors_sentence()
-    words = [
-        f"{result.verdict.replace('_', ' ').capitalize()}. {result.sentence}",
-        result.certainty.sentence,
-        f"{errors[:1].upper()}{errors[1:]}.",
-        *(f"{said[:1].upper()}{said[1:]}" for said in result.further_sentences()),
-    ]
-    tables, ranked = [result.ranking_table()], result.effects
+    """The section of a diagnosis: what the command's answer says, and the ranking as a figure."""
+    tables, said = result.below()
+    verdict = f"{result.verdict.replace('_', ' ').capitalize()}. {result.headline}"
+    words, ranked = [verdict, *map(_sentence, said)], result.effects
     if not ranked:
         return Section("diagnosis", "The diagnosis", command, words, (), tables)
     best = ", ".join(f"{c.effect} {100 * c.excess_removed:.1f} %" for c in ranked[:5])
@@ -546,83 +360,38 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
         f"Share of the excess that each effect removes alone: {best}. Error bars, one standard "
         "error, where the effect was refitted."
     )
-    bars = ranked_panel(ranked, removed_errors(result.found), (INK, PALE))
-    panel, height = replace(bars, x="share of the excess removed alone [%]"), 140 + 24 * len(ranked)
+    panel = ranked_panel(ranked, removed_errors(result.found), (INK, PALE))
+    height = 140 + 24 * len(ranked)
     drawn = figure("ranking", "Which effect is missing", alt, panel, height=height)
     return Section("diagnosis", "The diagnosis", command, words, [drawn], tables)
 
 
 def ladder_section(climbed: Mapping[str, Any], command: str) -> Section:
     """The error falling to the floor, from the last ladder that its command kept."""
-    factor, unit = shown_value(climbed["observable"], climbed["unit"])
-    steps = [step for step in climbed["steps"] if step["outcome"] != "not_added"]
-    names, floors = [s["effect"] for s in steps], [s["noise_floor"] * factor for s in steps]
-    held = [
-        "none" if s["rmse_heldout"] is None else f"{s['rmse_heldout'] * factor:.3g}" for s in steps
-    ]
-    fallen = f"No effect was added: held-out error {held[0]} {unit}, noise floor {floors[0]:.3g}."
-    if len(names) > 1:
-        fallen = (
-            f"Held-out error {held[0]} → {held[-1]} {unit} by {', '.join(names[1:])}; noise floor "
-            f"of the last model {floors[-1]:.3g}."
-        )
-    words = (
-        [fallen]
-        + [step["sentence"] for step in climbed["steps"]]
-        + [f"{remark}." for remark in climbed.get("remarks", ())]
+    factor, unit = shown(climbed["observable"], climbed["unit"])
+    taken = [step for step in climbed["steps"] if step["outcome"] != "not_added"]
+    held = [in_unit(step["rmse_heldout"], factor) for step in taken]
+    fallen = (
+        f"Held-out error {' → '.join(held)} {unit}: {', '.join(s['effect'] for s in taken)}; "
+        f"noise floor of the last model {taken[-1]['noise_floor'] * factor:.3g}."
     )
+    logs = ", ".join(Path(str(log)).name for log in climbed.get("logs") or ())
+    on = f"Climbed on {climbed.get('manoeuvres')} manoeuvres{f' of {logs}' if logs else ''}."
+    words = [fallen, on, *(step["sentence"] for step in climbed["steps"])]
+    words += [f"{remark}." for remark in climbed.get("remarks", ())]
     if climbed.get("rmse_untouched") is not None:
         words.append(
             f"On manoeuvres reserved for the end: {climbed['rmse_untouched'] * factor:.3g} "
             f"{unit}, floor there {climbed['floor_untouched'] * factor:.3g}."
         )
-    said = (n if h == "none" else f"{n} {h} {unit}" for n, h in zip(names, held, strict=True))
-    drawn = figure(
-        "ladder-steps",
-        "The error falling to the floor",
-        f"Held-out error falling to the floor: {', '.join(said)}; noise floor {floors[-1]:.3g} "
-        f"{unit}.",
-        climbed_panel(climbed, (factor, unit), (PALE, INK, INK, GREY)),
-    )
+    panel = climbed_panel(climbed, (PALE, INK, INK, GREY))
+    drawn = figure("ladder-steps", "The error falling to the floor", fallen, panel)
     return Section("ladder", "The ladder", command, words, [drawn], [steps_table(climbed)])
-
-
-# ---- Logs that met an obstacle: how well the model answers it, hit by hit.
-
-
-def not_answered(logs: Sequence[TransientLog], carcass: str, command: str) -> Section:
-    """The hits that were found, if the model does not move."""
-    hits = sum(log.hits_s.size for log in logs)
-    text = (
-        f"{hits} hits on an obstacle; answer, comparison and diagnosis leave their revolutions "
-        f"out. A {carcass} says nothing of an obstacle; a model with carcass = "
-        '"coupled_ring" does.'
-    )
-    rows = [
-        [
-            Path(log.log).name,
-            log.road.kind,
-            str(log.hits_s.size),
-            ", ".join(f"{time:.3f}" for time in log.hits_s),
-        ]
-        for log in logs
-    ]
-    table = AnswerTable("Obstacles", ["log", "kind", "hits", "at [s]"], rows)
-    return Section("obstacles", "Obstacles", command, [text], (), [table])
 
 
 def obstacles(result: TransientComparison, command: str) -> Section:
     """What obstacles added, and what of it the model misses, hit by hit."""
-    factor, unit = shown_value(result.observable, result.unit)
-    total = result.to_json()
-    words = [
-        f"{len(result.hits)} hits on an obstacle, kept apart from the steady revolutions. The "
-        f"model covers {100.0 * total['covered']:.0f} % of what they added: "
-        f"{total['added'] * factor:.3g} {unit}, of which {total['missed'] * factor:.3g} is missed; "
-        f"noise floor {total['noise_floor'] * factor:.3g}.",
-        f"The prediction has {total['nuisance_parameters']} nuisance numbers (when, phase, level "
-        "and alignment of each hit), which the errors are charged for.",
-        *(f"{remark}." for remark in result.remarks),
-    ]
+    said = f"{_sentence(str(result.page()[0]))}. They are kept apart from the steady revolutions."
+    words = [said, *(f"{remark}." for remark in result.remarks)]
     table = result.hits_table(lambda log: Path(log).name)
     return Section("obstacles", "Obstacles", command, words, (), [table])
