@@ -395,11 +395,10 @@ def measured_gratings(recordings: Iterable[Recording], names: Sequence[str]) -> 
     """
     found: dict[str, Stacks] = {}
     given: dict[str, float] = {}
-    for number, recording in enumerate(recordings):
+    for recording in recordings:
         own = [channel.name for channel in recording.of_kind(*STRAIN_KINDS)]
-        asked = list(names)
-        if names == (ALL_CHANNELS,):
-            asked = own if number == 0 else list(found)
+        # those of the first log are asked of all
+        asked = list(found) or (own if names == (ALL_CHANNELS,) else list(names))
         lacking = [name for name in asked if name not in own]
         if lacking or len(asked) < 2:
             raise UsageError(
