@@ -31,7 +31,8 @@ from tirelog.diagnosis.history import read_ladder
 from tirelog.diagnosis.obstacles import compare_transients
 from tirelog.diagnosis.results import Comparison, effect_curves
 from tirelog.errors import ModelError, TirelogError, UsageError, nearest, or_refusal
-from tirelog.inference.measured import TransientLog, measured_for, once_each
+from tirelog.inference.measured import TransientLog, measured_for
+from tirelog.inference.shared_samples import once_each
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.file import load_model
 from tirelog.physics.model.model import Model
