@@ -25,7 +25,7 @@ from tirelog.drafts.setup import (
 )
 from tirelog.drafts.setup import rows as contents_rows
 from tirelog.errors import UsageError
-from tirelog.inference.measured import fingerprint
+from tirelog.inference.shared_samples import fingerprint
 from tirelog.runs.ingest import IngestSummary, is_file, open_recording, write_run
 from tirelog.runs.ingest import channel_rows as channels
 from tirelog.runs.store import is_run, open_run

@@ -24,8 +24,7 @@ from tirelog.api.parts import Part, parts_of, stretch_s
 from tirelog.data.recording import Recording
 from tirelog.errors import TirelogError, UsageError, refuse_unknown
 from tirelog.runs.ingest import is_file
-from tirelog.storage.whole import open_input
-from tirelog.storage.whole import LARGEST_BYTES, toml_role
+from tirelog.storage.whole import LARGEST_BYTES, open_input, toml_role
 from tirelog.vocabulary.columns import COLUMNS
 from tirelog.vocabulary.tables import LOG_PICTURES, LOG_TABLES, STRETCH, LogTable
 

@@ -536,8 +536,8 @@ def effect_by_shape(
     acts_on: str,
     frame: str,
     law: str,
-    nodes: Sequence[float],
-    values: Sequence[float],
+    nodes: Sequence[float] | FloatArray,
+    values: Sequence[float] | FloatArray,
     amplitude: Parameter = AMPLITUDE,
 ) -> Effect:
     """The effect of a measured shape: `values` at ascending `nodes`, two lists of numbers.

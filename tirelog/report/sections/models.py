@@ -27,12 +27,11 @@ from tirelog.plots.answers import (
     before_and_after,
     climbed_panel,
     differences,
-    over_angle,
     ranked_panel,
     residual_map,
     waveforms,
 )
-from tirelog.plots.record import SYMBOLS, Panel, band, dots, line
+from tirelog.plots.record import SYMBOLS
 from tirelog.report.page import (
     DASHES,
     GREY,
