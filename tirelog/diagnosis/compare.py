@@ -29,6 +29,7 @@ from tirelog.diagnosis.residual_structure import (
     extra_errors,
     half_angle,
     learnt_residual,
+    posterior_checks,
     zones,
 )
 from tirelog.diagnosis.results import (
@@ -154,6 +155,7 @@ def compare(
         parameters=parameters_of(with_form),
         with_nuisances=with_nuisances,
         extra_errors=extra_errors(base),
+        checks=posterior_checks(base),
         ranking=_ranking([base, *(start_from(pieces, other) for other in others)]),
         learnt=learnt_residual(base) if learn else (),
     )

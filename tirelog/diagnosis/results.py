@@ -52,6 +52,7 @@ _ABOVE = "above scatter"
 
 #: caption of the table that says how wrong a model is
 _EXTRA = "Least error beside the noise floor at which model and data agree, each by itself"
+_CHECKS = "Residuals beside noise"
 
 
 @dataclass(frozen=True)
@@ -106,6 +107,27 @@ def _extra_row(own: Mapping[str, Any]) -> list[Any]:
     return [name, size * factor, unit]
 
 
+@dataclass(frozen=True)
+class Check:
+    """A number of the residual beside the range in which noise alone leaves it."""
+
+    name: str
+    measured: float
+    low: float
+    high: float
+    also: ClassVar = ("never",)
+
+    @property
+    def never(self) -> bool:
+        """Noise never leaves this."""
+        return not self.low <= self.measured <= self.high
+
+    @property
+    def noise_gives(self) -> str:
+        """The range of noise in words."""
+        return f"{self.low:.3g} to {self.high:.3g}"
+
+
 @dataclass(frozen=True, repr=False)
 class Comparison(AnswerRecord):
     """A fitted model against logs.
@@ -137,9 +159,9 @@ class Comparison(AnswerRecord):
     what each contributes, `agreement` whether they contradict each other. Waveforms and maps are
     those of the first.
 
-    `extra_errors`: how much error beside the noise makes model and data agree; `ranking`: the model
-    among others on the same logs; `learnt`: what a residual that is learnt would gain, if asked.
-    All are empty in what `comparison_of` makes.
+    `extra_errors`: how much error beside the noise makes model and data agree; `checks`: how far
+    the residuals are from noise; `ranking`: the model among others on the same logs; `learnt`: what
+    a residual that is learnt would gain, if asked. All are empty in what `comparison_of` makes.
 
     `obstacles`: errors hit by hit, None without a [road] or with a model that does not move;
     `aside`: remarks on what was not compared.
@@ -184,6 +206,7 @@ class Comparison(AnswerRecord):
     obstacles: TransientComparison | None = None
     aside: tuple[str, ...] = ()
     extra_errors: tuple[Mapping[str, Any], ...] = ()
+    checks: tuple[Check, ...] = ()
     ranking: tuple[Mapping[str, Any], ...] = ()
     learnt: tuple[Mapping[str, Any], ...] = ()
 
@@ -227,6 +250,7 @@ class Comparison(AnswerRecord):
             for r in self.ranking
         ]
         extra = [_extra_row(own) for own in self._worst_errors() if own["size"] != 0.0]
+        residuals = [[c.name, c.measured, c.noise_gives] for c in self.checks]
         learnt = [
             [r["learns"], in_unit(r["rmse_heldout"], shown(r["observable"], "")[0])]
             + [percent(r["excess_removed"]), r["sigmas"], r["weights"]]
@@ -236,6 +260,7 @@ class Comparison(AnswerRecord):
         tables = (
             AnswerTable(f"Models on the same logs, best first [{unit}]", names, ranks),
             AnswerTable(_EXTRA, ["", "at least", "unit"], extra),
+            AnswerTable(_CHECKS, ["residuals", "measured", "noise gives"], residuals),
             AnswerTable(
                 f"What a learnt residual gains [{unit}]; it names no effect",
                 ["learns over", "held out", "excess removed", "sigma better", "weights"],
