@@ -665,7 +665,7 @@ def read_calibration(path: Path) -> Calibration:
         if isinstance(found, SpeedMap | ForceMap):
             _refuse_map(found, FilePlace(document) / name)
     crosstalk = {"k": np.nan, "se": np.nan} | data.get("crosstalk", {})
-    delay = {"delay_s": np.nan, "se_s": np.nan, "beside_force": False}
+    delay: dict[str, Any] = {"delay_s": np.nan, "se_s": np.nan, "beside_force": False}
     delay |= data.get("telemetry_delay", {})
     return Calibration(
         data["reference_speed_m_s"],

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -345,9 +346,9 @@ def match(signal: Signal, pulses: Records) -> tuple[Template | None, Records, Re
     start = _start(channel, pulses)
     template = _learn(signal, start, np.ones(start.size, bool)) if start.size > 1 else None
     if template is None:  # the middle of the half-level crossings, to a tenth of the width
-        nan = dict.fromkeys(("omega_rad_s", "omega_se_rad_s", "misfit"), np.nan)
-        nan |= {name: start[name] for name in ("time_s", "height", "offset")}
-        return None, start, records(FOUND, time_se_s=0.1 * start["width_s"], **nan)
+        rough: dict[str, Any] = {name: start[name] for name in ("time_s", "height", "offset")}
+        rough |= dict.fromkeys(("omega_rad_s", "omega_se_rad_s", "misfit"), np.nan)
+        return None, start, records(FOUND, time_se_s=0.1 * start["width_s"], **rough)
     found = fit(signal, template, start)
     kept = ~_foreign(found, start, signal.noise)
     if not kept.all():
