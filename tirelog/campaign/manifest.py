@@ -259,8 +259,9 @@ def _log(log: str, shared: Setup | None, rows: Mapping[str, _Row], base: Path) -
     if row is not None:
         row.logs.append(inside)
     try:
-        beside = setup_beside(log)
-        setup = shared if shared is not None else beside and load_setup(beside)
+        setup, beside = shared, setup_beside(log)
+        if setup is None and beside is not None:
+            setup = load_setup(beside)
         if setup is not None and row is not None:
             setup = _with_conditions(setup, row)
     except SetupError as problem:  # a log whose setup is unusable is kept as failed
