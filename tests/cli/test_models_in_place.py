@@ -7,7 +7,7 @@ from itertools import islice
 from pathlib import Path
 
 import pytest
-from tirelog.physics.model.from_setup import preset_model
+from tirelog.physics.model.file import preset_model
 
 from tests.cli.conftest import Command
 from tirelog.physics.model.file import load_model

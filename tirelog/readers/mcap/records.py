@@ -29,7 +29,6 @@ from numpy.typing import NDArray
 from tirelog.errors import ReadError
 from tirelog.kernels import compiled
 from tirelog.readers.base import Group, RawBlock, ReadReport
-from tirelog.readers.text.kernels import Bytes, Whole, bytes_of
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 # ---- Samples of one clock in the order of their log time.
@@ -160,7 +159,7 @@ class MessageTable:
 
 
 @compiled
-def _chain(data: Bytes, starts: IntArray) -> tuple[int, Whole]:
+def _chain(data: NDArray[np.uint8], starts: IntArray) -> tuple[int, Any]:
     """Write the starts of the records in a row: (how many, end of the last whole one)."""
     at, many = np.int64(0), 0
     while at <= data.size - 9 and many < starts.size:
@@ -455,7 +454,7 @@ class Records:
         """
         most = min(MOST_RECORDS, FEW_RECORDS + RECORDS_PER_BYTE * stored)
         found = np.empty(min(len(data) // HEAD.size, most + 1), np.int64)
-        many, end = _chain(bytes_of(data), found)
+        many, end = _chain(np.frombuffer(data, np.uint8), found)
         if many > most:
             raise ValueError(f"it holds more than {most} records in {stored} stored bytes")
         starts = found[:many].copy()
