@@ -147,7 +147,7 @@ def worlds(folder: Path) -> list[World]:
     made = {}
     for number, (kind, name) in enumerate(WORLDS):
         if kind not in made:
-            make = faults._strain_world if kind == "strain" else faults._wheel_world
+            make = faults._strain_world if kind == "strain" else faults.wheel_world
             made[kind] = simulate(make(WORLD, reporting=False))
         simulated = made[kind]
         log, random = faults.log_of(simulated), np.random.default_rng([SEED, number])
@@ -158,7 +158,7 @@ def worlds(folder: Path) -> list[World]:
         channel = faults.STRAIN if kind == "strain" else faults.ACCELERATION
         passages = simulated.truth["channels"][channel]["passages"]
         truth = {key: np.array(value, float) for key, value in passages.items()}
-        out.append(World(kind, log, faults._written(log, own), truth))
+        out.append(World(kind, log, faults.written(log, own), truth))
     return out
 
 
