@@ -7,10 +7,9 @@ from itertools import islice
 from pathlib import Path
 
 import pytest
-from tirelog.physics.model.file import preset_model
 
 from tests.cli.conftest import Command
-from tirelog.physics.model.file import load_model
+from tirelog.physics.model.file import load_model, preset_model
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
