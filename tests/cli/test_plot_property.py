@@ -1,5 +1,6 @@
 """Property: `tirelog plot` draws what a file holds, and says what it cannot."""
 
+import json
 import sys
 from pathlib import Path
 
@@ -9,6 +10,28 @@ import pytest
 
 import tirelog as package
 from tests.cli.conftest import RATE_HZ, Command
+
+FORM = {
+    "pressure": {name: [1.0, 2.0] for name in ("at", "value", "se", "formula")},
+    "stiffness": {name: [1.0, 2.0] for name in ("at", "value", "se", "formula")},
+    "load_N": 3000.0,
+    "speed_m_s": 20.0,
+}
+EFFECT = {"effect": "water_film", "excess_removed": 0.9, "p_adjusted": 0.002, "selected": True}
+DIAGNOSIS = {
+    "verdict": "missing",
+    "sentence": "water_film is missing.",
+    "effects": [{**EFFECT, "group": []}],
+    "rmse_heldout_before": 4.0,
+    "rmse_heldout_after": 1.0,
+    "noise_floor": 2.0,
+}
+STEP = {
+    "step": 0, "effect": "start", "rmse_fit": 1e-6, "rmse_heldout": 2e-6, "noise_floor": 1e-6,
+    "excess_heldout": 1e-6, "p_adjusted": None, "decision": "start", "outcome": "start",
+    "sentence": "", "parameters": {},
+}  # fmt: skip
+LADDER = {"observable": "strain", "unit": "1", "steps": [STEP], "manoeuvres": 8}
 
 
 def labels(figure):
@@ -101,7 +124,8 @@ def test_a_model_is_its_waveform_its_pressure_and_its_effects(model: Path) -> No
         ("beam.toml beam.toml", "one picture of beam.toml, beam.toml (model)"),
         ("log.toml", "log.toml: is a setup; a log is needed here"),
         ("none.csv", "none.csv: cannot be read"),
-        ("odd.json", "add --plot PICTURE to the command that gave it"),
+        ("odd.json", "odd.json: cannot be drawn"),
+        ("odd.json --from 1", "picture of odd.json (answer)"),
         ("list.json", "list.json: is not a table"),
         ("empty.csv", "empty.csv: no rows to draw"),
         ("one.csv", "one.csv: is no table of numbers that vary"),
@@ -139,6 +163,28 @@ def show(*args, **kwargs):
     for manager in Gcf.get_all_fig_managers():
         manager.canvas.figure.savefig("shown.png")
 """
+
+
+@pytest.mark.parametrize(
+    ("answer", "shown"),
+    [
+        (FORM, "contact pressure (N/mm)"),
+        (DIAGNOSIS, "error over the noise floor"),
+        (LADDER, "strain error [microstrain]"),
+    ],
+)
+@pytest.mark.parametrize("indent", [None, 1])
+def test_an_answer_is_drawn_from_its_json(
+    folder: Path, answer: dict[str, object], shown: str, indent: int | None
+) -> None:
+    Path("answer").write_text(json.dumps(answer, indent=indent))
+    assert shown in [label for _, label in labels(package.plot("answer"))]
+
+
+def test_errors_of_an_answer_are_in_noise_floors(folder: Path) -> None:
+    Path("d.json").write_text(json.dumps(DIAGNOSIS))
+    errors = package.plot("d.json").axes[1]
+    assert [bar.get_height() for bar in errors.patches] == [2.0, 0.5]
 
 
 def test_on_a_screen_a_window_shows_it(folder: Path, tirelog: Command, monkeypatch) -> None:

@@ -1,7 +1,7 @@
-"""Pictures: of tables as they are made, and of logs, tables or a model that are there.
+"""Pictures: of tables as they are made, and of a log, a table, a model or an answer that is there.
 
 open log --parts_of--> TablePicture.keep --> the picture of a table as its command makes it
-files --role_of--> logs that are open, tables, a model --figure_of--> a figure
+files --role_of--> logs that are open, tables, a model, an answer --figure_of--> a figure
     --show--> a file or a window
 """
 
@@ -22,9 +22,10 @@ from tirelog.api.logs import Logs, Path, SetupLike, as_logs, each_log
 from tirelog.api.models import load_model
 from tirelog.api.parts import Part, parts_of, stretch_s
 from tirelog.data.recording import Recording
+from tirelog.diagnosis.results import read_ladder
 from tirelog.errors import TirelogError, UsageError, refuse_unknown
 from tirelog.runs.ingest import is_file
-from tirelog.storage.whole import LARGEST_BYTES, open_input, toml_role
+from tirelog.storage.whole import LARGEST_BYTES, bounded_input, json_value, open_input, toml_role
 from tirelog.vocabulary.columns import COLUMNS
 from tirelog.vocabulary.tables import LOG_PICTURES, LOG_TABLES, STRETCH, LogTable
 
@@ -110,7 +111,7 @@ def plot_table(
     return picture.draw(path)
 
 
-# ---- What is there: logs, tables, a model.
+# ---- What is there: logs, tables, a model, an answer.
 
 
 #: how rows in JSON begin
@@ -118,15 +119,15 @@ _ROWS = re.compile(rb"\[\s*\{")
 
 
 def role_of(what: Sequence[Path | Recording]) -> str:
-    """What paths lead to: "log", "table" or "model", by their first bytes.
+    """What paths lead to: "log", "table", "model" or "answer", by their first bytes.
 
-    UsageError: to files of several kinds, or to several models.
+    UsageError: to files of several kinds, to several models, or to several answers.
     """
     roles = list(dict.fromkeys(_role(one) for one in what))
-    if len(roles) > 1 or (len(what) > 1 and roles[0] == "model"):
+    if len(roles) > 1 or (len(what) > 1 and roles[0] in ("model", "answer")):
         raise UsageError(
             f"one picture of {', '.join(map(str, what))} ({' and '.join(roles)})",
-            allowed="allowed are several logs, several tables or one model",
+            allowed="allowed are several logs, several tables, one model or one answer",
             do="draw them one by one",
         )
     return roles[0]
@@ -136,6 +137,26 @@ def _role(one: Path | Recording) -> str:
     """What one path leads to; whatever is nothing else is a log, or is refused as one."""
     if isinstance(one, Recording) or not is_file(os.fspath(one)):
         return "log"
+    with open_input(os.fspath(one)) as stream:
+        head = stream.read(LARGEST_BYTES).removeprefix(codecs.BOM_UTF8).lstrip()
+    if str(one).endswith(".toml"):
+        return "model" if toml_role(head.decode("utf-8", "replace"))[0] == "a model" else "log"
+    if _ROWS.match(head):
+        return "table"
+    first, names = head.split(b"\n", 1)[0], list[str]()
+    with suppress(Exception):  # damaged bytes are no table
+        if head.startswith(b"PAR1"):
+            import pyarrow.parquet as pq
+
+            names = list(pq.read_schema(os.fspath(one)).names)
+        else:
+            line = first.decode("utf-8").strip()
+            names = list(json.loads(line)) if line.startswith("{") else line.split(",")
+    # a log begins with its time, or has columns that no table has
+    own = len(names) > 1 and names[0] != "time_s" and set(names) <= set(COLUMNS)
+    if own or names[:2] == ["log", "channel"]:
+        return "table"
+    return "answer" if head.startswith(b"{") else "log"
     with open_input(os.fspath(one)) as stream:
         head = stream.read(LARGEST_BYTES).removeprefix(codecs.BOM_UTF8).lstrip()
     if str(one).endswith(".toml"):
@@ -169,7 +190,7 @@ def figure_of(
     ends: Mapping[str, Any] = {},
     note: Callable[[str], object] = lambda text: None,
 ) -> Figure:
-    """The picture of logs, tables or a model; `logs`: those in `what`, once open.
+    """The picture of logs, tables, a model or an answer; `logs`: those in `what`, once open.
 
     Of logs a `kind` of `vocabulary.tables.LOG_PICTURES`, these `channels` or all, a stretch or all;
     `note` takes remarks. UsageError: as `role_of`, no such kind or channel, a stretch of a picture
@@ -188,6 +209,8 @@ def figure_of(
     if role == "model":
         made: Figure = resolve_name("tirelog.plots.answers:model_picture")(load_model(paths[0]))
         return made
+    if role == "answer":
+        return _of_answer(File(paths[0]))
     parts = [part for path in paths for part in _parts_of_table(path)]
     if not parts:
         raise UsageError(f"{', '.join(paths)}: no rows to draw", do="make the table again")
@@ -262,6 +285,23 @@ def _parts_of_table(path: str) -> list[dict[str, Any]]:
     return parts
 
 
+def _of_answer(path: File) -> Figure:
+    """The picture of an answer's JSON.  UsageError: it is none that has a picture."""
+    try:
+        fields = json_value(bounded_input(path, 16 * LARGEST_BYTES))
+        if "steps" in fields:
+            fields = read_ladder(path)
+        figure: Figure = resolve_name("tirelog.plots.answers:answer_picture")(fields)
+    except (ValueError, KeyError, TypeError, AttributeError) as problem:
+        raise UsageError(
+            f"cannot be drawn ({type(problem).__name__}: {problem})",
+            allowed="allowed is the JSON of compare, diagnose, ladder or form",
+            do="write one with --format json",
+            file=path,
+        ) from None
+    return figure
+
+
 def plot(
     what: Logs,
     path: Path | None = None,
@@ -272,12 +312,12 @@ def plot(
     start: float | str | None = None,
     stop: float | str | None = None,
 ) -> Figure:
-    """The picture of logs, tables or a model file, by the content of the files.
+    """The picture of logs, tables, a model file or an answer's JSON, by the content of the files.
 
     Parameters
     ----------
     what : str, os.PathLike, Recording or a list of them
-        What to draw: logs by path or open, or paths of tables or of one model.
+        What to draw: logs by path or open, or paths of tables, of one model or of one answer.
     path : str or os.PathLike, optional
         The picture to write: .png, .svg or .pdf. A notebook shows the figure that comes back.
     setup : str, os.PathLike, Setup or dict, optional

@@ -279,7 +279,7 @@ def table_command(table: LogTable) -> Callable[..., None]:
 def plot(
     logs: Annotated[
         list[str],
-        typer.Argument(metavar="WHAT", help="Logs or runs; or tables, or a model."),
+        typer.Argument(metavar="WHAT", help="Logs or runs; or tables, a model, an answer's JSON."),
     ],
     output: Annotated[
         Path | None,
@@ -303,7 +303,7 @@ def plot(
     stop: Annotated[str | None, table_option(STRETCH[1])] = None,
     quiet: options.Quiet = False,
 ) -> None:
-    """Picture of a log's signals, a table or a model, on the screen or as a file.
+    """Picture of a log's signals, a table, a model or an answer, on the screen or as a file.
 
     The content of the files decides. A log needs no setup to be looked at.
     """

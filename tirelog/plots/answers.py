@@ -12,6 +12,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -668,4 +669,72 @@ def ranked_panel(
         ((0.0, 118.0), (max(len(shown), 1) - 0.5, -0.5)),
         y_words=[c.effect for c in shown],
         legend=None,
+    )
+
+
+# ---- The picture of an answer's JSON: what its file holds.
+
+
+def answer_picture(fields: Mapping[str, Any]) -> Figure:
+    """The figure of an answer from its JSON, of `compare`, `diagnose`, `ladder` or `form`.
+
+    It has no waveforms and maps: these are in the answer, not in its JSON. ValueError: the JSON is
+    of no answer that has a picture.
+    """
+    if "steps" in fields:
+        return picture(Page([[climbed_panel(fields)]], (8.0, 4.5)))
+    if "pressure" in fields and "stiffness" in fields:
+        profiles = {name: _profile_of(fields[name]) for name in ("pressure", "stiffness")}
+        form: Any = SimpleNamespace(**{**fields, **profiles})
+        return form_figure(form)
+    if "verdict" in fields and "effects" in fields:
+        candidates = [SimpleNamespace(**one) for one in fields["effects"]]
+        panels = [ranked_panel(candidates[:_MOST_EFFECTS]), _errors(fields)]
+        title = "\n".join(textwrap.wrap(fields["sentence"], _LETTERS))
+        return picture(Page([panels], (13.0, 5.5), title))
+    if "extra_errors" in fields:
+        return picture(Page([[_extra(fields), _errors(fields)]], (13.0, 5.5)))
+    raise ValueError("it is of no answer that has a picture")
+
+
+def _profile_of(fields: Mapping[str, Any]) -> SimpleNamespace:
+    """A profile of a form's JSON, with arrays."""
+    return SimpleNamespace(**{name: np.array(values, float) for name, values in fields.items()})
+
+
+def _errors(fields: Mapping[str, Any]) -> Panel:
+    """The errors of an answer's JSON over its noise floor."""
+    known = {
+        said: fields[name] / fields["noise_floor"]
+        for name, said in (
+            ("rmse", "of the fit"),
+            ("rmse_heldout", "held out"),
+            ("rmse_heldout_before", "held out, before"),
+            ("rmse_heldout_after", "held out, after"),
+        )
+        if fields.get(name) is not None
+    }
+    return Panel(
+        "",
+        "error over the noise floor",
+        [bars(np.arange(len(known)), list(known.values())), level(1.0, "noise floor", _FLOOR)],
+        x_words=list(known),
+    )
+
+
+def _extra(fields: Mapping[str, Any]) -> Panel:
+    """The error that a model adds at least, by where and when, the first on top."""
+    observable = fields["observable"].split(" ")[0]
+    worst = [
+        row
+        for row in fields["extra_errors"]
+        if row["of"] != "parameter" and row["size"] is not None and row["observable"] == observable
+    ]
+    factor, unit = shown(observable, fields["unit"])
+    return Panel(
+        f"error in {observable.replace('_', ' ')} that the model adds at least [{unit}]",
+        "",
+        [bars(np.arange(len(worst)), [factor * row["size"] for row in worst], across=True)],
+        limits=(None, (len(worst) - 0.5, -0.5)),
+        y_words=[f"{row['of']} {row['name']}" for row in worst],
     )
