@@ -279,15 +279,6 @@ def test_a_report_is_written_or_refused(folder: Path) -> None:
             tirelog.write_report(**given)
 
 
-def test_a_ladder_is_kept_beside_its_model(folder: Path) -> None:
-    model = tirelog.Model.new("beam", "patch_length")
-    measured = tirelog.measure("log.csv", model)
-    tirelog.ladder(measured, model, keep="m.toml")
-    kept = json.loads((folder / "m.ladder.json").read_text())["ladders"]
-    assert len(kept) == 1
-    assert kept[0]["steps"]
-
-
 def test_tables_that_differ_are_told(folder: Path) -> None:
     table = tirelog.speed("log.csv")
     table.to_csv("old.csv", index=False)

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import Command
 from tirelog.physics.model.file import load_model, preset_model
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
@@ -157,24 +156,3 @@ def test_a_setup_goes_before_a_preset_and_set_before_both(folder, tirelog):
 def test_a_preset_of_another_carcass_is_refused(folder, tirelog):
     tirelog("model", "new", "--preset", "P1", "--carcass", "ring", "-o", "m.toml").refused("a beam")
     assert not (folder / "m.toml").exists()
-
-
-# ---- a history that is damaged ------------------------------------------------------------------
-
-
-DAMAGED = ["", "{}", '{"ladders": [{"steps": [{"step": 0}]}]}', '{"ladders": 3}', "[1]"]
-DEEP = [
-    "[" * 100_000,
-    '{"ladders": ' * 500,
-    '{"ladders": [1' + "0" * 400 + "]}",
-    "[" * 40 + "]" * 40,
-]
-
-
-@pytest.mark.parametrize("content", [*DAMAGED, *DEEP])
-def test_a_damaged_history(model: Path, tirelog: Command, content: str) -> None:
-    model.with_suffix(".ladder.json").write_text(content)
-    outcome = tirelog("ladder", "log.csv", "--model", model, "--quiet")
-    assert outcome.status == 2
-    assert "is no history of ladders" in outcome.err
-    assert model.with_suffix(".ladder.json").read_text() == content

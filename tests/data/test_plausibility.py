@@ -276,7 +276,7 @@ def test_a_speed_below_zero_is_no_speed_of_a_model(folder, monkeypatch, capfd):
     monkeypatch.chdir(folder)
     assert run(["model", "new", "--preset", "P2", "-o", "beam.toml", "--quiet"]) == 0
     assert run(["model", "predict", "beam.toml", "--speed", "-5"]) == 2
-    assert "--speed -5; allowed is a speed of 0 m/s or more" in capfd.readouterr().err
+    assert "--speed -5; 0 to 200 m/s is allowed" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(

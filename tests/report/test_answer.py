@@ -105,7 +105,7 @@ def test_the_rungs_are_the_diagnosis_s_and_the_steps_the_ladder_s(model_page: Pa
     errors = np.array([float(error) for error in said.groups()])
     np.testing.assert_allclose(lengths, 100.0 * errors / errors.max(), rtol=0.01)
     assert words(rungs[1]).split("hydrodynamic wedge")[0].split() == ["+", "water_film"]
-    climbed = json.loads((model_page.parent / "M.ladder.json").read_text())["ladders"][-1]
+    climbed = json.loads((model_page.parent / "ladder.json").read_text())
     taken = [s for s in climbed["steps"] if s["outcome"] != "not_added"]
     drawn = data(model_page)["figures"]["ladder-steps"]["traces"]
     assert drawn[0]["x"] == [step["effect"] for step in taken]
