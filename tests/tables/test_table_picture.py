@@ -31,7 +31,7 @@ def test_a_panel_per_quantity_a_colour_per_channel_and_what_is_flagged_counted()
     figure = drawn(kept)
     speed, pressure = figure.axes  # the acceleration is the same in all rows
     assert (speed.get_ylabel(), pressure.get_ylabel()) == ("speed [m/s]", "contact_pressure_N_m")
-    assert figure.get_suptitle() == "2 flagged rows are not drawn"
+    assert figure.get_suptitle() == "not drawn: flagged rows 2"
     first, second, third = speed.containers
     assert [one.get_label() for one in (first, second, third)] == [
         "x.csv: left", "x.csv: right", "b.csv: left",
@@ -46,7 +46,9 @@ def test_many_passages_are_thinned_and_many_channels_counted():
     kept = [(f"{i}.csv", rows("left", 30_000 if i == 0 else 2)) for i in range(10)]
     figure = drawn(kept)
     assert figure.axes[0].containers[0].lines[0].get_ydata().size == 6_000
-    assert figure.get_suptitle() == ("1 channels' rows beyond 6000; 2 more channels are not drawn")
+    assert figure.get_suptitle() == (
+        "not drawn: channels with more than 6000 rows 1; further channels 2"
+    )
 
 
 def test_lengths_share_a_panel_and_strain_is_in_microstrain():

@@ -178,12 +178,12 @@ def undrawn(parts: Iterable[Mapping[str, Any]]) -> str:
     flagged = [int((~good_rows(columns["quality"])).sum()) for columns in parts]
     rows = [len(columns["quality"]) - n for columns, n in zip(parts, flagged, strict=True)]
     left_out = (
-        (sum(flagged[:MOST]), "flagged rows"),
-        (sum(n > MOST_ROWS for n in rows[:MOST]), f"channels' rows beyond {MOST_ROWS}"),
-        (len(rows) - MOST, "more channels"),
+        ("flagged rows", sum(flagged[:MOST])),
+        (f"channels with more than {MOST_ROWS} rows", sum(n > MOST_ROWS for n in rows[:MOST])),
+        ("further channels", len(rows) - MOST),
     )
-    said = "; ".join(f"{number} {what}" for number, what in left_out if number > 0)
-    return f"{said} are not drawn" if said else ""
+    said = "; ".join(f"{what} {number}" for what, number in left_out if number > 0)
+    return f"not drawn: {said}" if said else ""
 
 
 def ways(

@@ -136,7 +136,7 @@ def reach(values: pd.Series, unit: str) -> str:
     """From the smallest to the largest value, in words."""
     if not values.notna().any():
         return "no value"
-    return f"{values.min():.4g} to {values.max():.4g} {unit}"
+    return f"{values.min():.4g} to {values.max():.4g} {unit}".removesuffix(" 1")
 
 
 #: a table, the regressions on speed of a dissipation table, and remarks on it
