@@ -114,6 +114,8 @@ def test_examples_in_help_run(folder, tirelog, monkeypatch, path):
         if line.startswith("zstd -dc log.csv.zst"):
             plain = BytesIO((folder / "log.csv").read_bytes())
             monkeypatch.setattr(sys, "stdin", TextIOWrapper(BufferedReader(plain)))
+        if "--ladder ladder.json" in line:  # what the example of `ladder` writes
+            run_all(tirelog, EXAMPLES["ladder"][0][0])
         run_all(tirelog, line)
 
 

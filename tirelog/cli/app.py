@@ -307,7 +307,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     ),
     "ladder": (
         (
-            "tirelog ladder hidden_*.csv.gz --model model.toml --save better.toml --plot steps.png",
+            "tirelog ladder hidden_*.csv.gz --model model.toml -o ladder.json --plot steps.png",
             "forward selection of effects",
         ),
     ),
