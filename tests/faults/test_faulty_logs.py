@@ -11,6 +11,7 @@ from benchmarks.faults import (
     HELD,
     counted,
     held,
+    hum,
     log_of,
     walk,
     wheel_world,
@@ -49,5 +50,14 @@ def test_a_crossing_within_the_patch_is_no_front(tmp_path):
     log = log_of(simulate(wheel_world(0, reporting=False)))
     random = np.random.default_rng([771, 0, 5])
     path = written(walk(log, random, column=ACCELERATION, share=0.5), tmp_path)
+    rows = tirelog.phase_shift(path)
+    assert (rows["quality"] != "ok").all()
+
+
+def test_passages_that_agree_by_chance_are_no_better_than_the_rest(tmp_path):
+    """A hum that moves most passages of a log a degree left 26 of 108 `ok`."""
+    log = log_of(simulate(wheel_world(1, reporting=False)))
+    random = np.random.default_rng([771, 1, 5])
+    path = written(hum(log, random, column=ACCELERATION, hertz=400.0, share=0.05), tmp_path)
     rows = tirelog.phase_shift(path)
     assert (rows["quality"] != "ok").all()

@@ -21,12 +21,20 @@ import numpy as np
 
 from tirelog.data.plausibility import implausible
 from tirelog.data.recording import Channel, Recording
-from tirelog.dsp.filters import UNLIKE_SPEED, runs, unlike_neighbours, widened
+from tirelog.dsp.filters import UNLIKE_SPEED, of_the_log, runs, unlike_neighbours, widened
 from tirelog.dsp.teeth import crossings, probe
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.runs.in_memory import without_spikes
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records, TableRows
-from tirelog.vocabulary.quality import Quality, QualityFlags, Use, good, marked, quality_column
+from tirelog.vocabulary.quality import (
+    Quality,
+    QualityFlags,
+    Use,
+    good,
+    having,
+    marked,
+    quality_column,
+)
 from tirelog.wheel.angle import (
     SPEED_WINDOW_S,
     WheelAngle,
@@ -327,6 +335,9 @@ def _passages(
     # degrees by which one turn alone may differ from those around, in shift or width
     for column in (turn, width):
         quality |= unlike_neighbours(column, quality, 0.1)
+    # of a log most of whose turns contradict each other, those that agree by chance are no better
+    doubtful = having(quality, Quality.UNLIKE_NEIGHBOURS | Quality.IMPLAUSIBLE)
+    quality |= marked(of_the_log(doubtful, 0.5) & ~doubtful, Quality.UNLIKE_NEIGHBOURS)
     clean = found & good(quality)
     steady = steady_passages(speed, clean)
     offset, zero_speed = _zero(turn, speed, time, steady, clean, zero)
