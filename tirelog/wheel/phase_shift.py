@@ -336,8 +336,10 @@ def _passages(
     for column in (turn, width):
         quality |= unlike_neighbours(column, quality, 0.1)
     # of a log most of whose turns contradict each other, those that agree by chance are no better
-    doubtful = having(quality, Quality.UNLIKE_NEIGHBOURS | Quality.IMPLAUSIBLE)
-    quality |= marked(of_the_log(doubtful, 0.5) & ~doubtful, Quality.UNLIKE_NEIGHBOURS)
+    doubtful = having(quality, Quality.UNLIKE_NEIGHBOURS | Quality.IMPLAUSIBLE)[found]
+    unlike = np.zeros(found.size, bool)
+    unlike[found] = of_the_log(doubtful, 0.5) & ~doubtful
+    quality |= marked(unlike, Quality.UNLIKE_NEIGHBOURS)
     clean = found & good(quality)
     steady = steady_passages(speed, clean)
     offset, zero_speed = _zero(turn, speed, time, steady, clean, zero)
