@@ -157,29 +157,6 @@ def _role(one: Path | Recording) -> str:
     if own or names[:2] == ["log", "channel"]:
         return "table"
     return "answer" if head.startswith(b"{") else "log"
-    with open_input(os.fspath(one)) as stream:
-        head = stream.read(LARGEST_BYTES).removeprefix(codecs.BOM_UTF8).lstrip()
-    if str(one).endswith(".toml"):
-        return "model" if toml_role(head.decode("utf-8", "replace"))[0] == "a model" else "log"
-    if _ROWS.match(head):
-        return "table"
-    first, names = head.split(b"\n", 1)[0], list[str]()
-    with suppress(Exception):  # damaged bytes are no table
-        if head.startswith(b"PAR1"):
-            import pyarrow.parquet as pq
-
-            names = list(pq.read_schema(os.fspath(one)).names)
-        else:
-            line = first.decode("utf-8").strip()
-            names = list(json.loads(line)) if line.startswith("{") else line.split(",")
-    # a log begins with its time, or has columns that no table has
-    own = len(names) > 1 and names[0] != "time_s" and set(names) <= set(COLUMNS)
-    if own or names[:2] == ["log", "channel"]:
-        return "table"
-    if head.startswith(b"{"):
-        do = "add --plot PICTURE to the command that gave it: an answer has more than its JSON"
-        raise UsageError("no log, table or model", do=do, file=str(one))
-    return "log"
 
 
 def figure_of(
