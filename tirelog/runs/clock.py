@@ -338,7 +338,7 @@ class ClockFit:
                 allowed="a log needs a time column or a rate",
                 do=f"write time = {self.time_example} or sampling_rate_Hz under [log] in the setup",
             )
-        return self._pieces(1.0 / declared, [Piece(0, 1, 0.0, self.start_s)])
+        return self._pieces(1.0 / declared, [Piece(0, 0.0, self.start_s)])
 
     def _fitted(self, stamps: Stamps, declared: float | None, few: float) -> TimeAxis:
         """The axis through stamps; `few` is the period [s] of few of them, else 0."""
@@ -483,7 +483,7 @@ class ClockFit:
                 self._count("repeated_stamps", 1)
                 self.flags.append((piece.first, piece.first + 1, Quality.REPEATED_STAMP))
                 level = out[-1].level(period) - 0.5 * period
-                out.append(Piece(piece.first, 0, 0.0, level))
+                out.append(Piece(piece.first, 0.0, level))
                 shifted = replace(shifted, first=piece.first + 1)
             else:
                 shift -= step

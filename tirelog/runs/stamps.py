@@ -76,7 +76,6 @@ class Piece:
     """
 
     first: int
-    points: int
     mean_index: float
     mean_stamp_s: float
 
@@ -311,10 +310,8 @@ class Stamps:
         spread = float(np.sqrt(max(square - slope * cross, 0.0) / free))
         middles = (np.nan_to_num(first) + means).T.tolist()
         pieces = [
-            Piece(begin, int(n), middle_k, middle_r + period * middle_k)
-            for begin, n, (middle_k, middle_r) in zip(
-                [0, *edges.tolist()], count, middles, strict=True
-            )
+            Piece(begin, middle_k, middle_r + period * middle_k)
+            for begin, (middle_k, middle_r) in zip([0, *edges.tolist()], middles, strict=True)
         ]
         return period + slope, spread / np.sqrt(total) if total > 0 else np.inf, spread, pieces
 

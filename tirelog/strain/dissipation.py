@@ -20,7 +20,6 @@ The file is longer than others: estimate, doubts, table and regressions are of o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -660,19 +659,12 @@ def _judgement(speeds: int, free: int, bent: bool, sigmas: float) -> str:
 #     --`regression`: lines through the means of their stretches--> regressions
 
 
-@dataclass(frozen=True)
-class DissipationOfChannel(PassageRows):
-    """The table's rows of one channel, and those of DISSIPATION behind them."""
-
-    dissipation: Any
-
-
 def dissipation_of_channel(
     recording: Recording,
     channel: Channel,
     passages: Passages,
     steady_step_m_s: float = STEADY_STEP_M_S,
-) -> DissipationOfChannel:
+) -> PassageRows:
     """The dissipation of one strain channel of `recording`."""
     found = dissipation(
         channel,
@@ -692,7 +684,7 @@ def dissipation_of_channel(
     columns |= _with_viscosity(recording, found, passages.speed_m_s)
     columns["quality"] = quality_column(found.quality)
     remarks = (passages.doubt,) if passages.doubt else _remarks(recording, channel.surface)
-    return DissipationOfChannel(columns, remarks, released(channel), passages, found)
+    return PassageRows(columns, remarks, released(channel), passages, found)
 
 
 def _with_viscosity(
@@ -763,23 +755,21 @@ def _in_bending(surface: str | None, height_m: float | None) -> str:
     )
 
 
-def regressions(
-    log: str, found: DissipationOfChannel
-) -> tuple[dict[str, Any] | None, tuple[str, ...]]:
+def regressions(log: str, rows: PassageRows) -> tuple[dict[str, Any] | None, tuple[str, ...]]:
     """(regressions of factor and specific power on speed, why there are none).
 
     The regressions are rows of a table; None if there are too few revolutions.
     """
-    stretch = np.where(good(found.dissipation.quality), found.dissipation.stretch, -1)
+    stretch = np.where(good(rows.found.quality), rows.found.stretch, -1)
     lines = [
-        regression(name, found.passages.speed_m_s, found.columns[name], stretch)
+        regression(name, rows.passages.speed_m_s, rows.columns[name], stretch)
         for name in ("dissipation_factor_1_m", "specific_power_m3_s2")
     ]
     kept = [line for line in lines if line is not None]
     if not kept:
         return None, (
-            f"{found.channel.name}: no regression: too few revolutions of constant speed, "
+            f"{rows.channel.name}: no regression: too few revolutions of constant speed, "
             "or one speed",
         )
     columns = {name: np.array([line[name] for line in kept]) for name in COLUMNS}
-    return {"log": log, "channel": found.channel.name} | columns, ()
+    return {"log": log, "channel": rows.channel.name} | columns, ()

@@ -276,10 +276,11 @@ def grip_of(
     The onset is looked for with the ratio of the frictions; without a `sliding_friction` it is that
     of the setup, or the usual one.
     """
-    load = recording.setup.conditions.load_N
-    ratio = None if sliding_friction is None else sliding_friction / static_friction
+    load, ratio = recording.setup.conditions.load_N, recording.setup.tire.friction_ratio
+    if sliding_friction is not None:
+        ratio = sliding_friction / static_friction
+    sliding, sliding_se = (static_friction * one for one in friction_of(ratio))
     for found in footprints_of(recording, ratio):
-        sliding = static_friction * found.friction[0]
         columns = grip_columns(
             found.columns,
             static_friction,
@@ -288,7 +289,7 @@ def grip_of(
             load_exponent,
             load,
             found.passages.acceleration_m_s2,
-            static_friction * found.friction[1],
+            sliding_se,
         )
         told = int(np.isfinite(columns["adhesion_share"]).sum())
         said = (

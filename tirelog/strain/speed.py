@@ -126,10 +126,14 @@ def turns_around(passages: Passages) -> Records:
 
 @dataclass(frozen=True)
 class PassageRows(TableRows):
-    """Rows of a table with one row per passage of `channel`."""
+    """Rows of a table with one row per passage of `channel`.
+
+    `found` (n,): what they were made of, of FOOTPRINT or DISSIPATION; None if of passages alone.
+    """
 
     channel: Channel
     passages: Passages
+    found: Any = None
 
 
 def identity_columns(log: str, passages: Passages) -> dict[str, Any]:

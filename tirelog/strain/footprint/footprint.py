@@ -13,7 +13,7 @@ the low-pass. Everything runs along the tread, xi = v t + a t^2 / 2, entry edge 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -359,22 +359,9 @@ def _quality(
 # Passages and footprint of each strain channel, as columns, with remarks on the whole log.
 
 
-@dataclass(frozen=True)
-class FootprintOfChannel(PassageRows):
-    """The table's rows of one channel, and what is behind them.
-
-    The `footprint` (n,) of FOOTPRINT, the log's form, and the `friction` that onsets were found
-    with.
-    """
-
-    footprint: Any
-    learnt: EdgeForm | None
-    friction: tuple[float, float]
-
-
 def footprints_of(
     recording: Recording, friction_ratio: float | None = None
-) -> Iterator[FootprintOfChannel]:
+) -> Iterator[PassageRows]:
     """The footprint of each strain channel, with the usual low-pass.
 
     UsageError: no channel shows a patch that comes round.
@@ -401,7 +388,7 @@ def footprint_of_channel(
     settled: EdgeForm | None,
     block_samples: int = BLOCK_SAMPLES,
     friction_ratio: float | None = None,
-) -> FootprintOfChannel:
+) -> PassageRows:
     """The footprint of one strain channel of `recording`.
 
     `settled`: the form of its passages, None if there is none; `friction_ratio`: instead of the
@@ -429,12 +416,11 @@ def footprint_of_channel(
         "slip_onset_reason": found.slip["reason"],
         "quality": quality_column(found.quality | speed_quality(passages)),
     }
-    rows = FootprintOfChannel(
-        columns, (passages.doubt,), released(channel), passages, found, settled, friction
-    )
+    rows = PassageRows(columns, (passages.doubt,), released(channel), passages, found)
     if passages.doubt:
         return rows
-    return replace(rows, remarks=(*_remarks(recording, rows, cutoff), *said))
+    remarks = _remarks(recording, rows, settled, cutoff, friction)
+    return replace(rows, remarks=(*remarks, *said))
 
 
 def at_rest(channel: Channel, passages: Passages, cutoff: Cutoff) -> tuple[Cutoff, tuple[str, ...]]:
@@ -489,12 +475,18 @@ def refuse_cutoff(recording: Recording, channel: Channel, cutoff: Cutoff) -> Non
         )
 
 
-def _remarks(recording: Recording, rows: FootprintOfChannel, cutoff: Cutoff) -> tuple[str, ...]:
+def _remarks(
+    recording: Recording,
+    rows: PassageRows,
+    learnt: EdgeForm | None,
+    cutoff: Cutoff,
+    friction: tuple[float, float],
+) -> tuple[str, ...]:
     """What the summary says of a channel.
 
     Lengths, form, cut-off, the static footprint beside the dynamic one.
     """
-    channel, passages, found, learnt = rows.channel, rows.passages, rows.footprint, rows.learnt
+    channel, passages, found = rows.channel, rows.passages, rows.found
     slow = int((passages.speed_m_s <= LEAST_SPEED_M_S).sum())
     too_slow = (
         f"{channel.name}: {slow} of {len(passages)} passages are slower than "
@@ -520,7 +512,7 @@ def _remarks(recording: Recording, rows: FootprintOfChannel, cutoff: Cutoff) -> 
         text: True,
         too_slow: slow > 0,
         f"{channel.name}: slip onsets take a ratio of sliding to sticking friction of "
-        f"{rows.friction[0]:.3g} +- {rows.friction[1]:g}": onsets,
+        f"{friction[0]:.3g} +- {friction[1]:g}": onsets,
         f"{channel.name}: {Quality.FORM_UNCLEAR.word}: {doubted} passages are unlike any that a "
         "tire's carcass makes on a flat road; their lengths may be wrong by half": doubted > 0,
         f"{channel.name}: no stretch of steady speed; the form was learnt from driven or braked "
