@@ -65,11 +65,8 @@ def without_spikes(high: FloatArray) -> FloatArray:
 
 def sliding_maximum(values: FloatArray, reach: int) -> FloatArray:
     """Largest value within `reach` places on both sides, shape as given."""
-    largest, size = np.pad(values, reach, constant_values=-np.inf), 1
-    while size <= reach:  # the windows double as long as two of them make a larger one
-        largest, size = np.maximum(largest[:-size], largest[size:]), 2 * size
-    rest = 2 * reach + 1 - size
-    return np.maximum(largest[: largest.size - rest], largest[rest:])
+    padded = np.pad(values, reach, constant_values=-np.inf)
+    return np.asarray(sliding_window_view(padded, 2 * reach + 1).max(axis=1))
 
 
 def changes(

@@ -44,7 +44,7 @@ import numpy as np
 from tirelog.data.recording import TimeAxis
 from tirelog.dsp.filters import runs
 from tirelog.errors import ReadError, SetupError
-from tirelog.runs.stamps import Jump, Piece, Stamps
+from tirelog.runs.stamps import Jump, Stamps
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.quality import Doubt, Quality
 
@@ -58,6 +58,8 @@ from tirelog.vocabulary.quality import Doubt, Quality
 # log then puts samples seconds away from where they were taken.
 
 
+#: first sample of a piece between two lasting jumps, and the time of clock index 0 on its line [s]
+Level: TypeAlias = tuple[int, float]
 #: times [s] of the samples [start, stop)
 Times: TypeAlias = Callable[[int, int], FloatArray]
 #: first samples of ticks that are looked at; of more, every second, third, ...
@@ -338,7 +340,7 @@ class ClockFit:
                 allowed="a log needs a time column or a rate",
                 do=f"write time = {self.time_example} or sampling_rate_Hz under [log] in the setup",
             )
-        return self._pieces(1.0 / declared, [Piece(0, 0.0, self.start_s)])
+        return self._pieces(1.0 / declared, [(0, self.start_s)])
 
     def _fitted(self, stamps: Stamps, declared: float | None, few: float) -> TimeAxis:
         """The axis through stamps; `few` is the period [s] of few of them, else 0."""
@@ -388,12 +390,13 @@ class ClockFit:
         tolerance = max(4.0 * error, hidden / ticks)
         fitted, period = period, self._settled(period, tolerance)
         self._count("stamps_repaired", sum(stop - start for start, stop in passing))
-        if coarse and abs(pieces[0].level(period)) <= max(self.resolution_s, period):
-            shift = pieces[0].level(
-                period
-            )  # a stamp of one second's resolution does not say where in the second
-            pieces = [replace(piece, mean_stamp_s=piece.mean_stamp_s - shift) for piece in pieces]
-        axis = self._pieces(period, self._continued(pieces, period))
+        # to a picosecond
+        levels = [(first, round(stamp - period * k, 12) + 0.0) for first, k, stamp in pieces]
+        shift = levels[0][1]
+        if coarse and abs(shift) <= max(self.resolution_s, period):
+            # a stamp of one second's resolution does not say where in the second
+            levels = [(first, level - shift) for first, level in levels]
+        axis = self._pieces(period, self._continued(levels, period))
         if coarse:
             self._count_against_stamps(stamps, period)
             reach = stamps.reach(rough, passing)
@@ -408,18 +411,6 @@ class ClockFit:
                     f"{share:.1%})",
                 )
             return replace(axis, rate_error=share if share > _VAGUE and not given else 0.0)
-        # a lost sample looks like a drift where a period has no more last digits than this, and
-        # leaps are worth a sentence up to this share of the samples; with twice the first,
-        # sentences on leaps of rounding; with twice the share, on stamps that tremble
-        if rounding and period < 1.2 * rounding:
-            # a sample may lack that stamps of so few digits cannot tell from a drift
-            up, down, first = stamps.leaps(rough, rounding)
-            if up > down and up + down <= 1e-3 * self.size:
-                self.remarks.append(
-                    f"the stamps leap by a last digit of {rounding:g} s before {up - down} of the "
-                    f"samples (first: {first}): one was lost at each, or a clock drifts; no gap "
-                    "was made of it, and times may be off by as many samples"
-                )
         # stamps that are but rounded may be off alike for long
         of_digits = 1.02 * rounding / ticks if rounding else 0.0
         off = max(tolerance if period != fitted else error, of_digits)
@@ -468,57 +459,50 @@ class ClockFit:
 
     # ---- building --------------------------------------------------------------------------------
 
-    def _continued(self, pieces: list[Piece], period: float) -> list[Piece]:
-        """Pieces whose lines never run backwards.
+    def _continued(self, levels: list[Level], period: float) -> list[Level]:
+        """Levels of pieces whose lines never run backwards.
 
         A repeated row is a piece of its own between two, a clock set back is made to run on.
         """
-        out, shift = [pieces[0]], 0.0
-        for before, piece in pairwise(pieces):
-            step = piece.level(period) - before.level(period)
-            shifted = replace(piece, mean_stamp_s=piece.mean_stamp_s + shift)
+        out, shift = [levels[0]], 0.0
+        for (_, before), (first, level) in pairwise(levels):
+            step = level - before
             if step >= 0.0:
-                self._gap(piece.first, round(step / period))
+                self._gap(first, round(step / period))
             elif step > -1.5 * period:
                 self._count("repeated_stamps", 1)
-                self.flags.append((piece.first, piece.first + 1, Quality.REPEATED_STAMP))
-                level = out[-1].level(period) - 0.5 * period
-                out.append(Piece(piece.first, 0.0, level))
-                shifted = replace(shifted, first=piece.first + 1)
+                self.flags.append((first, first + 1, Quality.REPEATED_STAMP))
+                out.append((first, out[-1][1] - 0.5 * period))
+                first += 1
             else:
                 shift -= step
-                shifted = replace(piece, mean_stamp_s=piece.mean_stamp_s + shift)
                 if "clock_set_back" not in self.repairs:
                     self.remarks.append(
-                        f"the stamps go back by {-step:.4g} s at sample {piece.first}, and times "
-                        "go on from there; are these two recordings in one file?"
+                        f"the stamps go back by {-step:.4g} s at sample {first}, and times go on "
+                        "from there; are these two recordings in one file?"
                     )
                 self._count("clock_set_back", 1)
-                self.flags.append((piece.first - 1, piece.first + 1, Quality.CLOCK_SET_BACK))
-            out.append(shifted)
-        return [piece for piece in out if piece.first < self.size]
+                self.flags.append((first - 1, first + 1, Quality.CLOCK_SET_BACK))
+            out.append((first, level + shift))
+        return [piece for piece in out if piece[0] < self.size]
 
-    def _pieces(self, period: float, pieces: list[Piece]) -> TimeAxis:
+    def _pieces(self, period: float, levels: list[Level]) -> TimeAxis:
         """Segments of one period.
 
-        One for each piece, and one behind each run of missing sample numbers.
+        One for each of the `levels`, and one behind each run of missing sample numbers.
         """
         for index, samples in self._missing:
             self._gap(index, samples)
-        firsts = np.unique(
-            np.array(
-                [piece.first for piece in pieces] + [index for index, _ in self._missing], np.int64
-            )
-        )
+        begins, level = (np.array(column) for column in zip(*levels, strict=True))
+        behind = np.array([index for index, _ in self._missing], np.int64)
+        firsts = np.unique(np.concatenate([begins, behind]))
         firsts[0] = 0
-        which = np.searchsorted([piece.first for piece in pieces], firsts, side="right") - 1
-        levels = np.array([piece.level(period) for piece in pieces])[np.maximum(which, 0)]
+        which = np.searchsorted(begins, firsts, side="right") - 1
         clock = Stamps()
         clock.know_missing(self._missing)
-        starts = levels + period * clock.clock_index(firsts)
-        runs_on = (
-            np.abs(np.diff(starts) - period * np.diff(firsts)) < 1e-9 * period
-        )  # a clock set back leaves no segment behind
+        starts = level[np.maximum(which, 0)] + period * clock.clock_index(firsts)
+        # a clock set back leaves no segment behind
+        runs_on = np.abs(np.diff(starts) - period * np.diff(firsts)) < 1e-9 * period
         keep = np.concatenate([[True], ~runs_on])
         return TimeAxis(
             self.size,

@@ -216,7 +216,7 @@ def _slow_spikes(channel: Channel) -> IntArray:
         least = np.where(before * after > 0.0, np.minimum(np.abs(before), np.abs(after)), 0.0)
         wild = least > KINK * _usual(np.abs(before), channel.resolution)
         parts.append(start + SPIKE_SAMPLES + np.stack(runs(wild), axis=1))
-    return _joined(parts)
+    return joined_ranges(parts)
 
 
 def _usual(changes: FloatArray, step: float) -> FloatArray:
@@ -233,7 +233,7 @@ def _usual(changes: FloatArray, step: float) -> FloatArray:
     return np.repeat(np.maximum(largest, step), SLOW_CELL)[: changes.size]
 
 
-def _joined(parts: Sequence[IntArray]) -> IntArray:
+def joined_ranges(parts: Sequence[IntArray]) -> IntArray:
     """The ranges (k, 2) of blocks one behind the other; one that a block's end cut is one."""
     edges, times = np.unique(np.concatenate([np.zeros((0, 2), int), *parts]), return_counts=True)
     joined: IntArray = edges[times == 1].reshape(-1, 2)
@@ -243,7 +243,7 @@ def _joined(parts: Sequence[IntArray]) -> IntArray:
 def _holding(channel: Channel, number: float) -> IntArray:
     """The ranges of samples, (k, 2), that hold a number exactly."""
     held = [(start, runs(values == number)) for start, values in channel.blocks()]
-    return _joined([start + np.stack(ends, axis=1) for start, ends in held])
+    return joined_ranges([start + np.stack(ends, axis=1) for start, ends in held])
 
 
 def _without(channel: Channel, ranges: IntArray) -> Channel:

@@ -13,18 +13,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
 
 import numpy as np
 
 from tirelog.data.plausibility import implausible
-from tirelog.data.recording import Channel, Recording
+from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.dsp.filters import UNLIKE_SPEED, of_the_log, runs, unlike_neighbours, widened
 from tirelog.dsp.teeth import crossings, probe
 from tirelog.errors import DataLoss, SetupError, UsageError
-from tirelog.runs.in_memory import without_spikes
+from tirelog.runs.in_memory import joined_ranges, with_holes, without_spikes
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records, TableRows
 from tirelog.vocabulary.quality import (
     Quality,
@@ -71,18 +71,14 @@ def without_held(channel: Channel, low: float, high: float) -> Channel:
     # equal ones HELD of them would happen by chance once in 1e7 samples
     if not shares or np.median(shares) > 0.02:
         return channel
-
-    def read(start: int, stop: int) -> FloatArray:
-        first = max(start - HELD, 0)
-        values = channel.read(first, stop + HELD)
+    parts = []
+    for start in range(0, channel.size, BLOCK_SAMPLES):
+        values = channel.read(start, start + BLOCK_SAMPLES + 1)
         equal = (np.diff(values) == 0) & (values[1:] > low) & (values[1:] < high)
-        held = [(a, b) for a, b in zip(*runs(equal), strict=True) if b - a >= HELD - 1]
-        values = values.copy() if held else values
-        for a, b in held:
-            values[a : b + 1] = np.nan
-        return values[start - first : stop - first]
-
-    return replace(channel, samples=read, at_hand=False, stored=None)
+        parts.append(start + np.stack(runs(equal), axis=1))
+    ranges = joined_ranges(parts)
+    first, stop = ranges[np.diff(ranges)[:, 0] >= HELD - 1].T
+    return with_holes(channel, first, stop + 1)
 
 
 def limits(channel: Channel) -> tuple[float, float, float]:
