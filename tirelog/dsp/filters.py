@@ -464,24 +464,21 @@ def medians_beside(x: FloatArray) -> tuple[FloatArray, FloatArray]:
     return medians[: x.size], medians[BESIDE + 1 : BESIDE + 1 + x.size]
 
 
-#: values whose scatter about their neighbours' mean tells whether their errors hold, if there are
-#: as many, and the least that do: half as many of these tell it to a factor of two
-SCATTER_OF, FEWEST_SCATTERED = 41, 8
-
-
 def widened(x: FloatArray, error: FloatArray, quality: QualityFlags) -> FloatArray:
     """The `error` (n,) of each of x, as much larger as good rows scatter about their neighbours.
 
     White noise has its error in each row; a hum does not.
     """
     rows, out = np.flatnonzero(good(quality) & np.isfinite(x + error)), error.copy()
-    if rows.size < FEWEST_SCATTERED:
+    # fewer values do not tell by their scatter whether their errors hold: half as many tell it to a
+    # factor of two
+    if rows.size < 8:
         return out
     value, own = x[rows], error[rows]
     off = value[1:-1] - 0.5 * (value[2:] + value[:-2])
     expected = np.sqrt(own[1:-1] ** 2 + 0.25 * (own[2:] ** 2 + own[:-2] ** 2))
     share = np.pad(np.abs(off) / np.maximum(expected, 1e-300), 1, mode="edge")
-    factor = sliding_median(share, min(SCATTER_OF, rows.size)) / NORMAL_MEDIAN
+    factor = sliding_median(share, min(41, rows.size)) / NORMAL_MEDIAN
     # a hum of the log hides where it goes with the wheel
     usual = float(np.median(factor))
     # of errors that hold, one window in a hundred is beyond 1.5; forces that change from turn to

@@ -62,20 +62,9 @@ from tirelog.vocabulary.quality import Doubt, Quality
 Level: TypeAlias = tuple[int, float]
 #: times [s] of the samples [start, stop)
 Times: TypeAlias = Callable[[int, int], FloatArray]
-#: first samples of ticks that are looked at; of more, every second, third, ...
-_MOST_POINTS = 1 << 20
 #: ticks averaged to one point of the clock: the first sample of a tick lies anywhere in a period,
 #: which the mean of 16 tells to 0.07 of it; twice as many follow a change of rate half as quickly
 _TICKS = 16
-#: samples that a tick lacks before they count as missing: a steady one has one more or less; twice
-#: as many leave gaps of up to three samples unsaid
-_MISSING = 1.6
-#: ticks on each side of a gap that say whether it lasts; twice as many need gaps that are twice as
-#: far apart
-_LASTS = 5
-#: and they lack more than so many times what ticks usually lack or have too many; twice as many
-#: leave gaps unsaid that are half as large where ticks scatter
-_UNUSUAL = 6.0
 
 
 class Ticks(NamedTuple):
@@ -116,16 +105,26 @@ def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | 
     rate = median_filter(samples / steps, 31, mode="nearest")
     lacking = steps * rate - samples
     usual = 1.4826 * float(np.median(np.abs(lacking - np.median(lacking))))
-    lacks = lacking > max(_MISSING, _UNUSUAL * usual)
+    # samples that a tick lacks before they count as missing: a steady one has one more or less;
+    # twice as many leave gaps of up to three samples unsaid. And more than so many times what ticks
+    # usually lack or have too many; twice as many leave gaps unsaid that are half as large where
+    # ticks scatter
+    least_missing, unusual = 1.6, 6.0
+    lacks = lacking > max(least_missing, unusual * usual)
     missing, gaps = np.zeros(lacking.size, np.int64), []
     level = np.concatenate([[0.0], np.cumsum(lacking)])
+    # ticks on each side of a gap that say whether it lasts; twice as many need gaps that are twice
+    # as far apart
+    lasts = 5
     # a pace that is not even walks away a little, too, over as many ticks
-    walks = level[2 * _LASTS :] - level[: -2 * _LASTS]
-    least = max(_MISSING, _UNUSUAL * 1.4826 * float(np.median(np.abs(walks - np.median(walks)))))
+    walks = level[2 * lasts :] - level[: -2 * lasts]
+    least = max(
+        least_missing, unusual * 1.4826 * float(np.median(np.abs(walks - np.median(walks))))
+    )
     for start, stop in np.stack(runs(lacks), axis=1).tolist():
         # what one tick lacks the next may have too many: a sample late by a moment is not missing
-        before = np.median(level[max(start - _LASTS, 0) : start + 1])
-        lasting = round(float(np.median(level[stop : stop + _LASTS + 1]) - before))
+        before = np.median(level[max(start - lasts, 0) : start + 1])
+        lasting = round(float(np.median(level[stop : stop + lasts + 1]) - before))
         if lasting >= least:
             at = start + int(lacking[start:stop].argmax())
             missing[at] = lasting
@@ -182,7 +181,9 @@ def _strays(k: IntArray, stamp_s: FloatArray, missing: IntArray) -> float:
 def _points(stamps: Stamps, period: float) -> tuple[IntArray, IntArray, FloatArray]:
     """(index, clock index, stamp) of the first samples of ticks, _MOST_POINTS at most."""
     many = sum(index.size for index, _, _ in stamps.points(period))
-    stride, seen, parts = -(-many // _MOST_POINTS) or 1, 0, []
+    # first samples of ticks that are looked at; of more, every second, third, ...
+    most_points = 1 << 20
+    stride, seen, parts = -(-many // most_points) or 1, 0, []
     for index, k, stamp in stamps.points(period):
         taken = slice(-seen % stride, None, stride)
         parts.append((index[taken], k[taken], stamp[taken]))
@@ -193,12 +194,6 @@ def _points(stamps: Stamps, period: float) -> tuple[IntArray, IntArray, FloatArr
     return index, k, stamp
 
 
-#: share of a period by which a clock's stamps may stray, unless a rate is declared; twice as much
-#: puts stamps that stray by a fifth of a period on an even grid
-_JITTER = 0.1
-#: the error of a rate that tables hold, as a share; half of it is below that of most radii, twice
-#: as much is as large as that of a good speed
-_VAGUE = 1e-4
 #: samples below which the first and the last stamp tell the period, if no stretch does; twice as
 #: many let the two ends tell the period of logs of up to fifteen samples
 _FEW = 8
@@ -380,8 +375,11 @@ class ClockFit:
             # one tick of the stamps begins within the log, and two are needed to time it
             return self._by_rate(declared, "stamps that rise once")
         coarse = stamps.bunched or self.counted
-        strays = spread > max(_JITTER * period, self.resolution_s)
-        if strays and not coarse and (not declared or noise < _JITTER * period):
+        # share of a period by which a clock's stamps may stray, unless a rate is declared; twice as
+        # much puts stamps that stray by a fifth of a period on an even grid
+        jitter = 0.1
+        strays = spread > max(jitter * period, self.resolution_s)
+        if strays and not coarse and (not declared or noise < jitter * period):
             return self._explicit(stamps)
         ticks = max(int(stamps.clock_index(self.size - 1)), 1)
         # a stamp coarser than a period hides two of them: where in the tick it lies, and one lost
@@ -397,6 +395,9 @@ class ClockFit:
             # a stamp of one second's resolution does not say where in the second
             levels = [(first, level - shift) for first, level in levels]
         axis = self._pieces(period, self._continued(levels, period))
+        # the error of a rate that tables hold, as a share; half of it is below that of most radii,
+        # twice as much is as large as that of a good speed
+        least_vague = 1e-4
         if coarse:
             self._count_against_stamps(stamps, period)
             reach = stamps.reach(rough, passing)
@@ -410,7 +411,7 @@ class ClockFit:
                     f"stamps of {self.resolution_s:g} s, too coarse for a rate (an error of "
                     f"{share:.1%})",
                 )
-            return replace(axis, rate_error=share if share > _VAGUE and not given else 0.0)
+            return replace(axis, rate_error=share if share > least_vague and not given else 0.0)
         # stamps that are but rounded may be off alike for long
         of_digits = 1.02 * rounding / ticks if rounding else 0.0
         off = max(tolerance if period != fitted else error, of_digits)
@@ -421,7 +422,7 @@ class ClockFit:
         rates = [self.setup_rate_Hz, self.file_rate_Hz]
         rates += [round_Hz] if off * round_Hz < 0.25 * period * digit_Hz else []
         known = any(rate and period == 1.0 / rate for rate in rates)
-        vague = off > _VAGUE * period and not known
+        vague = off > least_vague * period and not known
         return replace(axis, rate_error=off / period if vague else 0.0)
 
     def _settled(self, period: float, tolerance: float) -> float:

@@ -88,8 +88,6 @@ PARTS = 24
 #: the usual factor; a turn is unlike those around if its patch is off by UNLIKE of it at least, or
 #: the parts that are far off by PARTS_UNLIKE
 TURNS, FAR, LEAST_OFF, UNLIKE, PARTS_UNLIKE = 9, 12.0, 0.0025, 0.02, 0.01
-#: step in the height (logarithm) that no road, load or speed makes from one turn to the next
-LOOSE = 0.22
 #: samples worked on at once
 MOST_AT_ONCE = 1 << 16
 #: constant speed: the step from one revolution to the next (P1 4) [m/s], and revolutions of a
@@ -310,8 +308,10 @@ def _loose(height: FloatArray, factor: FloatArray) -> BoolArray:
     form = np.log(np.abs(factor[rows])) - 2.0 * level
     (before, after), forms = medians_beside(level), medians_beside(form)
     step = np.abs(after - before)
-    if np.any((step > LOOSE) & (np.abs(forms[1] - forms[0]) < step)):
-        loose[rows] = 0.5 * (before + after) < np.quantile(level, 0.9) - LOOSE
+    # step in the height (logarithm) that no road, load or speed makes from one turn to the next
+    loose_step = 0.22
+    if np.any((step > loose_step) & (np.abs(forms[1] - forms[0]) < step)):
+        loose[rows] = 0.5 * (before + after) < np.quantile(level, 0.9) - loose_step
     return loose
 
 

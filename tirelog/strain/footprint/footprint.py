@@ -70,9 +70,6 @@ from tirelog.wheel.fronts import PASSAGE, fill_fronts
 # What a traction does to the form is larger than what the form is asked for. Only some passages are
 # looked at, evenly over the log, so that settling takes no longer on a longer log.
 
-#: passages that are looked at for a traction; half as many leave too few of a class of speed to
-#: learn from where three of four are driven, twice as many take twice as long
-LOOKED = 960
 #: passages with a traction are too few to bend the learnt form, or too many to be left out, by this
 #: share; twice as much is still neither
 DRIVEN_SHARE = 0.03
@@ -115,7 +112,9 @@ def choose_form(
 
 def _looked_at(look: PassageForms, learnt: EdgeForm) -> tuple[IntArray, EdgeForm]:
     """Some passages, and `learnt` with what free ones of them leave."""
-    rows, scatter, gain = look_at_some(look, LOOKED)
+    # passages that are looked at for a traction; half as many leave too few of a class of speed to
+    # learn from where three of four are driven, twice as many take twice as long
+    rows, scatter, gain = look_at_some(look, 960)
     return rows, replace(learnt, free_scatter=scatter, least_gain=gain, forms=look.forms)
 
 

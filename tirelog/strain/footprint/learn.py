@@ -128,7 +128,7 @@ def gather_windows(
     rows: IntArray,
     block_samples: int = BLOCK_SAMPLES,
 ) -> Iterator[PatchWindows]:
-    """Windows around `index` of the passages `rows`, many of one length at a time.
+    """Windows around `index` of the passages `rows`, those of one length in a block at a time.
 
     `index`: fractional samples, NaN is left out. `sign`: +1 if the patch is a maximum of the
     recorded signal; `motions` and `reach_samples` (n,) of all passages, half of the window that
@@ -142,7 +142,6 @@ def gather_windows(
     two = 2.0 ** np.ceil(np.log2(needed))
     half = np.where(needed <= 0.75 * two, 0.75 * two, two).astype(np.int64)
     block = np.floor(index[rows] / max(block_samples, 1)).astype(np.int64)
-    waiting: dict[int, list[PatchWindows]] = {}
     for number in np.unique(block):
         inside = rows[block == number]
         nearest = np.round(index[inside]).astype(np.int64)
@@ -158,15 +157,7 @@ def gather_windows(
                 speed_m_s=motions[0][some],
                 acceleration_m_s2=motions[1][some],
             )
-            values = _cut(channel, samples, low, index[some], size)
-            held = waiting.setdefault(size, [])
-            held.append(PatchWindows(some, values, motion))
-            # numbers in the windows that are given at a time: what works on them does so without
-            # leaving the processor's cache
-            if sum(part.values.size for part in held) >= (1 << 17):
-                yield joined_windows(waiting.pop(size))
-    for held in waiting.values():
-        yield joined_windows(held)
+            yield PatchWindows(some, _cut(channel, samples, low, index[some], size), motion)
 
 
 def joined_windows(parts: list[PatchWindows]) -> PatchWindows:

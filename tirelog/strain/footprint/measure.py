@@ -319,9 +319,6 @@ EDGES = np.dtype(
 
 #: edges are looked for out to this multiple of the expected half length
 SEARCH = 2.1
-#: steps towards an extremum, which lies no farther than this many columns from the column that is
-#: least; twice as far reaches the next column's own extremum
-STEPS, FARTHEST = 4, 0.75
 #: samples per period of the low-pass' cut-off that need none between them to find an extremum;
 #: twice as many put one between the samples of logs up to twice the rate
 DENSE = 8.0
@@ -408,12 +405,14 @@ def least(
     third, fourth = (e - a + 2.0 * (b - d)) / 2.0, a + e - 4.0 * (b + d) + 6.0 * c
     begin = (index - safe).astype(np.float64)
     shift = begin
-    for _ in range(STEPS + 1):
+    # steps towards an extremum, which lies no farther than this many columns from the column that
+    # is least; twice as far reaches the next column's own extremum
+    for _ in range(5):
         place = shift
         curvature = bend + place * (third + 0.5 * place * fourth)
         curvature = np.where(curvature > 0.0, curvature, np.nan)
         steep = slope + place * (bend + place * (0.5 * third + place * fourth / 6.0))
-        shift = np.clip(place - steep / curvature, begin - FARTHEST, begin + FARTHEST)
+        shift = np.clip(place - steep / curvature, begin - 0.75, begin + 0.75)
     height = c + place * (
         slope + place * (0.5 * bend + place * (third / 6.0 + place * fourth / 24.0))
     )
