@@ -70,6 +70,7 @@ def test_footprint(command, rolling):
     assert table.columns[-1] == "quality"
     assert (table["quality"] == "ok").mean() > 0.9
     assert table["length_m"].median() == pytest.approx(0.11, rel=0.005)
+    assert (table["slip_onset_m"].notna() | table["slip_onset_reason"].notna()).all()
     assert "low-pass 400Hz = 400 Hz" in err
     assert "static footprint 112.0 mm" in err
     with open("page.svg") as page:

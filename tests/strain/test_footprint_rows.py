@@ -5,11 +5,8 @@ import pytest
 
 from tests.strain.conftest import make_drive
 from tests.strain.strain_truth import Beam
-from tirelog.data.recording import Recording
-from tirelog.data.setup import Setup, Tire
 from tirelog.dsp.filters import Cutoff
 from tirelog.errors import UsageError
-from tirelog.products import tables_of
 from tirelog.runs.in_memory import without_spikes
 from tirelog.strain.dissipation import dissipation
 from tirelog.strain.footprint.footprint import footprint
@@ -125,17 +122,6 @@ def test_a_log_of_few_samples_a_passage_has_its_rows(radius_m, rate_Hz, noise_pm
     passages, found = of(made.channel, radius_m)
     assert len(found.length_m) == len(passages)
     assert not (good(found.quality) & ~having(found.quality, Quality.PATCH_SHORT)).any()
-
-
-def test_the_table_has_every_row_and_a_reason_for_each_missing_onset(made, radius_m):
-    setup = Setup(Tire(rolling_radius_m=radius_m, static_footprint_length_m=0.126))
-    recording = Recording("drive.csv", {"strain_1": made.channel}, setup)
-    (table,) = tables_of(recording, {"footprint": {}})
-    rows = len(table.found.passages)
-    assert all(np.shape(column) == (rows,) for column in table.columns.values())
-    missing = ~np.isfinite(table.columns["slip_onset_m"])
-    assert all(reason for reason in table.columns["slip_onset_reason"][missing])
-    assert "static footprint 126.0 mm" in table.remarks[0]
 
 
 @pytest.mark.parametrize("text", ["", "400", "-3Hz", "0x", "fast", "40 turns", "nanHz"])

@@ -37,7 +37,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -67,18 +67,14 @@ Times: TypeAlias = Callable[[int, int], FloatArray]
 _TICKS = 16
 
 
-class Ticks(NamedTuple):
-    """What stamps that are coarser than their samples tell, by the ticks of their clock.
-
-    `gaps`: (first sample behind, samples missing); `wrong`: [start, stop) of samples whose stamp is
-    not the clock's; `wandering`: (times, rates) if one rate will not do. `times(start, stop)` [s]
-    of samples [start, stop), the log's first at 0; three rates [Hz], of which the outer ones hold
-    nine tenths of it.
-    """
-
-    gaps: list[tuple[int, int]]
-    wrong: list[tuple[int, int]]
-    wandering: tuple[Times, tuple[float, ...]] | None
+#: what stamps that are coarser than their samples tell, by the ticks of their clock:
+#:   gaps        (first sample behind, samples missing)
+#:   wrong       [start, stop) of samples whose stamp is not the clock's
+#:   wandering   (times, rates) if one rate will not do: times [s] of samples [start, stop), the first
+#:               of the log at 0; three rates [Hz], the outer ones hold nine tenths of it
+Ticks: TypeAlias = tuple[
+    list[tuple[int, int]], list[tuple[int, int]], tuple[Times, tuple[float, ...]] | None
+]
 
 
 def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | None:
@@ -132,7 +128,7 @@ def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | 
     # stamps of a steady clock stay within one tick of their line; beyond so many its rate wanders;
     # twice as many put a clock that wanders by up to four ticks on one straight line
     strays = _strays(k, stamp, missing) > 2.0 * resolution_s
-    return Ticks(gaps, wrong, _wandering(stamps, k, stamp, missing, gaps) if strays else None)
+    return gaps, wrong, _wandering(stamps, k, stamp, missing, gaps) if strays else None
 
 
 def _wandering(
@@ -348,15 +344,16 @@ class ClockFit:
             return self._by_rate(declared, "stamps that do not rise")
         # where samples are numbered, their numbers say which are missing
         seen = None if self.counted else coarse_ticks(stamps, rough, self.resolution_s)
-        if seen and seen.wandering:
-            times, (low, middle, high) = seen.wandering
+        gaps, wrong, wandering = seen or ([], [], None)
+        if wandering:
+            times, (low, middle, high) = wandering
             wanders = f"the sampling rate wanders between {low:.4g} and {high:.4g} Hz"
             if not self.setup_rate_Hz:
-                self._count("stamps_repaired", sum(b - a for a, b in seen.wrong))
+                self._count("stamps_repaired", sum(b - a for a, b in wrong))
                 self.remarks.append(
                     f"{wanders}; times follow the stamps, whose step is {self.resolution_s:g} s"
                 )
-                for index, samples in seen.gaps:
+                for index, samples in gaps:
                     self._gap(index, samples)
                 return TimeAxis.read_by(times, self.size, middle)
             self.remarks.append(
@@ -365,12 +362,11 @@ class ClockFit:
             )
         noise, rounded = stamps.noise(rough, self.resolution_s)
         noise = max(noise, 0.0 if stamps.bunched else 0.3 * self.resolution_s)
-        jumps: list[Jump] = [(index, n * rough) for index, n in seen.gaps] if seen else []
-        passing = seen.wrong if seen else []
+        jumps: list[Jump] = [(index, n * rough) for index, n in gaps]
         rounding = self.resolution_s if rounded and not stamps.bunched else None
         if not seen:
-            jumps, passing = stamps.jumps(rough, noise, rounding)
-        period, error, spread, pieces = stamps.fit(rough, jumps, passing)
+            jumps, wrong = stamps.jumps(rough, noise, rounding)
+        period, error, spread, pieces = stamps.fit(rough, jumps, wrong)
         if stamps.bunched and not np.isfinite(error) and self.size >= _FEW:
             # one tick of the stamps begins within the log, and two are needed to time it
             return self._by_rate(declared, "stamps that rise once")
@@ -387,7 +383,7 @@ class ClockFit:
         hidden = 2.0 * period if self.resolution_s >= period else 0.51 * self.resolution_s
         tolerance = max(4.0 * error, hidden / ticks)
         fitted, period = period, self._settled(period, tolerance)
-        self._count("stamps_repaired", sum(stop - start for start, stop in passing))
+        self._count("stamps_repaired", sum(stop - start for start, stop in wrong))
         # to a picosecond
         levels = [(first, round(stamp - period * k, 12) + 0.0) for first, k, stamp in pieces]
         shift = levels[0][1]
@@ -400,7 +396,7 @@ class ClockFit:
         least_vague = 1e-4
         if coarse:
             self._count_against_stamps(stamps, period)
-            reach = stamps.reach(rough, passing)
+            reach = stamps.reach(rough, wrong)
             # the first stamp of a tick is half a tick early or late, the same all along or not
             share = max(error / period, 1.0 / reach, self._grown_s / (reach * period))
             given = declared is not None and period == 1.0 / declared
