@@ -25,9 +25,9 @@ def made():
     return make_drive([0, 12, 16, 30], [8, 8, 18, 18], seed=1500, pulse=TRUTH, **CALM)
 
 
-def of(channel, radius_m, cutoff="auto", blocks=1 << 20):
+def of(channel, radius_m, cutoff="auto"):
     passages = find_passages(channel, radius_m)
-    return passages, footprint(channel, passages, Cutoff.parse(cutoff), blocks)
+    return passages, footprint(channel, passages, Cutoff.parse(cutoff))
 
 
 @pytest.fixture(scope="module")
@@ -37,9 +37,10 @@ def measured(made, radius_m):
 
 
 @pytest.mark.parametrize("blocks", [4096, 50_001])
-def test_the_same_rows_for_any_block_size(made, measured, blocks):
+def test_the_same_rows_for_any_block_size(made, measured, blocks, monkeypatch):
     passages, whole = measured
-    pieces = footprint(made.channel, passages, Cutoff(), blocks)
+    monkeypatch.setattr("tirelog.strain.footprint.learn.BLOCK_SAMPLES", blocks)
+    pieces = footprint(made.channel, passages)
     names = ("length_m", "length_se_m", "length_d2_m", "length_d1_m", "edge_asymmetry")
     for name in (*names, "entry_time_s", "exit_time_s"):
         one, other = getattr(pieces, name), getattr(whole, name)
@@ -49,8 +50,12 @@ def test_the_same_rows_for_any_block_size(made, measured, blocks):
     borders = blocks * np.arange(2, spiked.size // blocks)  # a spike about each of them
     spiked[borders + np.arange(borders.size) % 29 - 14] += np.nanmax(spiked)
     for channel in (made.channel, made.with_values(spiked)):
-        one = dissipation(channel, passages, 1e-3, words)
-        many = dissipation(channel, passages, 1e-3, words, block_samples=blocks)
+        with monkeypatch.context() as whole_log:
+            whole_log.setattr("tirelog.strain.dissipation.MOST_AT_ONCE", 1 << 20)
+            one = dissipation(channel, passages, 1e-3, words)
+        with monkeypatch.context() as in_blocks:
+            in_blocks.setattr("tirelog.strain.dissipation.MOST_AT_ONCE", blocks)
+            many = dissipation(channel, passages, 1e-3, words)
         np.testing.assert_allclose(many.factor_1_m, one.factor_1_m, rtol=1e-9)
 
 

@@ -70,8 +70,8 @@ _TICKS = 16
 #: what stamps that are coarser than their samples tell, by the ticks of their clock:
 #:   gaps        (first sample behind, samples missing)
 #:   wrong       [start, stop) of samples whose stamp is not the clock's
-#:   wandering   (times, rates) if one rate will not do: times [s] of samples [start, stop), the first
-#:               of the log at 0; three rates [Hz], the outer ones hold nine tenths of it
+#:   wandering   (times, rates) if one rate will not do: times [s] of samples [start, stop), the
+#:               log's first at 0; three rates [Hz], of which the outer ones hold nine tenths
 Ticks: TypeAlias = tuple[
     list[tuple[int, int]], list[tuple[int, int]], tuple[Times, tuple[float, ...]] | None
 ]

@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
+from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.filters import (
     BESIDE,
     averaging_gain,
@@ -211,7 +211,6 @@ def _energies(
     coefficients: FloatArray,
     averaged: int,
     near: BoolArray,
-    block_samples: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Sums over each revolution: energy (n, PARTS), bend (n,), and how many means (n, PARTS).
 
@@ -232,7 +231,7 @@ def _energies(
     )
     half = coefficients.size // 2
     side = coefficients[:half][::-1].copy()
-    step = max(min(block_samples, MOST_AT_ONCE) // averaged, 4 * coefficients.size)
+    step = max(MOST_AT_ONCE // averaged, 4 * coefficients.size)
     entry, leave = np.flatnonzero(np.diff(near, prepend=False, append=False))
     parts = _edges(passages, filled, bounds, averaged)
     parts = np.clip(np.where(known[:, None], parts, 0.0), 0, last).astype(np.int64)
@@ -374,7 +373,6 @@ def dissipation(
     quality: QualityFlags,
     *,
     steady_step_m_s: float = STEADY_STEP_M_S,
-    block_samples: int = BLOCK_SAMPLES,
 ) -> Any:
     """The dissipation in each revolution of the strain `channel`, (n,) of DISSIPATION.
 
@@ -394,9 +392,7 @@ def dissipation(
     near = np.abs(np.arange(PARTS) + 0.5 - 0.5 * PARTS) < 0.5 + (
         SHOULDERS * passages.window_rad * PARTS / (2.0 * np.pi)
     )
-    energy, bend, of_parts = _energies(
-        channel, passages, coefficients, of_each, near, block_samples
-    )
+    energy, bend, of_parts = _energies(channel, passages, coefficients, of_each, near)
     speed, means = passages.speed_m_s, of_parts.sum(axis=1)
     step = of_each / channel.axis.rate_Hz
     # a revolution whose patch the log cuts off has no energy of its own

@@ -183,12 +183,10 @@ class Decimated:
         return np.asarray(place * float(self.bucket) + 0.5 * (self.bucket - 1))
 
 
-def decimate(
-    channel: Channel, sign: float, bucket: int = 0, block_samples: int = AT_ONCE
-) -> Decimated:
+def decimate(channel: Channel, sign: float, bucket: int = 0) -> Decimated:
     """The channel by buckets of so many samples, else by those of its rate, times `sign`.
 
-    The buckets lie at fixed samples, whatever `block_samples`.
+    The buckets lie at fixed samples, whatever is read at once.
 
     A bucket is the median of its four quarters' means, of those that are not lost; a bucket of one
     sample is the median with its neighbours.
@@ -199,7 +197,7 @@ def decimate(
         samples = 1.6e-3 * channel.axis.rate_Hz
         bucket = 1 << int(np.log2(samples)) if samples >= 4 else 1
     medians = np.empty(-(-channel.size // bucket), np.float32)
-    step, low, high = -(-block_samples // PIECE_SAMPLES) * PIECE_SAMPLES, np.inf, -np.inf
+    step, low, high = -(-AT_ONCE // PIECE_SAMPLES) * PIECE_SAMPLES, np.inf, -np.inf
     margin = 1 if bucket == 1 else 0
     for start in range(0, channel.size, step):
         read = channel.read(start - margin, start + step + margin)

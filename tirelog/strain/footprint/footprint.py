@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
+from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.filters import Cutoff, unlike_neighbours
 from tirelog.dsp.pitch import AngleFunction
 from tirelog.errors import UsageError
@@ -78,14 +78,13 @@ DRIVEN_SHARE = 0.03
 def choose_form(
     channel: Channel,
     passages: Passages,
-    block_samples: int = BLOCK_SAMPLES,
     like: EdgeForm | None = None,
 ) -> EdgeForm | None:
     """The form of the passages of `channel` that roll freely; None if there are none to learn from.
 
     `like`: that of another grating of the log, to start from.
     """
-    learnt = learn_reference(channel, passages, block_samples, like)
+    learnt = learn_reference(channel, passages, like)
     if learnt is None:
         return None
     left_out = np.zeros(len(passages), bool)
@@ -98,16 +97,16 @@ def choose_form(
         # with more misfit a form is no start for another; twice as much starts from forms that have
         # gone astray, half as much learns from the beginning what would have been near
         begin = learnt if missed < 10.0 else None
-        freely = learn_reference(channel, passages, block_samples, begin, unsteady)
+        freely = learn_reference(channel, passages, begin, unsteady)
         # twice the share that it may leave takes one as good, of fewer passages
         if freely is not None and freely.reference.misfit - 1.0 <= 0.5 * missed:
             learnt, left_out = freely, unsteady
-    learnt = _undriven(channel, passages, block_samples, learnt, left_out)
-    own = learn_own(channel, passages, learnt, block_samples)
+    learnt = _undriven(channel, passages, learnt, left_out)
+    own = learn_own(channel, passages, learnt)
     if own.reference.family is learnt.reference.family:
         return own
     # what free passages leave beside the tire's own form
-    return _looked_at(PassageForms.of(channel, passages, own, block_samples), own)[1]
+    return _looked_at(PassageForms.of(channel, passages, own), own)[1]
 
 
 def _looked_at(look: PassageForms, learnt: EdgeForm) -> tuple[IntArray, EdgeForm]:
@@ -121,7 +120,6 @@ def _looked_at(look: PassageForms, learnt: EdgeForm) -> tuple[IntArray, EdgeForm
 def _undriven(
     channel: Channel,
     passages: Passages,
-    block_samples: int,
     learnt: EdgeForm,
     left_out: BoolArray,
 ) -> EdgeForm:
@@ -133,7 +131,7 @@ def _undriven(
     for _ in range(6):  # a form is learnt anew so often at most
         if freed is None:
             break
-        look = PassageForms.of(channel, passages, freed, block_samples)
+        look = PassageForms.of(channel, passages, freed)
         rows, learnt = _looked_at(look, freed)
         driven = look.work["driven"]
         # neither few of them nor nearly all show a traction, and the form missed both
@@ -144,7 +142,7 @@ def _undriven(
         left_out = left_out | driven
         without = left_out.copy()
         without[np.setdiff1d(np.arange(len(passages)), rows)] = True  # who knows of the others
-        freed = learn_reference(channel, passages, block_samples, learnt, without)
+        freed = learn_reference(channel, passages, learnt, without)
     return learnt
 
 
@@ -167,7 +165,6 @@ def footprint(
     channel: Channel,
     passages: Passages,
     cutoff: Cutoff | None = None,
-    block_samples: int = BLOCK_SAMPLES,
     settled: EdgeForm | None = None,
     friction: tuple[float, float] | None = None,
 ) -> Any:
@@ -181,11 +178,11 @@ def footprint(
     cutoff, friction = cutoff or Cutoff(), friction or friction_of(None)
     n = len(passages)
     if settled is None and not passages.doubt:
-        settled = choose_form(channel, passages, block_samples)
+        settled = choose_form(channel, passages)
     if settled is None:
         work, asked = nothing_measured(n), np.full(n, np.nan)
     else:
-        look = PassageForms.of(channel, passages, settled, block_samples, settled.forms)
+        look = PassageForms.of(channel, passages, settled, settled.forms)
         work, speed = look.work, passages.speed_m_s
         nyquist = 0.5 * channel.axis.rate_Hz
         # what is asked for may lie above what samples hold
@@ -385,7 +382,6 @@ def footprint_of_channel(
     passages: Passages,
     cutoff: Cutoff,
     settled: EdgeForm | None,
-    block_samples: int = BLOCK_SAMPLES,
     friction_ratio: float | None = None,
 ) -> PassageRows:
     """The footprint of one strain channel of `recording`.
@@ -397,7 +393,7 @@ def footprint_of_channel(
     if friction_ratio is None:
         friction_ratio = recording.setup.tire.friction_ratio
     friction = friction_of(friction_ratio)
-    found = footprint(channel, passages, cutoff, block_samples, settled, friction)
+    found = footprint(channel, passages, cutoff, settled, friction)
     columns = identity_columns(recording.log, passages) | {
         "length_m": found.length_m,
         "length_se_m": found.length_se_m,

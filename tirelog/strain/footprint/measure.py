@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tirelog.data.recording import BLOCK_SAMPLES, Channel
+from tirelog.data.recording import Channel
 from tirelog.dsp.filters import derivatives, window_spectra
 from tirelog.errors import UsageError
 from tirelog.strain.footprint.kernels import (
@@ -537,7 +537,6 @@ class PassageForms:
     rows: IntArray
     motions: tuple[FloatArray, FloatArray]
     work: Records
-    block_samples: int
 
     @classmethod
     def of(
@@ -545,7 +544,6 @@ class PassageForms:
         channel: Channel,
         passages: Passages,
         learnt: EdgeForm,
-        block_samples: int = BLOCK_SAMPLES,
         forms: Forms | None = None,
     ) -> PassageForms:
         """Those of passages that `learnt` was learnt from: the speed of some is known.
@@ -565,7 +563,7 @@ class PassageForms:
             work["roughly"] = _power_of_two(4.0 * FIT_STEP * half_length * rate / speed)
         work["vague"] = ~(passages.speed_se_m_s < WORST_SPEED * speed)
         motions = speed, np.nan_to_num(passages.acceleration_m_s2)
-        return cls(channel, passages, forms, rows, motions, work, block_samples)
+        return cls(channel, passages, forms, rows, motions, work)
 
     def gathered(self, rows: IntArray, reach: FloatArray | None = None) -> Iterator[PatchWindows]:
         """Windows of `rows`, many at a time, of a fit's `reach` if no other is given."""
@@ -576,7 +574,6 @@ class PassageForms:
             self.motions,
             self.work["reach"] if reach is None else reach,
             rows,
-            self.block_samples,
         )
 
     def by_form(self, windows: PatchWindows) -> Iterator[tuple[PatchWindows, float, int]]:

@@ -31,7 +31,7 @@ from tirelog.strain.passages.passage_flags import TURN_RAD, kinematics, turns_be
 from tirelog.strain.passages.template import Template
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked
-from tirelog.wheel.pulses import AT_ONCE, decimate, patch_sign, pulses_in
+from tirelog.wheel.pulses import decimate, patch_sign, pulses_in
 from tirelog.wheel.rolling import off_clock
 
 # ---- Whether what was found are passages of a tire at all: the gate before any speed is known.
@@ -198,14 +198,14 @@ class Passages:
         return self.radius_m * self.alpha_rad_s2
 
 
-def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONCE) -> Passages:
+def find_passages(channel: Channel, radius_m: float) -> Passages:
     """The passages of `channel` (strain or radial acceleration), `radius_m` the rolling radius.
 
-    The rows do not depend on `block_samples`.  A log without passages, or all lost, gives no rows.
+    A log without passages, or all lost, gives no rows.
     """
     channel = without_spikes(channel)
     sign = patch_sign(channel)
-    pulses, data = pulses_in(channel, decimate(channel, sign, block_samples=block_samples), sign)
+    pulses, data = pulses_in(channel, decimate(channel, sign), sign)
     signal = Signal(channel, sign, data.noise, data.extremes)
     # so few pulses may be jumps of an instrument beside which the tire's own are low; those are
     # taken only if they are more turns than this, and no doubt is left.  Twice as many look twice
