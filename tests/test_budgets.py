@@ -50,7 +50,6 @@ WIDER = {
     "api/answers.py:write_report",
     "physics/model/model.py:linearised",
     "physics/model/model.py:predict",
-    "strain/footprint/measure.py:find_edges",
 }
 
 

@@ -53,8 +53,7 @@ class Part:
     columns  by name, arrays of one length (or scalars, repeated)
     remarks  sentences on the channel or the log that were not in a part before
     found    what the rows were made of, for pictures and further tables: Passages of a grating
-             (speed), PhaseShiftFound, FootprintOfChannel, DissipationOfChannel,
-             InflationOfChannel
+             (speed), PhaseShiftFound, PassageRows (footprint, dissipation), InflationOfChannel
     """
 
     table: str

@@ -84,19 +84,6 @@ def test_lost_samples_show_in_stamps_of_few_digits_a_period(digits, samples, los
     assert made.axis.start_s[1] == pytest.approx((lost + samples) * digits * 1e-4, abs=0.51e-4)
 
 
-@pytest.mark.parametrize(
-    ("lost", "drift", "said"),
-    [(20_000, 0.0, "before 1 of the samples (first: 20000)"),
-     (N, 5e-5, "before 2 of the samples (first: 10000)")],
-)  # fmt: skip
-def test_a_lost_sample_that_looks_like_a_drift_is_said(lost, drift, said):
-    k = row + (row >= lost)
-    made = fit(np.round(k * 1e-4 * (1 + drift), 4), resolution_s=1e-4)
-    assert made.axis.first.tolist() == [0]
-    (remark,) = made.remarks
-    assert said in remark
-
-
 @pytest.mark.parametrize("digits", [1.0, 1.0003, 1.3, 2.0003, 2.5])
 def test_rounding_to_few_digits_a_period_is_no_gap(digits):
     """Nor is it in a clock that drifts and trembles."""

@@ -49,18 +49,6 @@ def test_irregular_stamps_come_back_however_few(tmp_path, size):
         np.testing.assert_array_equal(run.channels["v"].axis.time(0, size), times)
 
 
-@pytest.mark.parametrize("late", [1550.0000001, 5e5, 1550 + 1 / 3])
-def test_a_value_that_no_count_can_hold_promotes_the_channel(tmp_path, late):
-    values = source()
-    values["s"][-1] = late
-    write(tmp_path / "r.h5", values, block=1000)
-    with h5py.File(tmp_path / "r.h5") as file:
-        stored = file["channels/s"][:]
-        assert file["channels/s"].dtype == np.float64
-        np.testing.assert_array_equal(stored, values["s"])
-        assert sorted(file["channels"]) == ["s", "t", "v"]
-
-
 def test_another_setup_changes_the_conversion_and_not_the_counts(tmp_path):
     write(tmp_path / "r.h5", source(), block=4000)
     other = parse_setup(SETUP.replace("1.25", "2.5").replace("2e-6", "0.0"))

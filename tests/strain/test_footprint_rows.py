@@ -5,11 +5,8 @@ import pytest
 
 from tests.strain.conftest import make_drive
 from tests.strain.strain_truth import Beam
-from tirelog.data.recording import Recording
-from tirelog.data.setup import Setup, Tire
 from tirelog.dsp.filters import Cutoff
 from tirelog.errors import UsageError
-from tirelog.products import tables_of
 from tirelog.runs.in_memory import without_spikes
 from tirelog.strain.dissipation import dissipation
 from tirelog.strain.footprint.footprint import footprint
@@ -28,9 +25,9 @@ def made():
     return make_drive([0, 12, 16, 30], [8, 8, 18, 18], seed=1500, pulse=TRUTH, **CALM)
 
 
-def of(channel, radius_m, cutoff="auto", blocks=1 << 20):
+def of(channel, radius_m, cutoff="auto"):
     passages = find_passages(channel, radius_m)
-    return passages, footprint(channel, passages, Cutoff.parse(cutoff), blocks)
+    return passages, footprint(channel, passages, Cutoff.parse(cutoff))
 
 
 @pytest.fixture(scope="module")
@@ -40,9 +37,10 @@ def measured(made, radius_m):
 
 
 @pytest.mark.parametrize("blocks", [4096, 50_001])
-def test_the_same_rows_for_any_block_size(made, measured, blocks):
+def test_the_same_rows_for_any_block_size(made, measured, blocks, monkeypatch):
     passages, whole = measured
-    pieces = footprint(made.channel, passages, Cutoff(), blocks)
+    monkeypatch.setattr("tirelog.strain.footprint.learn.BLOCK_SAMPLES", blocks)
+    pieces = footprint(made.channel, passages)
     names = ("length_m", "length_se_m", "length_d2_m", "length_d1_m", "edge_asymmetry")
     for name in (*names, "entry_time_s", "exit_time_s"):
         one, other = getattr(pieces, name), getattr(whole, name)
@@ -52,8 +50,12 @@ def test_the_same_rows_for_any_block_size(made, measured, blocks):
     borders = blocks * np.arange(2, spiked.size // blocks)  # a spike about each of them
     spiked[borders + np.arange(borders.size) % 29 - 14] += np.nanmax(spiked)
     for channel in (made.channel, made.with_values(spiked)):
-        one = dissipation(channel, passages, 1e-3, words)
-        many = dissipation(channel, passages, 1e-3, words, block_samples=blocks)
+        with monkeypatch.context() as whole_log:
+            whole_log.setattr("tirelog.strain.dissipation.MOST_AT_ONCE", 1 << 20)
+            one = dissipation(channel, passages, 1e-3, words)
+        with monkeypatch.context() as in_blocks:
+            in_blocks.setattr("tirelog.strain.dissipation.MOST_AT_ONCE", blocks)
+            many = dissipation(channel, passages, 1e-3, words)
         np.testing.assert_allclose(many.factor_1_m, one.factor_1_m, rtol=1e-9)
 
 
@@ -125,17 +127,6 @@ def test_a_log_of_few_samples_a_passage_has_its_rows(radius_m, rate_Hz, noise_pm
     passages, found = of(made.channel, radius_m)
     assert len(found.length_m) == len(passages)
     assert not (good(found.quality) & ~having(found.quality, Quality.PATCH_SHORT)).any()
-
-
-def test_the_table_has_every_row_and_a_reason_for_each_missing_onset(made, radius_m):
-    setup = Setup(Tire(rolling_radius_m=radius_m, static_footprint_length_m=0.126))
-    recording = Recording("drive.csv", {"strain_1": made.channel}, setup)
-    (table,) = tables_of(recording, {"footprint": {}})
-    rows = len(table.found.passages)
-    assert all(np.shape(column) == (rows,) for column in table.columns.values())
-    missing = ~np.isfinite(table.columns["slip_onset_m"])
-    assert all(reason for reason in table.columns["slip_onset_reason"][missing])
-    assert "static footprint 126.0 mm" in table.remarks[0]
 
 
 @pytest.mark.parametrize("text", ["", "400", "-3Hz", "0x", "fast", "40 turns", "nanHz"])

@@ -10,8 +10,11 @@ from tests.strain.conftest import lopsided, make_drive, shoulders, trapezium
 from tests.strain.strain_truth import Beam, Ring
 from tirelog.dsp.filters import Cutoff
 from tirelog.strain.footprint.footprint import _told, footprint
-from tirelog.strain.footprint.measure import find_edges
+from tirelog.strain.footprint.kernels import MOTION
+from tirelog.strain.footprint.learn import PatchWindows
+from tirelog.strain.footprint.measure import along_tread, find_edges
 from tirelog.strain.passages.find import find_passages
+from tirelog.vocabulary.arrays import records
 from tirelog.vocabulary.quality import Quality, good, having
 
 CALM = {"height": 1.0, "drift": 0.0}
@@ -122,16 +125,20 @@ def test_asymmetry_has_the_sign_of_the_sharper_edge(radius_m):
 
 def test_edges_stand_at_the_same_abscissae_when_the_wheel_brakes():
     """xi = v t + a t^2 / 2, under hard braking at low speed."""
-    wave = CubicSpline(*Beam().wave(6.0))
-    rate, speed, one = 2500.0, 3.0, np.ones(1)
+    wave, one = CubicSpline(*Beam().wave(6.0)), np.ones(1)
     found = []
     for acceleration in (0.0, -8.0):
-        time = (np.arange(400) - 200.0) / rate
-        values = wave(time * (speed + 0.5 * acceleration * time))[None, :]
-        known = (200.0, speed, acceleration, 400.0, 0.055)  # centre, motion, cut-off, half length
-        found.append(find_edges(values, rate, *(one * value for value in known), 1e-9, 4))
-    for name in ("entry_m", "exit_m", "length_d1_m"):
-        assert found[1][name][0] == pytest.approx(found[0][name][0], abs=4e-4), name
+        time = (np.arange(400) - 200.0) / 2500.0
+        values = wave(time * (3.0 + 0.5 * acceleration * time))[None, :]
+        moving = records(
+            MOTION, centre=200.0, rate_Hz=2500.0, speed_m_s=3.0, acceleration_m_s2=acceleration
+        )
+        windows = PatchWindows(np.zeros(1, np.int64), values, moving)
+        edges = find_edges(windows, 400.0 * one, 0.055 * one, 1e-9, 4)[0]
+        xi, _, bend, _ = (some[0] for some in along_tread(windows, 400.0 * one, 4))
+        sides = [xi[np.argmin(np.where(side * xi > 0, bend, np.inf))] for side in (-1, 1)]
+        found.append([*sides, edges["length_d1_m"], edges["length_d2_m"]])
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=4e-4)
 
 
 def test_a_length_below_its_own_error_is_not_told():

@@ -10,6 +10,7 @@ from tirelog.strain.passages import match as passage_match
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_quality
 from tirelog.vocabulary.quality import Quality, good, having
+from tirelog.wheel import pulses
 
 
 def found_once(d, radius_m, within_m):
@@ -153,8 +154,9 @@ def test_the_same_rows_whatever_the_block_size(radius_m, block_samples, monkeypa
     whole = find_passages(channel, radius_m)
     # as a long log is read: never held in memory, fitted block by block
     monkeypatch.setattr(held, "HELD_SAMPLES", 0)
-    monkeypatch.setattr(passage_match, "AT_ONCE", block_samples)
-    parts = find_passages(channel, radius_m, block_samples)
+    for module in (passage_match, pulses):
+        monkeypatch.setattr(module, "AT_ONCE", block_samples)
+    parts = find_passages(channel, radius_m)
     for name in ("index", "time_s", "omega_se_rad_s", "height", "turn_after", "quality"):
         np.testing.assert_array_equal(getattr(whole, name), getattr(parts, name))
 

@@ -9,7 +9,6 @@ from tirelog.data.setup import parse_setup
 from tirelog.products import tables_of
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import calibrate_radius, speed_columns
-from tirelog.vocabulary.columns import TABLES
 
 SETUP = '[tire]\n{radius}\n[channels.grating]\nkind = "strain"\nsource = "a"\n'
 
@@ -27,20 +26,6 @@ def vehicle_speed(knots, speeds, *, rate_Hz=10.0, noise=0.0, seed=1):
     scatter = np.random.default_rng(seed).normal(0, noise, time.size)
     values = np.interp(time, knots, speeds) + scatter
     return Channel.of_array("car", "vehicle_speed", values, TimeAxis.uniform(time.size, rate_Hz))
-
-
-def test_columns_are_those_of_the_contract():
-    d = make_drive([0, 5], [10, 12], seed=1301)
-    [columns], remarks = speed_tables(d.channel)
-    assert tuple(columns) == TABLES["speed"]
-    assert {len(np.atleast_1d(v)) for v in columns.values()} == {len(d.time_s)}
-    assert remarks == []
-    assert columns["revolution"].tolist() == list(range(len(d.time_s)))
-    assert columns["quality"][0] == columns["quality"][-1] == "edge_of_log"
-    assert set(columns["quality"][1:-1]) == {"ok"}
-    np.testing.assert_allclose(
-        columns["period_s"][1:-1], 0.5 * (columns["time_s"][2:] - columns["time_s"][:-2])
-    )
 
 
 def test_words_beside_a_standstill(radius_m):

@@ -30,7 +30,7 @@ def sketch(log: str = "a.csv", turns: int = 60) -> TurnsSketch:
     speed = np.where(np.arange(turns) < turns // 2, 10.0, 20.0)
     scatter = np.random.default_rng(2).normal(0.0, 1e-3, turns)
     found: Any = SimpleNamespace(
-        footprint=SimpleNamespace(
+        found=SimpleNamespace(
             length_m=0.12 + scatter,
             length_se_m=np.full(turns, 1e-3),
             form_se_m=np.full(turns, 3e-3),

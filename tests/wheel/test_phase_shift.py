@@ -151,21 +151,6 @@ def test_zero_is_the_first_low_steady_stretch_or_a_setting(zero, mean, zero_spee
     assert passages.zero_speed_m_s == pytest.approx(zero_speed, abs=0.05)
 
 
-@pytest.mark.parametrize(
-    ("tread", "between_s", "shift_deg"),
-    [
-        # later in wheel angle is positive, so braking is negative
-        ({"shift": lambda v, a: np.where(a < -1, -0.8, 0.0)}, (21.3, 23.2), -0.8),
-        # a delay is a shift in proportion to speed
-        ({"delay_s": 1e-3}, (14, 20), np.rad2deg(1e-3 * 12 / RADIUS_M)),
-    ],
-)
-def test_a_later_patch_is_a_positive_shift(tread, between_s, shift_deg):
-    passages = run(Drive(*DYNAMIC), Tread(seed=11_000, **tread))
-    rows = (passages.time_s > between_s[0]) & (passages.time_s < between_s[1])
-    assert np.mean(passages.shift_deg[rows]) == pytest.approx(shift_deg, abs=0.02)
-
-
 def test_rows_do_not_depend_on_the_blocks(monkeypatch):
     drive, tread = Drive(*DYNAMIC), moving(seed=13_000)
     whole = run(drive, tread)

@@ -58,8 +58,6 @@ SUMS = np.dtype([("number", "f8"), ("total", "f8"), ("squares", "f8")])
 #: turns that a table needs; fewer leave it zero; twice as many leave short drives with the steps
 #: of the pattern in their speed
 LEAST_TURNS = 4
-#: tables are laid on one another where one place is so much better than any other
-BETTER_PLACE = 1.2
 
 
 @dataclass(frozen=True)
@@ -229,9 +227,11 @@ def _placing(reference: PitchTable, table: PitchTable) -> tuple[int, int, bool]:
     best = forth if forth.max() >= back.max() else back
     place = int(np.argmax(best))
     other = float(np.max(np.delete(best, place), initial=0.0))
-    if best[place] < BETTER_PLACE * other:
+    # tables are laid on one another where one place is so much better than any other
+    better_place = 1.2
+    if best[place] < better_place * other:
         return 1, 0, False
-    showed = best[place] > BETTER_PLACE * max(min(forth.max(), back.max()), 0.0)
+    showed = best[place] > better_place * max(min(forth.max(), back.max()), 0.0)
     if best is back and showed:
         return -1, -1 - 2 * place, True
     place = int(np.argmax(forth))
@@ -420,9 +420,6 @@ KNOT_STEP_S = 4e-3
 #: the local least squares take the passages within this time, at least and at most so many on each
 #: side; twice as long averages noise of the teeth over twice as many, and flattens shakes of 20 Hz
 SPAN_S, LEAST_REACH, MOST_REACH = 14e-3, 3, 9
-#: knots around one, with itself, whose scatter tells what the sampling grid does to it: half a
-#: second; twice as many tell it to 0.7 of the error, and follow a changing speed half as well
-GRID_KNOTS = 129
 #: whole teeth in the window may differ by this factor, for a cubic to follow them; twice as much
 #: lays cubics across starts and stops
 EVEN = 2.0
@@ -549,13 +546,8 @@ class KnotBuilder:
         self._variance, self._freedom = 0.0, 0.0
         self._laid = np.zeros(MOST_REACH + 1)  # cubics of each reach
 
-    def add(self, teeth: Records) -> None:
-        """The next teeth, (n,) of TEETH."""
-        for start in range(0, teeth.size, PIECE):
-            self._add(teeth[start : start + PIECE], MOST_REACH + 4)
-
-    def _add(self, new: Records, margin: int) -> None:
-        """Knots of what is held and the `new` teeth, but for the last `margin`."""
+    def add(self, new: Records, margin: int = MOST_REACH + 4) -> None:
+        """Knots of what is held and the `new` teeth, (n,) of TEETH, but for the last `margin`."""
         teeth = np.concatenate([self._held, new])
         stop = max(teeth.size - margin, self._first)
         unit_rad, knots = 2 * np.pi / self.turn, np.zeros(stop - self._first, KNOT)
@@ -576,7 +568,7 @@ class KnotBuilder:
 
     def knots(self) -> Records:
         """All knots, (n,) of KNOT; nothing can be added after."""
-        self._add(self._held[:0], 0)
+        self.add(self._held[:0], 0)
         return np.concatenate(self._parts)
 
     def noise_rad(self, otherwise: float) -> float:
@@ -638,9 +630,12 @@ def _grid_s(knots: Records, edge_s: float) -> FloatArray:
     other kind is independent from edge to edge.
     """
     laid = knots["reach"] > 0
-    share = np.maximum(sliding_mean(laid.astype(np.float64), GRID_KNOTS), 0.5 / GRID_KNOTS)
+    # knots around one, with itself, whose scatter tells what the sampling grid does to it: half a
+    # second; twice as many tell it to 0.7 of the error, and follow a changing speed half as well
+    grid_knots = 129
+    share = np.maximum(sliding_mean(laid.astype(np.float64), grid_knots), 0.5 / grid_knots)
     left, kept = (
-        sliding_mean(np.where(laid, values, 0.0), GRID_KNOTS) / share
+        sliding_mean(np.where(laid, values, 0.0), grid_knots) / share
         for values in (knots["late_s"].astype(np.float64) ** 2, VALUE[knots["reach"], MOST_REACH])
     )
     variance = np.maximum(edge_s**2 - left, kept / (1 - kept) * left)

@@ -65,11 +65,8 @@ def without_spikes(high: FloatArray) -> FloatArray:
 
 def sliding_maximum(values: FloatArray, reach: int) -> FloatArray:
     """Largest value within `reach` places on both sides, shape as given."""
-    largest, size = np.pad(values, reach, constant_values=-np.inf), 1
-    while size <= reach:  # the windows double as long as two of them make a larger one
-        largest, size = np.maximum(largest[:-size], largest[size:]), 2 * size
-    rest = 2 * reach + 1 - size
-    return np.maximum(largest[: largest.size - rest], largest[rest:])
+    padded = np.pad(values, reach, constant_values=-np.inf)
+    return np.asarray(sliding_window_view(padded, 2 * reach + 1).max(axis=1))
 
 
 def changes(
@@ -488,9 +485,6 @@ SAME_PLACE, FASTEST_BACK_Hz = 12, 4.0
 #: half teeth on each side that say how long one should be: edges between samples tell it to 2 %;
 #: twice as many reach to where a speed that changes is another
 NEIGHBOURS = 16
-#: an interval outside of these shares of its neighbours' median is not a single half tooth (pitch
-#: errors of 0.5 degree stay inside)
-SHORT, LONG = 0.65, 1.5
 
 
 def count_teeth(channel: Channel, found: Probe, steps: int) -> Iterator[Records]:
@@ -638,15 +632,18 @@ def _regular(teeth: Records, slowest: float) -> Records:
     # if no interval differs much from those five before and after, no closer look is needed
     before, after = np.append(steps[5:10], steps[:-5]), np.append(steps[5:], steps[-10:-5])
     share = steps / (0.5 * (before + after))
-    if np.all((share > SHORT) & (share < LONG)):
+    # an interval outside of these shares of its neighbours' median is not a single half tooth
+    # (pitch errors of 0.5 degree stay inside)
+    short, long = 0.65, 1.5
+    if np.all((share > short) & (share < long)):
         return teeth
     # half teeth may be unlike in pairs: each is held against the two before and after of its kind
     around = sliding_window_view(np.pad(steps, 4, mode="reflect"), 9)[:, ::2]
     ratio = steps / np.median(around, axis=1)
-    odd = ratio < SHORT
-    odd[1:] |= ratio[:-1] < SHORT  # the tooth beside a glitch lost what the glitch took
-    odd[:-1] |= ratio[1:] < SHORT
-    odd |= ratio > LONG
+    odd = ratio < short
+    odd[1:] |= ratio[:-1] < short  # the tooth beside a glitch lost what the glitch took
+    odd[:-1] |= ratio[1:] < short
+    odd |= ratio > long
     teeth["uneven"][:-1] = odd
     odd &= steps < slowest
     keep = np.ones(teeth.size, bool)

@@ -307,7 +307,7 @@ def dissipation_sketch(recording: Recording, part: Part) -> Sketch:
     found, p = part.found, part.found.passages
     if len(p) <= max(MAGNIFIED, AVERAGED):
         return recording, part, []
-    steady = np.flatnonzero(found.dissipation.steady)
+    steady = np.flatnonzero(found.found.steady)
     row = int(steady[steady.size // 2]) if steady.size else len(p) // 2
     row = min(row, len(p) - MAGNIFIED - 1)
     low, high = max(int(p.index[row]) - 10, 0), int(p.index[row + MAGNIFIED])
@@ -443,8 +443,7 @@ def passage_panels(
         (np.array([1e9]), 1, "samples", colours[0], {"width": 0.8, "symbol": ".", "size": 3}),
         (cutoff, 4, f"low-pass {cutoff[0]:.0f} Hz", colours[1], {"width": 1.4}),
     ):
-        centre = windows.motion["centre"]
-        along = along_tread(windows.values, windows.rate_Hz, centre, *motion, cut, upsample)
+        along = along_tread(windows, cut, upsample)
         spectra, m = window_spectra(windows.values), windows.values.shape[1]
         strain = lowpassed(spectra, windows.rate_Hz, cut, m, upsample)[0]
         xi, first, second = 1e3 * along[0][0], along[1][0], along[2][0]

@@ -43,7 +43,7 @@ from tirelog.plots.record import (
     words,
 )
 from tirelog.products import Part
-from tirelog.strain.footprint.footprint import FootprintOfChannel
+from tirelog.strain.speed import PassageRows
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import STRAIN_KINDS
 from tirelog.vocabulary.quality import good, good_rows
@@ -120,9 +120,9 @@ _CLOSE = 0.55
 _SIGMAS = 2.0
 
 
-def found_of_grating(recording: Recording, part: Part) -> FootprintOfChannel:
+def found_of_grating(recording: Recording, part: Part) -> PassageRows:
     """What rows of the table `footprint` were made of.  UsageError: of an accelerometer."""
-    if isinstance(part.found, FootprintOfChannel):
+    if isinstance(part.found, PassageRows) and part.found.found is not None:
         return part.found
     raise UsageError(
         "this picture is of a grating; this log has accelerometers",
@@ -140,12 +140,12 @@ class TurnsSketch:
     """
 
     recording: Recording
-    found: FootprintOfChannel
+    found: PassageRows
     turns: Stack
     every: int
 
     @classmethod
-    def of(cls, recording: Recording, found: FootprintOfChannel) -> TurnsSketch:
+    def of(cls, recording: Recording, found: PassageRows) -> TurnsSketch:
         """The sketch of a channel whose log is open.
 
         UsageError: fewer whole revolutions than a picture of them needs.
@@ -169,13 +169,13 @@ class TurnsSketch:
 
         The error is that of the median and, beside it, that of the form that all passages share.
         """
-        lengths = self.found.footprint.length_m[good(self.found.footprint.quality)]
+        lengths = self.found.found.length_m[good(self.found.found.quality)]
         lengths = lengths[np.isfinite(lengths)]
         if not lengths.size:
             return float("nan"), float("nan"), float("nan")
         middle = float(np.median(lengths))
         scatter = 1.4826 * float(np.median(np.abs(lengths - middle)))
-        form = self.found.footprint.form_se_m
+        form = self.found.found.form_se_m
         shared = float(np.nanmedian(form)) if np.isfinite(form).any() else 0.0
         return middle, float(np.hypot(1.2533 * scatter / lengths.size**0.5, shared)), scatter
 

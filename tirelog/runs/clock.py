@@ -37,14 +37,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from tirelog.data.recording import TimeAxis
 from tirelog.dsp.filters import runs
 from tirelog.errors import ReadError, SetupError
-from tirelog.runs.stamps import Jump, Piece, Stamps
+from tirelog.runs.stamps import Jump, Stamps
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.quality import Doubt, Quality
 
@@ -58,36 +58,23 @@ from tirelog.vocabulary.quality import Doubt, Quality
 # log then puts samples seconds away from where they were taken.
 
 
+#: first sample of a piece between two lasting jumps, and the time of clock index 0 on its line [s]
+Level: TypeAlias = tuple[int, float]
 #: times [s] of the samples [start, stop)
 Times: TypeAlias = Callable[[int, int], FloatArray]
-#: first samples of ticks that are looked at; of more, every second, third, ...
-_MOST_POINTS = 1 << 20
 #: ticks averaged to one point of the clock: the first sample of a tick lies anywhere in a period,
 #: which the mean of 16 tells to 0.07 of it; twice as many follow a change of rate half as quickly
 _TICKS = 16
-#: samples that a tick lacks before they count as missing: a steady one has one more or less; twice
-#: as many leave gaps of up to three samples unsaid
-_MISSING = 1.6
-#: ticks on each side of a gap that say whether it lasts; twice as many need gaps that are twice as
-#: far apart
-_LASTS = 5
-#: and they lack more than so many times what ticks usually lack or have too many; twice as many
-#: leave gaps unsaid that are half as large where ticks scatter
-_UNUSUAL = 6.0
 
 
-class Ticks(NamedTuple):
-    """What stamps that are coarser than their samples tell, by the ticks of their clock.
-
-    `gaps`: (first sample behind, samples missing); `wrong`: [start, stop) of samples whose stamp is
-    not the clock's; `wandering`: (times, rates) if one rate will not do. `times(start, stop)` [s]
-    of samples [start, stop), the log's first at 0; three rates [Hz], of which the outer ones hold
-    nine tenths of it.
-    """
-
-    gaps: list[tuple[int, int]]
-    wrong: list[tuple[int, int]]
-    wandering: tuple[Times, tuple[float, ...]] | None
+#: what stamps that are coarser than their samples tell, by the ticks of their clock:
+#:   gaps        (first sample behind, samples missing)
+#:   wrong       [start, stop) of samples whose stamp is not the clock's
+#:   wandering   (times, rates) if one rate will not do: times [s] of samples [start, stop), the
+#:               log's first at 0; three rates [Hz], of which the outer ones hold nine tenths
+Ticks: TypeAlias = tuple[
+    list[tuple[int, int]], list[tuple[int, int]], tuple[Times, tuple[float, ...]] | None
+]
 
 
 def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | None:
@@ -114,16 +101,26 @@ def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | 
     rate = median_filter(samples / steps, 31, mode="nearest")
     lacking = steps * rate - samples
     usual = 1.4826 * float(np.median(np.abs(lacking - np.median(lacking))))
-    lacks = lacking > max(_MISSING, _UNUSUAL * usual)
+    # samples that a tick lacks before they count as missing: a steady one has one more or less;
+    # twice as many leave gaps of up to three samples unsaid. And more than so many times what ticks
+    # usually lack or have too many; twice as many leave gaps unsaid that are half as large where
+    # ticks scatter
+    least_missing, unusual = 1.6, 6.0
+    lacks = lacking > max(least_missing, unusual * usual)
     missing, gaps = np.zeros(lacking.size, np.int64), []
     level = np.concatenate([[0.0], np.cumsum(lacking)])
+    # ticks on each side of a gap that say whether it lasts; twice as many need gaps that are twice
+    # as far apart
+    lasts = 5
     # a pace that is not even walks away a little, too, over as many ticks
-    walks = level[2 * _LASTS :] - level[: -2 * _LASTS]
-    least = max(_MISSING, _UNUSUAL * 1.4826 * float(np.median(np.abs(walks - np.median(walks)))))
+    walks = level[2 * lasts :] - level[: -2 * lasts]
+    least = max(
+        least_missing, unusual * 1.4826 * float(np.median(np.abs(walks - np.median(walks))))
+    )
     for start, stop in np.stack(runs(lacks), axis=1).tolist():
         # what one tick lacks the next may have too many: a sample late by a moment is not missing
-        before = np.median(level[max(start - _LASTS, 0) : start + 1])
-        lasting = round(float(np.median(level[stop : stop + _LASTS + 1]) - before))
+        before = np.median(level[max(start - lasts, 0) : start + 1])
+        lasting = round(float(np.median(level[stop : stop + lasts + 1]) - before))
         if lasting >= least:
             at = start + int(lacking[start:stop].argmax())
             missing[at] = lasting
@@ -131,7 +128,7 @@ def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | 
     # stamps of a steady clock stay within one tick of their line; beyond so many its rate wanders;
     # twice as many put a clock that wanders by up to four ticks on one straight line
     strays = _strays(k, stamp, missing) > 2.0 * resolution_s
-    return Ticks(gaps, wrong, _wandering(stamps, k, stamp, missing, gaps) if strays else None)
+    return gaps, wrong, _wandering(stamps, k, stamp, missing, gaps) if strays else None
 
 
 def _wandering(
@@ -180,7 +177,9 @@ def _strays(k: IntArray, stamp_s: FloatArray, missing: IntArray) -> float:
 def _points(stamps: Stamps, period: float) -> tuple[IntArray, IntArray, FloatArray]:
     """(index, clock index, stamp) of the first samples of ticks, _MOST_POINTS at most."""
     many = sum(index.size for index, _, _ in stamps.points(period))
-    stride, seen, parts = -(-many // _MOST_POINTS) or 1, 0, []
+    # first samples of ticks that are looked at; of more, every second, third, ...
+    most_points = 1 << 20
+    stride, seen, parts = -(-many // most_points) or 1, 0, []
     for index, k, stamp in stamps.points(period):
         taken = slice(-seen % stride, None, stride)
         parts.append((index[taken], k[taken], stamp[taken]))
@@ -191,12 +190,6 @@ def _points(stamps: Stamps, period: float) -> tuple[IntArray, IntArray, FloatArr
     return index, k, stamp
 
 
-#: share of a period by which a clock's stamps may stray, unless a rate is declared; twice as much
-#: puts stamps that stray by a fifth of a period on an even grid
-_JITTER = 0.1
-#: the error of a rate that tables hold, as a share; half of it is below that of most radii, twice
-#: as much is as large as that of a good speed
-_VAGUE = 1e-4
 #: samples below which the first and the last stamp tell the period, if no stretch does; twice as
 #: many let the two ends tell the period of logs of up to fifteen samples
 _FEW = 8
@@ -338,7 +331,7 @@ class ClockFit:
                 allowed="a log needs a time column or a rate",
                 do=f"write time = {self.time_example} or sampling_rate_Hz under [log] in the setup",
             )
-        return self._pieces(1.0 / declared, [Piece(0, 1, 0.0, self.start_s)])
+        return self._pieces(1.0 / declared, [(0, self.start_s)])
 
     def _fitted(self, stamps: Stamps, declared: float | None, few: float) -> TimeAxis:
         """The axis through stamps; `few` is the period [s] of few of them, else 0."""
@@ -351,15 +344,16 @@ class ClockFit:
             return self._by_rate(declared, "stamps that do not rise")
         # where samples are numbered, their numbers say which are missing
         seen = None if self.counted else coarse_ticks(stamps, rough, self.resolution_s)
-        if seen and seen.wandering:
-            times, (low, middle, high) = seen.wandering
+        gaps, wrong, wandering = seen or ([], [], None)
+        if wandering:
+            times, (low, middle, high) = wandering
             wanders = f"the sampling rate wanders between {low:.4g} and {high:.4g} Hz"
             if not self.setup_rate_Hz:
-                self._count("stamps_repaired", sum(b - a for a, b in seen.wrong))
+                self._count("stamps_repaired", sum(b - a for a, b in wrong))
                 self.remarks.append(
                     f"{wanders}; times follow the stamps, whose step is {self.resolution_s:g} s"
                 )
-                for index, samples in seen.gaps:
+                for index, samples in gaps:
                     self._gap(index, samples)
                 return TimeAxis.read_by(times, self.size, middle)
             self.remarks.append(
@@ -368,18 +362,20 @@ class ClockFit:
             )
         noise, rounded = stamps.noise(rough, self.resolution_s)
         noise = max(noise, 0.0 if stamps.bunched else 0.3 * self.resolution_s)
-        jumps: list[Jump] = [(index, n * rough) for index, n in seen.gaps] if seen else []
-        passing = seen.wrong if seen else []
+        jumps: list[Jump] = [(index, n * rough) for index, n in gaps]
         rounding = self.resolution_s if rounded and not stamps.bunched else None
         if not seen:
-            jumps, passing = stamps.jumps(rough, noise, rounding)
-        period, error, spread, pieces = stamps.fit(rough, jumps, passing)
+            jumps, wrong = stamps.jumps(rough, noise, rounding)
+        period, error, spread, pieces = stamps.fit(rough, jumps, wrong)
         if stamps.bunched and not np.isfinite(error) and self.size >= _FEW:
             # one tick of the stamps begins within the log, and two are needed to time it
             return self._by_rate(declared, "stamps that rise once")
         coarse = stamps.bunched or self.counted
-        strays = spread > max(_JITTER * period, self.resolution_s)
-        if strays and not coarse and (not declared or noise < _JITTER * period):
+        # share of a period by which a clock's stamps may stray, unless a rate is declared; twice as
+        # much puts stamps that stray by a fifth of a period on an even grid
+        jitter = 0.1
+        strays = spread > max(jitter * period, self.resolution_s)
+        if strays and not coarse and (not declared or noise < jitter * period):
             return self._explicit(stamps)
         ticks = max(int(stamps.clock_index(self.size - 1)), 1)
         # a stamp coarser than a period hides two of them: where in the tick it lies, and one lost
@@ -387,16 +383,20 @@ class ClockFit:
         hidden = 2.0 * period if self.resolution_s >= period else 0.51 * self.resolution_s
         tolerance = max(4.0 * error, hidden / ticks)
         fitted, period = period, self._settled(period, tolerance)
-        self._count("stamps_repaired", sum(stop - start for start, stop in passing))
-        if coarse and abs(pieces[0].level(period)) <= max(self.resolution_s, period):
-            shift = pieces[0].level(
-                period
-            )  # a stamp of one second's resolution does not say where in the second
-            pieces = [replace(piece, mean_stamp_s=piece.mean_stamp_s - shift) for piece in pieces]
-        axis = self._pieces(period, self._continued(pieces, period))
+        self._count("stamps_repaired", sum(stop - start for start, stop in wrong))
+        # to a picosecond
+        levels = [(first, round(stamp - period * k, 12) + 0.0) for first, k, stamp in pieces]
+        shift = levels[0][1]
+        if coarse and abs(shift) <= max(self.resolution_s, period):
+            # a stamp of one second's resolution does not say where in the second
+            levels = [(first, level - shift) for first, level in levels]
+        axis = self._pieces(period, self._continued(levels, period))
+        # the error of a rate that tables hold, as a share; half of it is below that of most radii,
+        # twice as much is as large as that of a good speed
+        least_vague = 1e-4
         if coarse:
             self._count_against_stamps(stamps, period)
-            reach = stamps.reach(rough, passing)
+            reach = stamps.reach(rough, wrong)
             # the first stamp of a tick is half a tick early or late, the same all along or not
             share = max(error / period, 1.0 / reach, self._grown_s / (reach * period))
             given = declared is not None and period == 1.0 / declared
@@ -407,19 +407,7 @@ class ClockFit:
                     f"stamps of {self.resolution_s:g} s, too coarse for a rate (an error of "
                     f"{share:.1%})",
                 )
-            return replace(axis, rate_error=share if share > _VAGUE and not given else 0.0)
-        # a lost sample looks like a drift where a period has no more last digits than this, and
-        # leaps are worth a sentence up to this share of the samples; with twice the first,
-        # sentences on leaps of rounding; with twice the share, on stamps that tremble
-        if rounding and period < 1.2 * rounding:
-            # a sample may lack that stamps of so few digits cannot tell from a drift
-            up, down, first = stamps.leaps(rough, rounding)
-            if up > down and up + down <= 1e-3 * self.size:
-                self.remarks.append(
-                    f"the stamps leap by a last digit of {rounding:g} s before {up - down} of the "
-                    f"samples (first: {first}): one was lost at each, or a clock drifts; no gap "
-                    "was made of it, and times may be off by as many samples"
-                )
+            return replace(axis, rate_error=share if share > least_vague and not given else 0.0)
         # stamps that are but rounded may be off alike for long
         of_digits = 1.02 * rounding / ticks if rounding else 0.0
         off = max(tolerance if period != fitted else error, of_digits)
@@ -430,7 +418,7 @@ class ClockFit:
         rates = [self.setup_rate_Hz, self.file_rate_Hz]
         rates += [round_Hz] if off * round_Hz < 0.25 * period * digit_Hz else []
         known = any(rate and period == 1.0 / rate for rate in rates)
-        vague = off > _VAGUE * period and not known
+        vague = off > least_vague * period and not known
         return replace(axis, rate_error=off / period if vague else 0.0)
 
     def _settled(self, period: float, tolerance: float) -> float:
@@ -468,57 +456,50 @@ class ClockFit:
 
     # ---- building --------------------------------------------------------------------------------
 
-    def _continued(self, pieces: list[Piece], period: float) -> list[Piece]:
-        """Pieces whose lines never run backwards.
+    def _continued(self, levels: list[Level], period: float) -> list[Level]:
+        """Levels of pieces whose lines never run backwards.
 
         A repeated row is a piece of its own between two, a clock set back is made to run on.
         """
-        out, shift = [pieces[0]], 0.0
-        for before, piece in pairwise(pieces):
-            step = piece.level(period) - before.level(period)
-            shifted = replace(piece, mean_stamp_s=piece.mean_stamp_s + shift)
+        out, shift = [levels[0]], 0.0
+        for (_, before), (first, level) in pairwise(levels):
+            step = level - before
             if step >= 0.0:
-                self._gap(piece.first, round(step / period))
+                self._gap(first, round(step / period))
             elif step > -1.5 * period:
                 self._count("repeated_stamps", 1)
-                self.flags.append((piece.first, piece.first + 1, Quality.REPEATED_STAMP))
-                level = out[-1].level(period) - 0.5 * period
-                out.append(Piece(piece.first, 0, 0.0, level))
-                shifted = replace(shifted, first=piece.first + 1)
+                self.flags.append((first, first + 1, Quality.REPEATED_STAMP))
+                out.append((first, out[-1][1] - 0.5 * period))
+                first += 1
             else:
                 shift -= step
-                shifted = replace(piece, mean_stamp_s=piece.mean_stamp_s + shift)
                 if "clock_set_back" not in self.repairs:
                     self.remarks.append(
-                        f"the stamps go back by {-step:.4g} s at sample {piece.first}, and times "
-                        "go on from there; are these two recordings in one file?"
+                        f"the stamps go back by {-step:.4g} s at sample {first}, and times go on "
+                        "from there; are these two recordings in one file?"
                     )
                 self._count("clock_set_back", 1)
-                self.flags.append((piece.first - 1, piece.first + 1, Quality.CLOCK_SET_BACK))
-            out.append(shifted)
-        return [piece for piece in out if piece.first < self.size]
+                self.flags.append((first - 1, first + 1, Quality.CLOCK_SET_BACK))
+            out.append((first, level + shift))
+        return [piece for piece in out if piece[0] < self.size]
 
-    def _pieces(self, period: float, pieces: list[Piece]) -> TimeAxis:
+    def _pieces(self, period: float, levels: list[Level]) -> TimeAxis:
         """Segments of one period.
 
-        One for each piece, and one behind each run of missing sample numbers.
+        One for each of the `levels`, and one behind each run of missing sample numbers.
         """
         for index, samples in self._missing:
             self._gap(index, samples)
-        firsts = np.unique(
-            np.array(
-                [piece.first for piece in pieces] + [index for index, _ in self._missing], np.int64
-            )
-        )
+        begins, level = (np.array(column) for column in zip(*levels, strict=True))
+        behind = np.array([index for index, _ in self._missing], np.int64)
+        firsts = np.unique(np.concatenate([begins, behind]))
         firsts[0] = 0
-        which = np.searchsorted([piece.first for piece in pieces], firsts, side="right") - 1
-        levels = np.array([piece.level(period) for piece in pieces])[np.maximum(which, 0)]
+        which = np.searchsorted(begins, firsts, side="right") - 1
         clock = Stamps()
         clock.know_missing(self._missing)
-        starts = levels + period * clock.clock_index(firsts)
-        runs_on = (
-            np.abs(np.diff(starts) - period * np.diff(firsts)) < 1e-9 * period
-        )  # a clock set back leaves no segment behind
+        starts = level[np.maximum(which, 0)] + period * clock.clock_index(firsts)
+        # a clock set back leaves no segment behind
+        runs_on = np.abs(np.diff(starts) - period * np.diff(firsts)) < 1e-9 * period
         keep = np.concatenate([[True], ~runs_on])
         return TimeAxis(
             self.size,

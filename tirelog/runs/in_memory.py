@@ -216,7 +216,7 @@ def _slow_spikes(channel: Channel) -> IntArray:
         least = np.where(before * after > 0.0, np.minimum(np.abs(before), np.abs(after)), 0.0)
         wild = least > KINK * _usual(np.abs(before), channel.resolution)
         parts.append(start + SPIKE_SAMPLES + np.stack(runs(wild), axis=1))
-    return _joined(parts)
+    return joined_ranges(parts)
 
 
 def _usual(changes: FloatArray, step: float) -> FloatArray:
@@ -233,7 +233,7 @@ def _usual(changes: FloatArray, step: float) -> FloatArray:
     return np.repeat(np.maximum(largest, step), SLOW_CELL)[: changes.size]
 
 
-def _joined(parts: Sequence[IntArray]) -> IntArray:
+def joined_ranges(parts: Sequence[IntArray]) -> IntArray:
     """The ranges (k, 2) of blocks one behind the other; one that a block's end cut is one."""
     edges, times = np.unique(np.concatenate([np.zeros((0, 2), int), *parts]), return_counts=True)
     joined: IntArray = edges[times == 1].reshape(-1, 2)
@@ -243,7 +243,7 @@ def _joined(parts: Sequence[IntArray]) -> IntArray:
 def _holding(channel: Channel, number: float) -> IntArray:
     """The ranges of samples, (k, 2), that hold a number exactly."""
     held = [(start, runs(values == number)) for start, values in channel.blocks()]
-    return _joined([start + np.stack(ends, axis=1) for start, ends in held])
+    return joined_ranges([start + np.stack(ends, axis=1) for start, ends in held])
 
 
 def _without(channel: Channel, ranges: IntArray) -> Channel:
@@ -258,10 +258,7 @@ def _flags(ranges: IntArray, word: Quality) -> tuple[Doubt, ...]:
     """The word for each of these ranges (k, 2); of very many, near ones share it."""
     # flags of a channel; of more, those within a slow cell are one: each takes a hundred bytes
     if len(ranges) > 100_000:
-        gap = ranges[1:, 0] - ranges[:-1, 1] > SLOW_CELL
-        ranges = np.stack(
-            [ranges[np.append(True, gap), 0], ranges[np.append(gap, True), 1]], axis=1
-        )
+        ranges = _merged(ranges, SLOW_CELL)
     return tuple((int(first), int(stop), word) for first, stop in ranges)
 
 
@@ -366,13 +363,15 @@ def _bursts(channel: Channel, size: int, low: FloatArray, high: FloatArray) -> I
     bottom, top = np.where(many, lowest, bottom), np.where(many, highest, top)
     for cell in np.flatnonzero(odd | many).tolist():
         found.update(_bursts_of_cell(channel, size, cell, bottom[cell], top[cell], never))
-    joined: list[tuple[int, int]] = []
-    for first, stop in sorted(found):
-        if joined and first <= joined[-1][1]:
-            joined[-1] = joined[-1][0], max(joined[-1][1], stop)
-        else:
-            joined.append((first, stop))
-    return np.array(joined, np.int64).reshape(-1, 2)
+    return _merged(np.array(sorted(found), np.int64).reshape(-1, 2), 0)
+
+
+def _merged(ranges: IntArray, apart: int) -> IntArray:
+    """The ranges (k, 2), in order; those no more than `apart` behind another are one with it."""
+    ends = np.maximum.accumulate(ranges[:, 1])
+    begins = ranges[1:, 0] - ends[:-1] > apart
+    first = ranges[np.append(True, begins)[: len(ranges)], 0]
+    return np.stack([first, ends[np.append(begins, True)[: len(ranges)]]], axis=1)
 
 
 def _beyond(

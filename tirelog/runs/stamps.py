@@ -16,7 +16,6 @@ from __future__ import annotations
 import tempfile
 import weakref
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import chain, pairwise
 from typing import TypeAlias
 
@@ -68,21 +67,8 @@ _STRETCHES, _STRETCH, _ALIKE, _WHOLE, _BOUND = 32, 256, 0.97, 1e-3, 1.2
 Jump: TypeAlias = tuple[int, float]
 
 
-@dataclass(frozen=True)
-class Piece:
-    """Stamps between two lasting jumps.
-
-    Means of clock index and stamp [s] over its points; `first` is its first sample.
-    """
-
-    first: int
-    points: int
-    mean_index: float
-    mean_stamp_s: float
-
-    def level(self, period_s: float) -> float:
-        """The time of clock index 0 on this piece's line, to a picosecond."""
-        return round(float(self.mean_stamp_s - period_s * self.mean_index), 12) + 0.0
+#: stamps between two lasting jumps: their first sample, means of clock index and stamp [s]
+Piece: TypeAlias = tuple[int, float, float]
 
 
 class Stamps:
@@ -219,19 +205,6 @@ class Stamps:
         noise = float(np.median(found)) * 1.4826 / np.sqrt(2.0) if found else 0.0
         return noise, large <= _JUMPING * total
 
-    def leaps(self, period: float, digit: float) -> tuple[int, int, int]:
-        """Steps of the residual by about one last `digit` [s]: (up, down, first sample behind one).
-
-        A sample that lacks is such a step up where a period is no longer than that.
-        """
-        up, down, first = 0, 0, -1
-        for index, k, stamps in self.points(period):
-            steps = np.diff(stamps - period * k) / digit
-            one = np.flatnonzero((np.abs(steps) > 0.5) & (np.abs(steps) <= _ROUNDED))
-            up, down = up + int((steps[one] > 0).sum()), down + int((steps[one] < 0).sum())
-            first = int(index[one[0] + 1]) if first < 0 and one.size else first
-        return up, down, first
-
     def jumps(
         self, period: float, noise: float, rounding: float | None = None
     ) -> tuple[list[Jump], list[tuple[int, int]]]:
@@ -311,10 +284,8 @@ class Stamps:
         spread = float(np.sqrt(max(square - slope * cross, 0.0) / free))
         middles = (np.nan_to_num(first) + means).T.tolist()
         pieces = [
-            Piece(begin, int(n), middle_k, middle_r + period * middle_k)
-            for begin, n, (middle_k, middle_r) in zip(
-                [0, *edges.tolist()], count, middles, strict=True
-            )
+            (begin, middle_k, middle_r + period * middle_k)
+            for begin, (middle_k, middle_r) in zip([0, *edges.tolist()], middles, strict=True)
         ]
         return period + slope, spread / np.sqrt(total) if total > 0 else np.inf, spread, pieces
 

@@ -92,10 +92,6 @@ class FlatFile:
             file.write(np.ascontiguousarray(values, self.dtype).data)
 
 
-#: decimals of a count are looked for up to so many, in so many samples before all of them
-_MOST_DECIMALS, _LOOKED_AT = 9, 1000
-
-
 def counts_of(values: FloatArray, decimals: int) -> NDArray[np.int32] | None:
     """Floats as counts of 10^-decimals if these are the very same numbers; else None."""
     lost, power = np.isnan(values), 10.0**decimals
@@ -154,10 +150,11 @@ class SamplesWriter:
         """
         kind = None if self._file is None else self._file.dtype.str[1:]
         if kind in (None, "i4"):
-            for decimals in range(self.decimals, _MOST_DECIMALS + 1):
+            # up to nine decimals of a count are looked for, in a thousand samples before all
+            for decimals in range(self.decimals, 10):
                 if self._largest * 10.0**decimals >= -LOST_COUNT - 1.0:
                     break  # what is written would be no counts
-                likely = counts_of(samples[:_LOOKED_AT], decimals) is not None
+                likely = counts_of(samples[:1000], decimals) is not None
                 if likely and (counts := counts_of(samples, decimals)) is not None:
                     self.decimals = decimals
                     return counts

@@ -20,13 +20,12 @@ The file is longer than others: estimate, doubts, table and regressions are of o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
+from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.filters import (
     BESIDE,
     averaging_gain,
@@ -89,8 +88,6 @@ PARTS = 24
 #: the usual factor; a turn is unlike those around if its patch is off by UNLIKE of it at least, or
 #: the parts that are far off by PARTS_UNLIKE
 TURNS, FAR, LEAST_OFF, UNLIKE, PARTS_UNLIKE = 9, 12.0, 0.0025, 0.02, 0.01
-#: step in the height (logarithm) that no road, load or speed makes from one turn to the next
-LOOSE = 0.22
 #: samples worked on at once
 MOST_AT_ONCE = 1 << 16
 #: constant speed: the step from one revolution to the next (P1 4) [m/s], and revolutions of a
@@ -214,7 +211,6 @@ def _energies(
     coefficients: FloatArray,
     averaged: int,
     near: BoolArray,
-    block_samples: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Sums over each revolution: energy (n, PARTS), bend (n,), and how many means (n, PARTS).
 
@@ -235,7 +231,7 @@ def _energies(
     )
     half = coefficients.size // 2
     side = coefficients[:half][::-1].copy()
-    step = max(min(block_samples, MOST_AT_ONCE) // averaged, 4 * coefficients.size)
+    step = max(MOST_AT_ONCE // averaged, 4 * coefficients.size)
     entry, leave = np.flatnonzero(np.diff(near, prepend=False, append=False))
     parts = _edges(passages, filled, bounds, averaged)
     parts = np.clip(np.where(known[:, None], parts, 0.0), 0, last).astype(np.int64)
@@ -311,8 +307,10 @@ def _loose(height: FloatArray, factor: FloatArray) -> BoolArray:
     form = np.log(np.abs(factor[rows])) - 2.0 * level
     (before, after), forms = medians_beside(level), medians_beside(form)
     step = np.abs(after - before)
-    if np.any((step > LOOSE) & (np.abs(forms[1] - forms[0]) < step)):
-        loose[rows] = 0.5 * (before + after) < np.quantile(level, 0.9) - LOOSE
+    # step in the height (logarithm) that no road, load or speed makes from one turn to the next
+    loose_step = 0.22
+    if np.any((step > loose_step) & (np.abs(forms[1] - forms[0]) < step)):
+        loose[rows] = 0.5 * (before + after) < np.quantile(level, 0.9) - loose_step
     return loose
 
 
@@ -375,7 +373,6 @@ def dissipation(
     quality: QualityFlags,
     *,
     steady_step_m_s: float = STEADY_STEP_M_S,
-    block_samples: int = BLOCK_SAMPLES,
 ) -> Any:
     """The dissipation in each revolution of the strain `channel`, (n,) of DISSIPATION.
 
@@ -395,9 +392,7 @@ def dissipation(
     near = np.abs(np.arange(PARTS) + 0.5 - 0.5 * PARTS) < 0.5 + (
         SHOULDERS * passages.window_rad * PARTS / (2.0 * np.pi)
     )
-    energy, bend, of_parts = _energies(
-        channel, passages, coefficients, of_each, near, block_samples
-    )
+    energy, bend, of_parts = _energies(channel, passages, coefficients, of_each, near)
     speed, means = passages.speed_m_s, of_parts.sum(axis=1)
     step = of_each / channel.axis.rate_Hz
     # a revolution whose patch the log cuts off has no energy of its own
@@ -660,19 +655,12 @@ def _judgement(speeds: int, free: int, bent: bool, sigmas: float) -> str:
 #     --`regression`: lines through the means of their stretches--> regressions
 
 
-@dataclass(frozen=True)
-class DissipationOfChannel(PassageRows):
-    """The table's rows of one channel, and those of DISSIPATION behind them."""
-
-    dissipation: Any
-
-
 def dissipation_of_channel(
     recording: Recording,
     channel: Channel,
     passages: Passages,
     steady_step_m_s: float = STEADY_STEP_M_S,
-) -> DissipationOfChannel:
+) -> PassageRows:
     """The dissipation of one strain channel of `recording`."""
     found = dissipation(
         channel,
@@ -692,7 +680,7 @@ def dissipation_of_channel(
     columns |= _with_viscosity(recording, found, passages.speed_m_s)
     columns["quality"] = quality_column(found.quality)
     remarks = (passages.doubt,) if passages.doubt else _remarks(recording, channel.surface)
-    return DissipationOfChannel(columns, remarks, released(channel), passages, found)
+    return PassageRows(columns, remarks, released(channel), passages, found)
 
 
 def _with_viscosity(
@@ -763,23 +751,21 @@ def _in_bending(surface: str | None, height_m: float | None) -> str:
     )
 
 
-def regressions(
-    log: str, found: DissipationOfChannel
-) -> tuple[dict[str, Any] | None, tuple[str, ...]]:
+def regressions(log: str, rows: PassageRows) -> tuple[dict[str, Any] | None, tuple[str, ...]]:
     """(regressions of factor and specific power on speed, why there are none).
 
     The regressions are rows of a table; None if there are too few revolutions.
     """
-    stretch = np.where(good(found.dissipation.quality), found.dissipation.stretch, -1)
+    stretch = np.where(good(rows.found.quality), rows.found.stretch, -1)
     lines = [
-        regression(name, found.passages.speed_m_s, found.columns[name], stretch)
+        regression(name, rows.passages.speed_m_s, rows.columns[name], stretch)
         for name in ("dissipation_factor_1_m", "specific_power_m3_s2")
     ]
     kept = [line for line in lines if line is not None]
     if not kept:
         return None, (
-            f"{found.channel.name}: no regression: too few revolutions of constant speed, "
+            f"{rows.channel.name}: no regression: too few revolutions of constant speed, "
             "or one speed",
         )
     columns = {name: np.array([line[name] for line in kept]) for name in COLUMNS}
-    return {"log": log, "channel": found.channel.name} | columns, ()
+    return {"log": log, "channel": rows.channel.name} | columns, ()

@@ -35,16 +35,6 @@ from tirelog.vocabulary.quality import Quality, marked, quality_column
 #: length of a mean [s], half width of the window that tells the rate [means], shortest ramp or stop
 #: [means]
 MEAN_S, RATE_MEANS, SHORTEST = 0.1, 3, 5
-#: span of a log whose means are held in memory [s]: a week takes 150 MB; stamps that jump span
-#: centuries
-LONGEST_S = 7 * 86400.0
-#: a ramp runs at more than this share of the fast rate, which four fifths of all rates stay below;
-#: twice as much cuts the slow ends off a ramp, half as much takes leaks of an eighth of the rate
-#: for one
-RAMP_SHARE = 0.25
-#: means of the ramp on either side that a stop's kinks are seen by: so little of a ramp is straight
-#: whatever the compressor does; twice as many tell them better, and count on it for 6 s
-BESIDE = 30
 
 #: a mean of MEAN_S: time, strain and pressure, NaN without; `noise` of a mean of the strain, the
 #: same for all
@@ -59,10 +49,13 @@ def means(channel: Channel) -> tuple[FloatArray, FloatArray, FloatArray]:
     From the start of the log; NaN if a cell holds nothing.
     """
     start = float(channel.axis.at(0.0)) if channel.size else 0.0
-    if channel.axis.duration_s > LONGEST_S:
+    # span of a log whose means are held in memory [s]: a week takes 150 MB; stamps that jump span
+    # centuries
+    longest_s = 7 * 86400.0
+    if channel.axis.duration_s > longest_s:
         raise UsageError(
             f"{channel.name}: the log spans {channel.axis.duration_s / 86400.0:.3g} days",
-            allowed=f"an inflation test of up to {LONGEST_S / 86400.0:g} days is allowed",
+            allowed=f"an inflation test of up to {longest_s / 86400.0:g} days is allowed",
             do="give the log of the test alone, or mend its stamps",
         )
     cells = max(int(np.ceil((channel.axis.duration_s + 1.0 / channel.axis.rate_Hz) / MEAN_S)), 1)
@@ -120,14 +113,18 @@ def inflation_stretches(values: Records) -> tuple[BoolArray, IntArray]:
     """
     direction = np.sign(values["strain"][-1] - values["strain"][0]) or 1.0
     reach = RATE_MEANS
+    # a ramp runs at more than this share of the fast rate, which four fifths of all rates stay
+    # below; twice as much cuts the slow ends off a ramp, half as much takes leaks of an eighth of
+    # the rate for one
+    ramp_share = 0.25
     for _ in range(2):  # the fast rate is known better by the wider window
         rate = _rates(values, reach)
         fast = float(np.quantile(direction * rate, 0.8))
         # standard errors of a rate that the border between ramp and stop is above: the rate is
         # taken over as many means as that needs.  With half as many noise makes ramps of stops
-        wider = 5.0 * values["noise"][0] / (np.sqrt(2.0) * MEAN_S * RAMP_SHARE * max(fast, 1e-300))
+        wider = 5.0 * values["noise"][0] / (np.sqrt(2.0) * MEAN_S * ramp_share * max(fast, 1e-300))
         reach = int(np.clip(np.ceil(wider), RATE_MEANS, max(rate.size // 8, RATE_MEANS)))
-    ramp = direction * rate > RAMP_SHARE * fast if fast > 0 else np.zeros(rate.size, bool)
+    ramp = direction * rate > ramp_share * fast if fast > 0 else np.zeros(rate.size, bool)
     while True:
         edges = np.concatenate([[0], np.flatnonzero(np.diff(ramp)) + 1, [ramp.size]])
         length = np.diff(edges)
@@ -204,7 +201,10 @@ def _lost(values: Records, before: int, low: int, high: int, after: int) -> tupl
     time, direction = values["time_s"], np.sign(values["strain"][-1] - values["strain"][0]) or 1.0
     # the far ends of the ramps may be some means of the next stop
     off = [min(RATE_MEANS, many // 3) for many in (low - before, after - high)]
-    first, stop = max(before + off[0], low - BESIDE), min(after - off[1], high + BESIDE)
+    # means of the ramp on either side that a stop's kinks are seen by: so little of a ramp is
+    # straight whatever the compressor does; twice as many tell them better, and count on it for 6 s
+    beside_stop = 30
+    first, stop = max(before + off[0], low - beside_stop), min(after - off[1], high + beside_stop)
     beside = (before < low, after > high)
     edges = [k for k, there in zip((low, high), beside, strict=True) if there]
     part = values[first:stop]

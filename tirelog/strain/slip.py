@@ -28,7 +28,7 @@ from tirelog.strain.footprint.footprint import footprints_of
 from tirelog.strain.footprint.measure import friction_of
 from tirelog.strain.passages.find import trusted_passages
 from tirelog.strain.passages.passage_flags import TURN_RAD
-from tirelog.strain.speed import speed_channels, speed_columns, turns_around
+from tirelog.strain.speed import speed_channels, speed_columns, turns_around, vehicle_speed
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, Records, TableRows
 from tirelog.vocabulary.columns import TABLES
 from tirelog.vocabulary.quality import OK, Quality, marked, quality_column
@@ -44,16 +44,9 @@ def slip_of(recording: Recording, fit: bool = False) -> Iterator[TableRows]:
     UsageError: no vehicle speed, nothing that tells the turns, or no radius to go by; with `fit`
     also no longitudinal force, or no load.
     """
-    references = recording.of_kind("vehicle_speed")
-    if not references:
-        raise UsageError(
-            "the log has no vehicle speed, which slip needs",
-            allowed="allowed is a log with a channel of kind vehicle_speed",
-            do="add it to the setup",
-            file=recording.log,
-        )
+    reference = vehicle_speed(recording, "slip")
     for columns, wheel, remarks in _turns(recording):
-        found = _slip(recording, references[0], columns, wheel, remarks)
+        found = _slip(recording, reference, columns, wheel, remarks)
         yield _friction_of(recording, found, wheel) if fit else found
 
 
@@ -276,10 +269,11 @@ def grip_of(
     The onset is looked for with the ratio of the frictions; without a `sliding_friction` it is that
     of the setup, or the usual one.
     """
-    load = recording.setup.conditions.load_N
-    ratio = None if sliding_friction is None else sliding_friction / static_friction
+    load, ratio = recording.setup.conditions.load_N, recording.setup.tire.friction_ratio
+    if sliding_friction is not None:
+        ratio = sliding_friction / static_friction
+    sliding, sliding_se = (static_friction * one for one in friction_of(ratio))
     for found in footprints_of(recording, ratio):
-        sliding = static_friction * found.friction[0]
         columns = grip_columns(
             found.columns,
             static_friction,
@@ -288,7 +282,7 @@ def grip_of(
             load_exponent,
             load,
             found.passages.acceleration_m_s2,
-            static_friction * found.friction[1],
+            sliding_se,
         )
         told = int(np.isfinite(columns["adhesion_share"]).sum())
         said = (

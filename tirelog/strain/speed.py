@@ -126,10 +126,14 @@ def turns_around(passages: Passages) -> Records:
 
 @dataclass(frozen=True)
 class PassageRows(TableRows):
-    """Rows of a table with one row per passage of `channel`."""
+    """Rows of a table with one row per passage of `channel`.
+
+    `found` (n,): what they were made of, of FOOTPRINT or DISSIPATION; None if of passages alone.
+    """
 
     channel: Channel
     passages: Passages
+    found: Any = None
 
 
 def identity_columns(log: str, passages: Passages) -> dict[str, Any]:
@@ -201,7 +205,7 @@ def speed_by_encoder(
     from tirelog.wheel.phase_shift import encoder_speed  # a log with gratings does without
 
     if calibrate:
-        _vehicle_speed(recording)
+        vehicle_speed(recording, "--calibrate-radius")
         recording = _without_rolling_radius(recording)
     columns, _, remarks = encoder_speed(recording)
     return columns, remarks
@@ -215,7 +219,7 @@ def calibrated_speed(
     The rolling radius is taken from the log's `vehicle_speed` by all of them together.  UsageError:
     nothing to calibrate against.
     """
-    reference = _vehicle_speed(recording)
+    reference = vehicle_speed(recording, "--calibrate-radius")
     if recording.setup.tire.unloaded_radius_m is not None:
         recording = _without_rolling_radius(recording)  # what is calibrated is not held against it
     found = [passages_of(recording, channel) for channel in speed_channels(recording)]
@@ -233,13 +237,13 @@ def calibrated_speed(
         said = []
 
 
-def _vehicle_speed(recording: Recording) -> Channel:
-    """The channel that a rolling radius is calibrated against.  UsageError: there is none."""
+def vehicle_speed(recording: Recording, needed_by: str) -> Channel:
+    """The channel of the vehicle's speed, which is `needed_by` something.  UsageError: none."""
     references = recording.of_kind("vehicle_speed")
     if not references:
         raise UsageError(
-            "--calibrate-radius: the log has no vehicle speed",
-            allowed="allowed is a channel of kind vehicle_speed",
+            f"{needed_by}: the log has no vehicle speed",
+            allowed="allowed is a log with a channel of kind vehicle_speed",
             do="add it to the setup",
             file=recording.log,
         )

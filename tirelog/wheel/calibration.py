@@ -85,12 +85,6 @@ _SLOPE, _BOUND, _SMALL, _ANGLE = (
 #     --least squares, degree by cross-validation--> ForceMap --> force and its error
 
 
-#: passages that a map needs, and contiguous parts that are left out in turn: each part is judged
-#: by a map of the other four fifths; twice as many refuse short drives; in twice as many parts a
-#: part tells less
-LEAST, FOLDS = 40, 5
-
-
 class ForceMap(Record):
     """Force as a polynomial in (regressor - centre_deg), lowest power first.
 
@@ -125,14 +119,18 @@ def fit_force(
             part = np.stack([x, p.forces_N[kind]])
             parts.append(part[:, p.good & np.isfinite(part).all(axis=0)])
     x, y = np.concatenate(parts, axis=1)
-    if x.size < LEAST:
+    # passages that a map needs, and contiguous parts that are left out in turn: each part is judged
+    # by a map of the other four fifths; twice as many refuse short drives; in twice as many parts a
+    # part tells less
+    least, folds = 40, 5
+    if x.size < least:
         return None
     centre = float(np.mean(x))
-    fold = np.arange(x.size) * FOLDS * 4 // x.size % FOLDS
+    fold = np.arange(x.size) * folds * 4 // x.size % folds
     designs = [np.vander(x - centre, degree + 1, increasing=True) for degree in (1, 2)]
     held = np.empty((2, x.size))
     for design, left in zip(designs, held, strict=True):
-        for k in range(FOLDS):
+        for k in range(folds):
             out = fold == k
             solved = np.linalg.lstsq(design[~out], y[~out], rcond=None)[0]
             left[out] = y[out] - design[out] @ solved
@@ -177,10 +175,6 @@ SLOW_M_S2 = 0.03
 DRAG_M_S, DRAG_SD_M_S = 6.0, 6.0
 #: the channel by which a shift's map is freed of what is force
 FORCE = "longitudinal_force"
-#: passages and range of speed [m/s] that a map needs: the mean of so many is known to a fifth of
-#: one's scatter, a slope to as much per m/s; half the passages make it 1.4 times that, half the
-#: range twice
-LEAST_PASSAGES, LEAST_RANGE_M_S = 30, 3.0
 
 
 class SpeedMap(Record):
@@ -349,14 +343,18 @@ def _speed_map(
         parts.append(part[:, rows & np.isfinite(force)])
     y, se, v, a, force, group, driven = np.concatenate(parts, axis=1)
     thirds = np.histogram(v, 3)[0]  # of the range of speed: without one no curve is known
-    if y.size < LEAST_PASSAGES or np.ptp(v) < LEAST_RANGE_M_S or not thirds.all():
+    # passages and range of speed [m/s] that a map needs: the mean of so many is known to a fifth of
+    # one's scatter, a slope to as much per m/s; half the passages make it 1.4 times that, half the
+    # range twice
+    least_passages, least_range_m_s = 30, 3.0
+    if y.size < least_passages or np.ptp(v) < least_range_m_s or not thirds.all():
         found = (
             f"{y.size} passages over {np.ptp(v) if v.size else 0.0:.1f} m/s, {thirds[1]} of them "
             "in the middle third,"
         )
         raise UsageError(
             f"the logs have {found} below {QUASI_STATIC_M_S2} m/s^2",
-            allowed=f"a speed map needs {LEAST_PASSAGES} over {LEAST_RANGE_M_S} m/s and each third",
+            allowed=f"a speed map needs {least_passages} over {least_range_m_s} m/s and each third",
             do="add a slow drive-up or coast-down",
         )
     dv = v - reference
@@ -496,10 +494,6 @@ def _with_forces(logs: Sequence[EdgeTimes], c: Calibration) -> Calibration:
 
 # ---- A calibration applied to a log: its zero if the log has none, and the rows of `phase-shift`.
 
-#: quasi-static passages that a zero needs, within the calibration's range of speed: their mean is
-#: known to 0.35 of one's scatter, that of twice as many to 0.25
-LEAST_ZERO = 8
-
 
 def measure_with(
     calibration: Calibration | None, recording: Recording, zero: str = "auto", forces: bool = False
@@ -527,8 +521,11 @@ def with_zero(p: EdgeTimes, calibration: Calibration) -> EdgeTimes:
             p.speed_m_s < calibration.shift.high_m_s + 0.5
         )
     rows = quasi_static(p) & inside & np.isfinite(middle)
-    if rows.sum() < LEAST_ZERO:
-        told = f"fewer than {LEAST_ZERO} quasi-static passages"
+    # quasi-static passages that a zero needs, within the calibration's range of speed: their mean
+    # is known to 0.35 of one's scatter, that of twice as many to 0.25
+    least_zero = 8
+    if rows.sum() < least_zero:
+        told = f"fewer than {least_zero} quasi-static passages"
         said = f"{p.without_zero}; and {told} within the calibration's range of speed"
         return replace(p, without_zero=said)
     zero = float(np.median((middle - change)[rows]))

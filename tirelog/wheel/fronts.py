@@ -167,8 +167,6 @@ def _scaled(rows: Records, owner: IntArray, phi: FloatArray, values: FloatArray)
 
 #: reach of the form in half widths of the patch; twice as far is level and tells nothing
 REACH = 2.0
-#: points of the form's table: straight lines between miss a ten-millionth of a level
-POINTS = 8193
 #: passages that the form is learnt from, rounds of that, and steps of each least squares; twice as
 #: many of the first tell the form to 0.7 of the noise, of the others take twice as long
 LEARNT_FROM, ROUNDS, STEPS = 400, 3, 3
@@ -225,10 +223,12 @@ class Form:
 def _form(u: FloatArray, y: FloatArray, reach: float, intervals: int) -> Form | None:
     """The form of samples `y` (s,) at `u` (s,) [rad] from the middle; None if it has no fronts."""
     used = np.isfinite(y) & (np.abs(u) < reach)
-    angle = np.linspace(-reach, reach, POINTS)
+    # points of the form's table: straight lines between miss a ten-millionth of a level
+    points = 8193
+    angle = np.linspace(-reach, reach, points)
     level = spline_at(spline(u[used], y[used], reach, intervals), angle, reach)
     slope, half = np.gradient(level, angle), level - 0.5
-    crossed, centre = np.flatnonzero((half[1:] > 0.0) != (half[:-1] > 0.0)), POINTS // 2
+    crossed, centre = np.flatnonzero((half[1:] > 0.0) != (half[:-1] > 0.0)), points // 2
     falls = crossed[(half[crossed] > 0.0) & (crossed < centre)]
     rises = crossed[(half[crossed] <= 0.0) & (crossed > centre)]
     if not (falls.size and rises.size):
@@ -422,10 +422,6 @@ def fill_fronts(
 
 # ---- The passages of an accelerometer beside an encoder.
 
-#: passages that tell how far they are apart without their fronts: their median is known to a tenth
-#: of a degree, where one step of a hundred is 3.6; twice as many leave logs of ten turns untold
-PASSAGES = 8
-
 
 def find_fronts(
     channel: Channel,
@@ -480,13 +476,16 @@ def _rate_of_change(wheel: WheelAngle, time_s: FloatArray) -> FloatArray:
 def patch_turn(channel: Channel, wheel: WheelAngle) -> float:
     """Wheel angle from passage to passage [rad], by the beginning of the log that shows it.
 
-    NaN if there are fewer than PASSAGES of them.
+    NaN if there are too few of them.
     """
     size = 2 * PIECE
     while True:
         part = replace(channel, axis=replace(channel.axis, size=min(size, channel.size)))
         found = _passages(part, wheel.angle)
-        if found and found[0].size >= PASSAGES:
+        # passages that tell how far they are apart without their fronts: their median is known to a
+        # tenth of a degree, where one step of a hundred is 3.6; twice as many leave logs of ten
+        # turns untold
+        if found and found[0].size >= 8:
             return found[2]
         if size >= channel.size:
             return float("nan")

@@ -13,18 +13,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
 
 import numpy as np
 
 from tirelog.data.plausibility import implausible
-from tirelog.data.recording import Channel, Recording
+from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.dsp.filters import UNLIKE_SPEED, of_the_log, runs, unlike_neighbours, widened
 from tirelog.dsp.teeth import crossings, probe
 from tirelog.errors import DataLoss, SetupError, UsageError
-from tirelog.runs.in_memory import without_spikes
+from tirelog.runs.in_memory import joined_ranges, with_holes, without_spikes
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records, TableRows
 from tirelog.vocabulary.quality import (
     Quality,
@@ -53,13 +53,8 @@ from tirelog.wheel.rolling import off_clock
 # channel --the log's extremes, if samples pile up there--> limits of the sensor or of the converter
 
 
-#: so many equal samples in a row do not happen under noise: with 0.02 of equal neighbours once in
-#: 3e8 samples.  Twice as many would take held values of up to 11 samples for measured
-HELD = 6
-
-
 def without_held(channel: Channel, low: float, high: float) -> Channel:
-    """The channel with runs of HELD or more equal samples lost.
+    """The channel with runs of six or more equal samples lost.
 
     Runs at its limits `low` and `high` stay; as it is if the channel has too little noise to tell.
     """
@@ -68,21 +63,19 @@ def without_held(channel: Channel, low: float, high: float) -> Channel:
     pieces = [p[(p > low) & (p < high)] for p in pieces]
     shares = [float(np.mean(np.diff(p) == 0)) for p in pieces if p.size > 1]
     # a channel with more equal neighbours than this has no noise to tell by; with twice as many
-    # equal ones HELD of them would happen by chance once in 1e7 samples
+    # equal ones six of them would happen by chance once in 1e7 samples
     if not shares or np.median(shares) > 0.02:
         return channel
-
-    def read(start: int, stop: int) -> FloatArray:
-        first = max(start - HELD, 0)
-        values = channel.read(first, stop + HELD)
+    parts = []
+    for start in range(0, channel.size, BLOCK_SAMPLES):
+        values = channel.read(start, start + BLOCK_SAMPLES + 1)
         equal = (np.diff(values) == 0) & (values[1:] > low) & (values[1:] < high)
-        held = [(a, b) for a, b in zip(*runs(equal), strict=True) if b - a >= HELD - 1]
-        values = values.copy() if held else values
-        for a, b in held:
-            values[a : b + 1] = np.nan
-        return values[start - first : stop - first]
-
-    return replace(channel, samples=read, at_hand=False, stored=None)
+        parts.append(start + np.stack(runs(equal), axis=1))
+    ranges = joined_ranges(parts)
+    # six equal samples in a row do not happen under noise: with 0.02 of equal neighbours once in
+    # 3e8 samples.  Twice as many would take held values of up to 11 samples for measured
+    first, stop = ranges[np.diff(ranges)[:, 0] >= 5].T
+    return with_holes(channel, first, stop + 1)
 
 
 def limits(channel: Channel) -> tuple[float, float, float]:
@@ -396,14 +389,6 @@ def _example(channel: Channel, wheel: WheelAngle, fronts: Records, clean: np.nda
     return np.stack([turned, channel.read(first, last) / level, both])
 
 
-#: passages on either side of a place where the count may have lost teeth, whose medians say where
-#: the patch is; forces move it less in so many
-BESIDE = 3
-#: hard braking moves the patch by less than this within so many turns [deg]: a move beyond it is of
-#: the count.  Twice as much leaves lost teeth of 48 steps in
-MOST_MOVED_DEG = 3.0
-
-
 def _one_turn(
     middle: FloatArray, wheel: WheelAngle, time: FloatArray, sound: np.ndarray
 ) -> tuple[FloatArray, int, np.ndarray, np.ndarray]:
@@ -428,26 +413,32 @@ def _one_turn(
     order = np.flatnonzero(known)
     doubtful = np.diff(np.searchsorted(wheel.uneven_s, time[order])) > 0
     # rows that were dropped may take whole teeth with them, and leave the others even
-    doubtful |= np.abs(np.diff(turn[order])) > MOST_MOVED_DEG
+    # hard braking moves the patch by less than this within so many turns [deg]: a move beyond it is
+    # of the count.  Twice as much leaves lost teeth of 48 steps in
+    most_moved_deg = 3.0
+    doubtful |= np.abs(np.diff(turn[order])) > most_moved_deg
     parts = np.split(order, 1 + np.flatnonzero(doubtful))
     lost, shown, moved, doubt, before = 0.0, 0.0, 0, False, np.zeros(0)
+    # passages on either side of a place where the count may have lost teeth, whose medians say
+    # where the patch is; forces move it less in so many
+    beside = 3
     for rows in parts:
         own = rows[sound[rows]]
         if before.size:
             some = own if own.size else rows
-            move = float(np.median(turn[some[:BESIDE]]) - np.median(before))
+            move = float(np.median(turn[some[:beside]]) - np.median(before))
             teeth = round(move / tooth) * tooth
             # what is between two teeth is neither, and a small move may be either
-            between = abs(move - teeth) > MOST_MOVED_DEG
-            doubt = between or (teeth != 0.0 and abs(move) <= MOST_MOVED_DEG)
+            between = abs(move - teeth) > most_moved_deg
+            doubt = between or (teeth != 0.0 and abs(move) <= most_moved_deg)
             lost = lost if doubt else teeth
             if own.size:
                 moved += lost != shown
                 shown = lost
         turn[rows] -= lost
         unclear[rows] = doubt
-        before = before if doubt else np.append(before, turn[own])[-BESIDE:]
-    first = float(np.median(turn[order[: 2 * BESIDE]]))
+        before = before if doubt else np.append(before, turn[own])[-beside:]
+    first = float(np.median(turn[order[: 2 * beside]]))
     for number in np.unique(stretch[known]):
         rows = known & (stretch == number)
         # forces do not move the patch's usual place by more than this after a standstill; twice as
@@ -529,13 +520,6 @@ def zero_range(zero: str) -> tuple[str, float, float]:
 # encoder samples of a stretch --wheel angle--> angle within the turn, v_c = r omega at 20 Hz
 
 
-#: seconds that are written if none are asked for: P4 Fig. 4 shows 100 ms; the table is as long as
-#: that
-STRETCH_S = 0.1
-#: rows of one table: a minute of 10 kHz; twice as many take twice the memory, some 100 MB
-MOST_ROWS = 600_000
-
-
 def wheel_angle_of(
     recording: Recording,
     start: float | None = None,
@@ -546,25 +530,30 @@ def wheel_angle_of(
 
     By default 0.1 s from the middle of the log on.  SetupError: no encoder, or
     an accelerometer's patch shows that it has other steps.  DataLoss: no teeth.
-    UsageError: no sample lies there, or more than MOST_ROWS do.
+    UsageError: no sample lies there, or too many do.
     """
     channel, wheel = encoder_of(recording)
     refuse_steps_by_patch(recording, wheel)
     radius_m, _, remarks = rolling_radius(recording, wheel)
     ends = channel.axis.at(0.0), channel.axis.at(float(channel.size - 1))
     middle = 0.5 * (float(ends[0]) + float(ends[1]))
-    start = start if start is not None else (middle if stop is None else stop - STRETCH_S)
-    stop = stop if stop is not None else start + STRETCH_S
+    # seconds that are written if none are asked for: P4 Fig. 4 shows 100 ms; the table is as long
+    # as that
+    stretch_s = 0.1
+    start = start if start is not None else (middle if stop is None else stop - stretch_s)
+    stop = stop if stop is not None else start + stretch_s
     first, last = (
         int(np.clip(np.ceil(float(channel.axis.index(time))), 0, channel.size))
         for time in (start, stop)
     )
     step = 1 if every is None else every
     rows = len(range(first, last, step)) if step > 0 else 0
-    if not 0 < rows <= MOST_ROWS:
+    # rows of one table: a minute of 10 kHz; twice as many take twice the memory, some 100 MB
+    most_rows = 600_000
+    if not 0 < rows <= most_rows:
         raise UsageError(
             f"{start:g} to {stop:g} s hold {rows} samples",
-            allowed=f"1 to {MOST_ROWS} are allowed; the log goes from {float(ends[0]):g} to "
+            allowed=f"1 to {most_rows} are allowed; the log goes from {float(ends[0]):g} to "
             f"{float(ends[1]):g} s",
             do="give another --from and --to, or --every 10",
             file=recording.log,

@@ -183,12 +183,10 @@ class Decimated:
         return np.asarray(place * float(self.bucket) + 0.5 * (self.bucket - 1))
 
 
-def decimate(
-    channel: Channel, sign: float, bucket: int = 0, block_samples: int = AT_ONCE
-) -> Decimated:
+def decimate(channel: Channel, sign: float, bucket: int = 0) -> Decimated:
     """The channel by buckets of so many samples, else by those of its rate, times `sign`.
 
-    The buckets lie at fixed samples, whatever `block_samples`.
+    The buckets lie at fixed samples, whatever is read at once.
 
     A bucket is the median of its four quarters' means, of those that are not lost; a bucket of one
     sample is the median with its neighbours.
@@ -199,7 +197,7 @@ def decimate(
         samples = 1.6e-3 * channel.axis.rate_Hz
         bucket = 1 << int(np.log2(samples)) if samples >= 4 else 1
     medians = np.empty(-(-channel.size // bucket), np.float32)
-    step, low, high = -(-block_samples // PIECE_SAMPLES) * PIECE_SAMPLES, np.inf, -np.inf
+    step, low, high = -(-AT_ONCE // PIECE_SAMPLES) * PIECE_SAMPLES, np.inf, -np.inf
     margin = 1 if bucket == 1 else 0
     for start in range(0, channel.size, step):
         read = channel.read(start - margin, start + step + margin)
@@ -237,9 +235,6 @@ def _bridged(medians: NDArray[np.float32]) -> NDArray[np.float32]:
 #: a pulse climbs and falls by this share of the usual height; shoulders reach about 0.3, and half
 #: of it would take them for pulses
 LEAST_HEIGHT = 0.45
-#: and by this many times the noise of a sample; half of it, one sample's noise does by chance once
-#: in 3e4
-LEAST_SIGMAS = 8.0
 #: pulses on either side whose widths are the usual one; twice as many pulses tell it of a speed
 #: that changes over twice as many
 REACH = 3
@@ -261,8 +256,11 @@ def find_pulses(data: Decimated, without: int = 0) -> Records:
     bounds = np.append(np.minimum(data.parts, data.values.size), data.values.size)
     rough = []
     room = np.empty(data.values.size + 1, np.int32)
+    # and by this many times the noise of a sample; half of it, one sample's noise does by chance
+    # once in 3e4
+    least_sigmas = 8.0
     for start, stop in pairwise(bounds):
-        count = turning_points(data.values[start:stop], LEAST_SIGMAS * noise, room)
+        count = turning_points(data.values[start:stop], least_sigmas * noise, room)
         rough.append(start + room[:count].astype(np.int64))
     heights = np.concatenate(
         [np.abs(np.diff(data.values[points])).astype(np.float64) for points in rough]
@@ -272,7 +270,7 @@ def find_pulses(data: Decimated, without: int = 0) -> Records:
             heights = heights[heights < LEAST_HEIGHT * usual_height(heights)]
     if not heights.size:
         return np.zeros(0, PULSE)
-    least = max(LEAST_HEIGHT * usual_height(heights), LEAST_SIGMAS * noise)
+    least = max(LEAST_HEIGHT * usual_height(heights), least_sigmas * noise)
     found = []
     for points in rough:
         count = turning_points(data.values[points], least, room)

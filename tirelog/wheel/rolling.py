@@ -38,10 +38,6 @@ _GROWTH, _GROWTH_M_S = 0.01, 25.0
 #: over a border of manoeuvres rolls freely for a part of it only); half as many do so by chance to
 #: one row of seven
 _OUTLYING = 3.0
-#: longest run that is counted [samples]; mere numerics
-_LONGEST_RUN = 100_000
-#: rows over which errors may go together; half as many take slow waves of the reference for noise
-_WAVES = 20
 #: error of a turn's distance that no row goes below, as a share: 2 um per turn; mere numerics
 _LEAST_SHARE = 1e-6
 
@@ -162,14 +158,16 @@ def _samples(speed: Channel) -> Iterator[tuple[FloatArray, FloatArray]]:
 
 def _hold(speed: Channel) -> tuple[int, float]:
     """(samples that a reading is held for, smallest change of the reading)."""
-    counts = np.zeros(_LONGEST_RUN + 1, np.int64)
+    # longest run that is counted [samples]; mere numerics
+    longest_run = 100_000
+    counts = np.zeros(longest_run + 1, np.int64)
     smallest, since, seen = np.inf, np.zeros(0, np.int64), 0
     for _, value in _samples(speed):
         change = np.abs(np.diff(value))
         at = np.flatnonzero(change > 0.0)
         smallest = min(smallest, float(change[at].min(initial=np.inf)))
         edges = np.append(since, seen + at)
-        counts += np.bincount(np.minimum(np.diff(edges), _LONGEST_RUN), minlength=counts.size)
+        counts += np.bincount(np.minimum(np.diff(edges), longest_run), minlength=counts.size)
         since, seen = edges[-1:], seen + change.size
     total = np.cumsum(counts)
     # runs of equal samples that are shorter than the reference's hold, as a share: a few runs are
@@ -299,9 +297,12 @@ def _error(rows: Records, share: FloatArray, left: FloatArray) -> float:
     by_group = np.bincount(rows["group"], share * rows["rounding"])
     told = float(np.sum((share * rows["noise"]) ** 2 * rows["turns"]) + np.sum(by_group**2))
     part, seen = share * left, 0.0
-    for lag in range(min(_WAVES, part.size)):
+    # rows over which errors may go together; half as many take slow waves of the reference for
+    # noise
+    waves = 20
+    for lag in range(min(waves, part.size)):
         both = float(part[lag:] @ part[: part.size - lag])
-        seen += (1.0 if lag == 0 else 2.0 * (1.0 - lag / _WAVES)) * both
+        seen += (1.0 if lag == 0 else 2.0 * (1.0 - lag / waves)) * both
     return float(np.sqrt(max(told, seen)))
 
 

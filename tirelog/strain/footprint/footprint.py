@@ -13,13 +13,13 @@ the low-pass. Everything runs along the tread, xi = v t + a t^2 / 2, entry edge 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
-from tirelog.dsp.filters import Cutoff, least_error_cutoff, unlike_neighbours
+from tirelog.data.recording import Channel, Recording
+from tirelog.dsp.filters import Cutoff, unlike_neighbours
 from tirelog.dsp.pitch import AngleFunction
 from tirelog.errors import UsageError
 from tirelog.runs.in_memory import released, without_spikes
@@ -70,9 +70,6 @@ from tirelog.wheel.fronts import PASSAGE, fill_fronts
 # What a traction does to the form is larger than what the form is asked for. Only some passages are
 # looked at, evenly over the log, so that settling takes no longer on a longer log.
 
-#: passages that are looked at for a traction; half as many leave too few of a class of speed to
-#: learn from where three of four are driven, twice as many take twice as long
-LOOKED = 960
 #: passages with a traction are too few to bend the learnt form, or too many to be left out, by this
 #: share; twice as much is still neither
 DRIVEN_SHARE = 0.03
@@ -81,14 +78,13 @@ DRIVEN_SHARE = 0.03
 def choose_form(
     channel: Channel,
     passages: Passages,
-    block_samples: int = BLOCK_SAMPLES,
     like: EdgeForm | None = None,
 ) -> EdgeForm | None:
     """The form of the passages of `channel` that roll freely; None if there are none to learn from.
 
     `like`: that of another grating of the log, to start from.
     """
-    learnt = learn_reference(channel, passages, block_samples, like)
+    learnt = learn_reference(channel, passages, like)
     if learnt is None:
         return None
     left_out = np.zeros(len(passages), bool)
@@ -101,28 +97,29 @@ def choose_form(
         # with more misfit a form is no start for another; twice as much starts from forms that have
         # gone astray, half as much learns from the beginning what would have been near
         begin = learnt if missed < 10.0 else None
-        freely = learn_reference(channel, passages, block_samples, begin, unsteady)
+        freely = learn_reference(channel, passages, begin, unsteady)
         # twice the share that it may leave takes one as good, of fewer passages
         if freely is not None and freely.reference.misfit - 1.0 <= 0.5 * missed:
             learnt, left_out = freely, unsteady
-    learnt = _undriven(channel, passages, block_samples, learnt, left_out)
-    own = learn_own(channel, passages, learnt, block_samples)
+    learnt = _undriven(channel, passages, learnt, left_out)
+    own = learn_own(channel, passages, learnt)
     if own.reference.family is learnt.reference.family:
         return own
     # what free passages leave beside the tire's own form
-    return _looked_at(PassageForms.of(channel, passages, own, block_samples), own)[1]
+    return _looked_at(PassageForms.of(channel, passages, own), own)[1]
 
 
 def _looked_at(look: PassageForms, learnt: EdgeForm) -> tuple[IntArray, EdgeForm]:
     """Some passages, and `learnt` with what free ones of them leave."""
-    rows, scatter, gain = look_at_some(look, LOOKED)
+    # passages that are looked at for a traction; half as many leave too few of a class of speed to
+    # learn from where three of four are driven, twice as many take twice as long
+    rows, scatter, gain = look_at_some(look, 960)
     return rows, replace(learnt, free_scatter=scatter, least_gain=gain, forms=look.forms)
 
 
 def _undriven(
     channel: Channel,
     passages: Passages,
-    block_samples: int,
     learnt: EdgeForm,
     left_out: BoolArray,
 ) -> EdgeForm:
@@ -134,7 +131,7 @@ def _undriven(
     for _ in range(6):  # a form is learnt anew so often at most
         if freed is None:
             break
-        look = PassageForms.of(channel, passages, freed, block_samples)
+        look = PassageForms.of(channel, passages, freed)
         rows, learnt = _looked_at(look, freed)
         driven = look.work["driven"]
         # neither few of them nor nearly all show a traction, and the form missed both
@@ -145,7 +142,7 @@ def _undriven(
         left_out = left_out | driven
         without = left_out.copy()
         without[np.setdiff1d(np.arange(len(passages)), rows)] = True  # who knows of the others
-        freed = learn_reference(channel, passages, block_samples, learnt, without)
+        freed = learn_reference(channel, passages, learnt, without)
     return learnt
 
 
@@ -168,7 +165,6 @@ def footprint(
     channel: Channel,
     passages: Passages,
     cutoff: Cutoff | None = None,
-    block_samples: int = BLOCK_SAMPLES,
     settled: EdgeForm | None = None,
     friction: tuple[float, float] | None = None,
 ) -> Any:
@@ -182,11 +178,11 @@ def footprint(
     cutoff, friction = cutoff or Cutoff(), friction or friction_of(None)
     n = len(passages)
     if settled is None and not passages.doubt:
-        settled = choose_form(channel, passages, block_samples)
+        settled = choose_form(channel, passages)
     if settled is None:
         work, asked = nothing_measured(n), np.full(n, np.nan)
     else:
-        look = PassageForms.of(channel, passages, settled, block_samples, settled.forms)
+        look = PassageForms.of(channel, passages, settled, settled.forms)
         work, speed = look.work, passages.speed_m_s
         nyquist = 0.5 * channel.axis.rate_Hz
         # what is asked for may lie above what samples hold
@@ -359,22 +355,9 @@ def _quality(
 # Passages and footprint of each strain channel, as columns, with remarks on the whole log.
 
 
-@dataclass(frozen=True)
-class FootprintOfChannel(PassageRows):
-    """The table's rows of one channel, and what is behind them.
-
-    The `footprint` (n,) of FOOTPRINT, the log's form, and the `friction` that onsets were found
-    with.
-    """
-
-    footprint: Any
-    learnt: EdgeForm | None
-    friction: tuple[float, float]
-
-
 def footprints_of(
     recording: Recording, friction_ratio: float | None = None
-) -> Iterator[FootprintOfChannel]:
+) -> Iterator[PassageRows]:
     """The footprint of each strain channel, with the usual low-pass.
 
     UsageError: no channel shows a patch that comes round.
@@ -399,20 +382,18 @@ def footprint_of_channel(
     passages: Passages,
     cutoff: Cutoff,
     settled: EdgeForm | None,
-    block_samples: int = BLOCK_SAMPLES,
     friction_ratio: float | None = None,
-) -> FootprintOfChannel:
+) -> PassageRows:
     """The footprint of one strain channel of `recording`.
 
     `settled`: the form of its passages, None if there is none; `friction_ratio`: instead of the
     setup's.
     """
-    cutoff, said = at_rest(channel, passages, cutoff)
     refuse_cutoff(recording, channel, cutoff)
     if friction_ratio is None:
         friction_ratio = recording.setup.tire.friction_ratio
     friction = friction_of(friction_ratio)
-    found = footprint(channel, passages, cutoff, block_samples, settled, friction)
+    found = footprint(channel, passages, cutoff, settled, friction)
     columns = identity_columns(recording.log, passages) | {
         "length_m": found.length_m,
         "length_se_m": found.length_se_m,
@@ -429,52 +410,10 @@ def footprint_of_channel(
         "slip_onset_reason": found.slip["reason"],
         "quality": quality_column(found.quality | speed_quality(passages)),
     }
-    rows = FootprintOfChannel(
-        columns, (passages.doubt,), released(channel), passages, found, settled, friction
-    )
+    rows = PassageRows(columns, (passages.doubt,), released(channel), passages, found)
     if passages.doubt:
         return rows
-    return replace(rows, remarks=(*_remarks(recording, rows, cutoff), *said))
-
-
-def at_rest(channel: Channel, passages: Passages, cutoff: Cutoff) -> tuple[Cutoff, tuple[str, ...]]:
-    """The cut-off in hertz where `rest` asks for it, with a remark on what it was found from (P2).
-
-    The wheel rests in the longest time without a passage, less two turns beside one: so long takes
-    a start from rest. In a log that has none the far side of the tire serves, where only the road
-    shakes the grating.
-    """
-    if cutoff.unit != "rest" or not len(passages):
-        return cutoff, ()
-    rate_Hz = channel.axis.rate_Hz
-    turn = 2.0 * np.pi / passages.omega_rad_s * rate_Hz  # samples
-    beside = np.nan_to_num(2.0 * turn)
-    start = np.append(0.0, passages.index + beside)
-    stop = np.append(passages.index - beside, channel.size)
-    longest = int(np.nanargmax(stop - start))
-    half = int(np.nan_to_num(np.nanmedian(turn)) / 8.0) + 1
-    quiet = np.arange(start[longest] + half, stop[longest] - half, half)
-    source = f"{(stop[longest] - start[longest]) / rate_Hz:.1f} s at rest"
-    if quiet.size < 8:  # fewer windows leave the noise unknown by a third
-        quiet = (passages.index + 0.5 * turn)[passages.turn_after]
-        source = "the far side of the tire, as the log has no rest"
-    passing, resting = (
-        _windows_at(channel, places, half) for places in (passages.index[passages.measured], quiet)
-    )
-    if not (len(passing) and len(resting)):
-        return Cutoff(), (f"{channel.name}: no rest, so the low-pass is that of auto",)
-    found = min(least_error_cutoff(passing, resting, rate_Hz), 0.45 * rate_Hz)
-    asked = Cutoff("Hz", round(found, 1))
-    return asked, (f"{channel.name}: low-pass {asked} by the spectrum of {source}",)
-
-
-def _windows_at(channel: Channel, places: FloatArray, half: int) -> FloatArray:
-    """Windows (k, 2 half) about samples `places`, some evenly, without those that lost much."""
-    whole = places[(places > half) & (places < channel.size - half)]
-    # a quarter as many windows move the cut-off by a tenth
-    some = whole[:: max(whole.size // 256, 1)].astype(np.int64)
-    cut = [channel.read(place - half, place + half) for place in some.tolist()]
-    return np.array([one for one in cut if np.isfinite(one).mean() > 0.9])
+    return replace(rows, remarks=_remarks(recording, rows, settled, cutoff, friction))
 
 
 def refuse_cutoff(recording: Recording, channel: Channel, cutoff: Cutoff) -> None:
@@ -489,12 +428,18 @@ def refuse_cutoff(recording: Recording, channel: Channel, cutoff: Cutoff) -> Non
         )
 
 
-def _remarks(recording: Recording, rows: FootprintOfChannel, cutoff: Cutoff) -> tuple[str, ...]:
+def _remarks(
+    recording: Recording,
+    rows: PassageRows,
+    learnt: EdgeForm | None,
+    cutoff: Cutoff,
+    friction: tuple[float, float],
+) -> tuple[str, ...]:
     """What the summary says of a channel.
 
     Lengths, form, cut-off, the static footprint beside the dynamic one.
     """
-    channel, passages, found, learnt = rows.channel, rows.passages, rows.footprint, rows.learnt
+    channel, passages, found = rows.channel, rows.passages, rows.found
     slow = int((passages.speed_m_s <= LEAST_SPEED_M_S).sum())
     too_slow = (
         f"{channel.name}: {slow} of {len(passages)} passages are slower than "
@@ -520,7 +465,7 @@ def _remarks(recording: Recording, rows: FootprintOfChannel, cutoff: Cutoff) -> 
         text: True,
         too_slow: slow > 0,
         f"{channel.name}: slip onsets take a ratio of sliding to sticking friction of "
-        f"{rows.friction[0]:.3g} +- {rows.friction[1]:g}": onsets,
+        f"{friction[0]:.3g} +- {friction[1]:g}": onsets,
         f"{channel.name}: {Quality.FORM_UNCLEAR.word}: {doubted} passages are unlike any that a "
         "tire's carcass makes on a flat road; their lengths may be wrong by half": doubted > 0,
         f"{channel.name}: no stretch of steady speed; the form was learnt from driven or braked "

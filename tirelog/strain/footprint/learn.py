@@ -126,13 +126,12 @@ def gather_windows(
     motions: Motions,
     reach_samples: FloatArray,
     rows: IntArray,
-    block_samples: int = BLOCK_SAMPLES,
 ) -> Iterator[PatchWindows]:
-    """Windows around `index` of the passages `rows`, many of one length at a time.
+    """Windows around `index` of the passages `rows`, those of one length in a block at a time.
 
     `index`: fractional samples, NaN is left out. `sign`: +1 if the patch is a maximum of the
     recorded signal; `motions` and `reach_samples` (n,) of all passages, half of the window that
-    each needs. The channel is read in blocks of about `block_samples`.
+    each needs. The channel is read in blocks of about BLOCK_SAMPLES.
 
     Half a window is rounded up to 2^k or 3 x 2^k, at least 8 (quick lengths of an FFT). A passage
     whose speed is unknown has no reach; nothing is cut out for it.
@@ -141,8 +140,7 @@ def gather_windows(
     needed = np.fmax(np.minimum(reach_samples, channel.size), 8.0)
     two = 2.0 ** np.ceil(np.log2(needed))
     half = np.where(needed <= 0.75 * two, 0.75 * two, two).astype(np.int64)
-    block = np.floor(index[rows] / max(block_samples, 1)).astype(np.int64)
-    waiting: dict[int, list[PatchWindows]] = {}
+    block = np.floor(index[rows] / BLOCK_SAMPLES).astype(np.int64)
     for number in np.unique(block):
         inside = rows[block == number]
         nearest = np.round(index[inside]).astype(np.int64)
@@ -158,15 +156,7 @@ def gather_windows(
                 speed_m_s=motions[0][some],
                 acceleration_m_s2=motions[1][some],
             )
-            values = _cut(channel, samples, low, index[some], size)
-            held = waiting.setdefault(size, [])
-            held.append(PatchWindows(some, values, motion))
-            # numbers in the windows that are given at a time: what works on them does so without
-            # leaving the processor's cache
-            if sum(part.values.size for part in held) >= (1 << 17):
-                yield joined_windows(waiting.pop(size))
-    for held in waiting.values():
-        yield joined_windows(held)
+            yield PatchWindows(some, _cut(channel, samples, low, index[some], size), motion)
 
 
 def joined_windows(parts: list[PatchWindows]) -> PatchWindows:
@@ -634,7 +624,6 @@ def _samples(
     rows: IntArray,
     classes: IntArray,
     half_window_m: float,
-    block_samples: int,
 ) -> list[PatchWindows]:
     """Windows of each class of speed out of the passages `rows`, by ascending speed."""
     motions = passages.speed_m_s, np.nan_to_num(passages.acceleration_m_s2)
@@ -646,9 +635,7 @@ def _samples(
         reach = np.full(len(passages), 1.02 * half_window_m / float(speed.min()) * rate + 1.0)
         share = FIT_STEP * half_window_m / WINDOW * rate / float(speed.max())
         fewer = 2 ** int(np.log2(max(share, 1.0)))
-        windows = gather_windows(
-            channel, passages.sign, passages.index, motions, reach, chosen, block_samples
-        )
+        windows = gather_windows(channel, passages.sign, passages.index, motions, reach, chosen)
         out.append(joined_windows([one.reduced(fewer) for one in windows]))
     return sorted(out, key=lambda sample: sample.speed_m_s)
 
@@ -701,7 +688,6 @@ def _from_a_start(
 def learn_reference(
     channel: Channel,
     passages: Passages,
-    block_samples: int = BLOCK_SAMPLES,
     like: EdgeForm | None = None,
     without: BoolArray | None = None,
 ) -> EdgeForm | None:
@@ -710,7 +696,7 @@ def learn_reference(
     `like`: a form that another channel has taught, tried first; `without` (n,): passages that are
     left out.
     """
-    chosen = _to_learn_from(channel, passages, block_samples, without)
+    chosen = _to_learn_from(channel, passages, without)
     if chosen is None:
         return None
     samples, window, rough, free = chosen
@@ -730,7 +716,7 @@ def learn_reference(
 
 
 def _to_learn_from(
-    channel: Channel, passages: Passages, block_samples: int, without: BoolArray | None
+    channel: Channel, passages: Passages, without: BoolArray | None
 ) -> tuple[list[PatchWindows], float, float, bool] | None:
     """Samples to learn from, half of their window, a rough half length [m], whether they roll."""
     rows = _usable(passages, without)
@@ -739,14 +725,12 @@ def _to_learn_from(
     rows, classes, free = _steady_first(passages, rows)
     rough = LENGTH_TO_WIDTH * passages.template.half_width_rad * passages.radius_m
     window = min(WINDOW * rough, 2.9 * passages.radius_m)
-    return _samples(channel, passages, rows, classes, window, block_samples), window, rough, free
+    return _samples(channel, passages, rows, classes, window), window, rough, free
 
 
-def learn_own(
-    channel: Channel, passages: Passages, learnt: EdgeForm, block_samples: int = BLOCK_SAMPLES
-) -> EdgeForm:
+def learn_own(channel: Channel, passages: Passages, learnt: EdgeForm) -> EdgeForm:
     """`learnt` with the tire's own pressure and stiffness, or with what these may do to lengths."""
-    chosen = _to_learn_from(channel, passages, block_samples, learnt.without)
+    chosen = _to_learn_from(channel, passages, learnt.without)
     assert chosen is not None
     reference = learn_form(learnt.reference, chosen[0], passages.noise, learnt.half_window_m)
     return replace(learnt, reference=reference)

@@ -8,11 +8,11 @@ Channel + Passages + EdgeForm
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tirelog.data.recording import BLOCK_SAMPLES, Channel
+from tirelog.data.recording import Channel
 from tirelog.dsp.filters import derivatives, window_spectra
 from tirelog.errors import UsageError
 from tirelog.strain.footprint.kernels import (
@@ -310,43 +310,36 @@ def _scale(found: Records, scatter: float) -> FloatArray:
 # d
 # eps / d xi is one along the tread.
 
-#: a passage's edges, NaN if an extremum was not found: lengths, abscissae of the second
-#: derivative's extrema, and their sizes there [1/m^2 of strain]
+#: a passage's edges, NaN if an extremum was not found: lengths, and how large the second derivative
+#: is at its extrema [1/m^2 of strain]
 EDGES = np.dtype(
     [("length_d2_m", "f8"), ("length_d2_se_m", "f8"), ("length_d1_m", "f8"),
-     ("length_d1_se_m", "f8"), ("entry_m", "f8"), ("exit_m", "f8"), ("entry_height", "f8"),
-     ("exit_height", "f8")]
+     ("length_d1_se_m", "f8"), ("entry_height", "f8"), ("exit_height", "f8")]
 )  # fmt: skip
 
 #: edges are looked for out to this multiple of the expected half length
 SEARCH = 2.1
-#: steps towards an extremum, which lies no farther than this many columns from the column that is
-#: least; twice as far reaches the next column's own extremum
-STEPS, FARTHEST = 4, 0.75
 #: samples per period of the low-pass' cut-off that need none between them to find an extremum;
 #: twice as many put one between the samples of logs up to twice the rate
 DENSE = 8.0
 
 
 def along_tread(
-    windows: FloatArray,
-    rate_Hz: float,
-    centre: FloatArray,
-    speed_m_s: FloatArray,
-    acceleration_m_s2: FloatArray,
-    cutoff_Hz: FloatArray,
-    upsample: int = 2,
+    windows: PatchWindows, cutoff_Hz: FloatArray, upsample: int
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Low-passed derivatives along the tread, (n, m x upsample); arguments as of `find_edges`.
+    """Low-passed derivatives along the tread at `upsample` points per sample, (n, m) each.
 
     Abscissae from the patch centre [m], first and second derivative by them [1/m, 1/m^2]; noises
-    (n, 2) as of `derivatives`.
+    (n, 2) as of `derivatives`. `cutoff_Hz` (n,).
     """
+    values, rate_Hz = windows.values, windows.rate_Hz
     first_s, second_s, noises = derivatives(
-        window_spectra(windows), rate_Hz, cutoff_Hz, windows.shape[1], upsample
+        window_spectra(values), rate_Hz, cutoff_Hz, values.shape[1], upsample
     )
-    time = (np.arange(first_s.shape[1]) / upsample - centre[:, None]) / rate_Hz
-    speed, acceleration = speed_m_s[:, None], acceleration_m_s2[:, None]
+    centre, speed, acceleration = (
+        windows.motion[name][:, None] for name in ("centre", "speed_m_s", "acceleration_m_s2")
+    )
+    time = (np.arange(first_s.shape[1]) / upsample - centre) / rate_Hz
     now = np.maximum(speed + acceleration * time, 0.05 * np.abs(speed) + 1e-9)
     first = first_s / now
     second = (second_s - acceleration * first) / now**2
@@ -354,44 +347,36 @@ def along_tread(
 
 
 def find_edges(
-    windows: FloatArray,
-    rate_Hz: float,
-    centre: FloatArray,
-    speed_m_s: FloatArray,
-    acceleration_m_s2: FloatArray,
+    windows: PatchWindows,
     cutoff_Hz: FloatArray,
     half_length_m: FloatArray,
     noise: float,
-    upsample: int = 2,
+    upsample: int,
 ) -> Records:
-    """Edges (n,) of EDGES of passages in `windows` (n, m), patch downward, NaN where lost.
+    """Edges (n,) of EDGES of the passages in `windows`, NaN where lost.
 
-    `centre` (n,): column of the patch centre; `half_length_m` (n,): what half of the patch is
-    expected to be, to look for extrema; `noise`: standard deviation of a sample; `upsample`: points
-    per sample, 2 unless samples are DENSE.
+    `half_length_m` (n,): what half of the patch is expected to be, to look for extrema; `noise`:
+    standard deviation of a value; `upsample`: points per sample, 2 unless samples are DENSE.
     """
-    _, first, second, noises = along_tread(
-        windows, rate_Hz, centre, speed_m_s, acceleration_m_s2, cutoff_Hz, upsample
-    )
-    rate, middle = rate_Hz * upsample, centre * upsample
-    reach = SEARCH * half_length_m / speed_m_s * rate
+    _, first, second, noises = along_tread(windows, cutoff_Hz, upsample)
+    speed, acceleration = windows.motion["speed_m_s"], windows.motion["acceleration_m_s2"]
+    rate, middle = windows.rate_Hz * upsample, windows.motion["centre"] * upsample
+    reach = SEARCH * half_length_m / speed * rate
     low, high = middle - reach, middle + reach
     # steepest fall and rise, then the sharpest bends outside of them
     fall, rise = least(first, low, middle), least(-first, middle, high)
     steepest = [np.where(np.isnan(one[0]), middle, one[0]) for one in (fall, rise)]
     entry, leave = least(second, low, steepest[0]), least(second, steepest[1], high)
     times = [(one[0] - middle) / rate for one in (fall, rise, entry, leave)]
-    places = [distance_along(time, speed_m_s, acceleration_m_s2) for time in times]
+    places = [distance_along(time, speed, acceleration) for time in times]
     # an extremum moves by the noise of the next derivative
-    wiggle = noise * noises.T / [speed_m_s, speed_m_s**2] / rate**2 * speed_m_s
+    wiggle = noise * noises.T / [speed, speed**2] / rate**2 * speed
     return records(
         EDGES,
         length_d2_m=places[3] - places[2],
         length_d2_se_m=np.hypot(wiggle[1] / entry[2], wiggle[1] / leave[2]),
         length_d1_m=places[1] - places[0],
         length_d1_se_m=np.hypot(wiggle[0] / fall[2], wiggle[0] / rise[2]),
-        entry_m=places[2],
-        exit_m=places[3],
         entry_height=-entry[1],
         exit_height=-leave[1],
     )
@@ -420,12 +405,14 @@ def least(
     third, fourth = (e - a + 2.0 * (b - d)) / 2.0, a + e - 4.0 * (b + d) + 6.0 * c
     begin = (index - safe).astype(np.float64)
     shift = begin
-    for _ in range(STEPS + 1):
+    # steps towards an extremum, which lies no farther than this many columns from the column that
+    # is least; twice as far reaches the next column's own extremum
+    for _ in range(5):
         place = shift
         curvature = bend + place * (third + 0.5 * place * fourth)
         curvature = np.where(curvature > 0.0, curvature, np.nan)
         steep = slope + place * (bend + place * (0.5 * third + place * fourth / 6.0))
-        shift = np.clip(place - steep / curvature, begin - FARTHEST, begin + FARTHEST)
+        shift = np.clip(place - steep / curvature, begin - 0.75, begin + 0.75)
     height = c + place * (
         slope + place * (0.5 * bend + place * (third / 6.0 + place * fourth / 24.0))
     )
@@ -550,7 +537,6 @@ class PassageForms:
     rows: IntArray
     motions: tuple[FloatArray, FloatArray]
     work: Records
-    block_samples: int
 
     @classmethod
     def of(
@@ -558,7 +544,6 @@ class PassageForms:
         channel: Channel,
         passages: Passages,
         learnt: EdgeForm,
-        block_samples: int = BLOCK_SAMPLES,
         forms: Forms | None = None,
     ) -> PassageForms:
         """Those of passages that `learnt` was learnt from: the speed of some is known.
@@ -578,7 +563,7 @@ class PassageForms:
             work["roughly"] = _power_of_two(4.0 * FIT_STEP * half_length * rate / speed)
         work["vague"] = ~(passages.speed_se_m_s < WORST_SPEED * speed)
         motions = speed, np.nan_to_num(passages.acceleration_m_s2)
-        return cls(channel, passages, forms, rows, motions, work, block_samples)
+        return cls(channel, passages, forms, rows, motions, work)
 
     def gathered(self, rows: IntArray, reach: FloatArray | None = None) -> Iterator[PatchWindows]:
         """Windows of `rows`, many at a time, of a fit's `reach` if no other is given."""
@@ -589,7 +574,6 @@ class PassageForms:
             self.motions,
             self.work["reach"] if reach is None else reach,
             rows,
-            self.block_samples,
         )
 
     def by_form(self, windows: PatchWindows) -> Iterator[tuple[PatchWindows, float, int]]:
@@ -691,14 +675,11 @@ def measure_windows(
             look.seek_driven(reduced.take(clear[part.row]), *usual)
         for key, part in windows.alike(8 * for_plain + upsample):
             plain = part.reduced(key // 8)
-            row, motion = plain.row, plain.motion
+            row, motion = plain.row, plain.motion.copy()
             shift_s = np.nan_to_num(work["fits"]["shift_m"][row]) / speed[row]
+            motion["centre"] += shift_s * plain.rate_Hz
             work["edges"][row] = find_edges(
-                plain.values,
-                plain.rate_Hz,
-                motion["centre"] + shift_s * plain.rate_Hz,
-                motion["speed_m_s"],
-                motion["acceleration_m_s2"],
+                replace(plain, motion=motion),
                 cutoff_Hz[row],
                 half_length[row],
                 look.passages.noise / np.sqrt(plain.averaged),

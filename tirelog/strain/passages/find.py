@@ -31,7 +31,7 @@ from tirelog.strain.passages.passage_flags import TURN_RAD, kinematics, turns_be
 from tirelog.strain.passages.template import Template
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked
-from tirelog.wheel.pulses import AT_ONCE, decimate, patch_sign, pulses_in
+from tirelog.wheel.pulses import decimate, patch_sign, pulses_in
 from tirelog.wheel.rolling import off_clock
 
 # ---- Whether what was found are passages of a tire at all: the gate before any speed is known.
@@ -45,14 +45,6 @@ from tirelog.wheel.rolling import off_clock
 # signal, and each needs so many pulses that a short log of a real tire is not refused by chance.
 
 
-#: width at half level over the period; tires of cars, trucks, bicycles and karts: 0.03 to 0.12, a
-#: sine: 0.5.  Twice as much lets gravity on a rim pass, of which every second turn differs
-WIDEST_TURNS = 0.2
-#: pairs that it takes to say so.  Half as many would doubt a car that is parked; twice as many let
-#: the axles of a weighing bridge pass
-FEWEST_FAST, FEWEST_PAIRS = 3, 8
-
-
 def doubt(
     signal: Signal, raw: Records, start: Records, found: Records, learnt: bool, radius_m: float
 ) -> str:
@@ -62,10 +54,13 @@ def doubt(
     `match`; `learnt`: with a template; `radius_m`: the rolling radius.
     """
     noise, share = signal.noise, _width_turns(signal.channel, raw)
-    if share > WIDEST_TURNS:
+    # width at half level over the period; tires of cars, trucks, bicycles and karts: 0.03 to 0.12,
+    # a sine: 0.5.  Twice as much lets gravity on a rim pass, of which every second turn differs
+    widest_turns = 0.2
+    if share > widest_turns:
         return (
             f"each lasts {100 * share:.0f} % of the time to the next, and a patch at most "
-            f"{100 * WIDEST_TURNS:.0f} %"
+            f"{100 * widest_turns:.0f} %"
         )
     time_s, omega = found["time_s"], start["omega_rad_s"]
     if time_s.size < 3:
@@ -84,17 +79,20 @@ def doubt(
     faint = noise > 0.09 * float(np.median(start["height"]))
     # share of pairs that may fail to be one turn apart, as the wheel stopped or samples were lost:
     # of pairs too fast for a stop, and of all.  Random pulses: 0.4 to 0.9; starts and stops: up to
-    # 0.1, every fourth turn lost: 0.25.  Twice as much lets random pulses pass
+    # 0.1, every fourth turn lost: 0.25.  Twice as much lets random pulses pass. And the pairs that
+    # it takes to say so.  Half as many would doubt a car that is parked; twice as many
+    # let the axles of a weighing bridge pass
+    fewest_fast, fewest_pairs = 3, 8
     if (
-        (pairs >= FEWEST_FAST and broken.sum() > 0.3 * pairs)
-        or (pairs >= FEWEST_PAIRS and unlinked > 0.4)
-        or (pairs >= FEWEST_FAST and faint and unlinked > 0.15)
+        (pairs >= fewest_fast and broken.sum() > 0.3 * pairs)
+        or (pairs >= fewest_pairs and unlinked > 0.4)
+        or (pairs >= fewest_fast and faint and unlinked > 0.15)
     ):
         return (
             f"only {100 * (1 - unlinked):.0f} % of them come one turn after the one before, by "
             "the speed that their widths tell"
         )
-    if learnt and time_s.size > FEWEST_FAST:
+    if learnt and time_s.size > fewest_fast:
         beyond = np.sqrt(np.maximum(found["misfit"] ** 2 - noise**2, 0.0)) / height
         # residual of the usual waveform beyond the noise, over the height; a real tire that rings
         # at its edges: 0.07, 1/f noise: 0.35 to 0.8.  Twice as much lets noise pass, half as much
@@ -125,12 +123,6 @@ def _width_turns(channel: Channel, pulses: Records) -> float:
     time_s = channel.axis.at(pulses["middle"])
     share = 2.0 * pulses["width"][1:-1] / channel.axis.rate_Hz / (time_s[2:] - time_s[:-2])
     return float(np.median(share) if share.size > 3 else share.min())
-
-
-#: so few pulses may be jumps of an instrument beside which the tire's own are low; those are taken
-#: only if they are more turns than this, and no doubt is left.  Twice as many look twice in some
-#: short logs, which find the same
-FEW_PULSES = 8
 
 
 @dataclass(frozen=True)
@@ -206,23 +198,27 @@ class Passages:
         return self.radius_m * self.alpha_rad_s2
 
 
-def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONCE) -> Passages:
+def find_passages(channel: Channel, radius_m: float) -> Passages:
     """The passages of `channel` (strain or radial acceleration), `radius_m` the rolling radius.
 
-    The rows do not depend on `block_samples`.  A log without passages, or all lost, gives no rows.
+    A log without passages, or all lost, gives no rows.
     """
     channel = without_spikes(channel)
     sign = patch_sign(channel)
-    pulses, data = pulses_in(channel, decimate(channel, sign, block_samples=block_samples), sign)
+    pulses, data = pulses_in(channel, decimate(channel, sign), sign)
     signal = Signal(channel, sign, data.noise, data.extremes)
-    if len(pulses) > FEW_PULSES:
+    # so few pulses may be jumps of an instrument beside which the tire's own are low; those are
+    # taken only if they are more turns than this, and no doubt is left.  Twice as many look twice
+    # in some short logs, which find the same
+    few_pulses = 8
+    if len(pulses) > few_pulses:
         del data  # memory
         return _measured(signal, radius_m, pulses)
     found = _measured(signal, radius_m, pulses)
     # a few jumps of the instrument, of up to three sizes, may be higher than all that the tire does
     for without in (1, 2, 3):
         other = _measured(signal, radius_m, pulses_in(channel, data, sign, without)[0])
-        if not other.doubt and other.turn_after.sum() > max(found.turn_after.sum(), FEW_PULSES):
+        if not other.doubt and other.turn_after.sum() > max(found.turn_after.sum(), few_pulses):
             return other
     return found
 

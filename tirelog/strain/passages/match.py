@@ -160,11 +160,6 @@ def window_samples(
 #     --lay over, learn, fit; again--> Template
 
 
-#: stretches of angle over which the scatter between turns is known; twice as many have half of the
-#: samples each
-SCATTER_PARTS = 24
-
-
 def clusters(rows: IntArray, most: int, count: int) -> IntArray:
     """At most `most` of `rows`, as so many clusters of neighbours spread over them."""
     if rows.size <= most:
@@ -219,14 +214,17 @@ def _scatter(signal: Signal, template: Template, at: Records) -> FloatArray:
         at[name] = found[name]
     _, phi, values = window_samples(signal, at, template.window_rad)
     rest = values - np.interp(phi, template.phi_rad, template.points["value"])
-    place = (phi / template.window_rad + 1.0) * 0.5 * SCATTER_PARTS
-    part = np.clip(place.astype(np.int64), 0, SCATTER_PARTS - 1)
-    sizes = [np.abs(rest)[part == k] for k in range(SCATTER_PARTS)]
+    # stretches of angle over which the scatter between turns is known; twice as many have half of
+    # the samples each
+    scatter_parts = 24
+    place = (phi / template.window_rad + 1.0) * 0.5 * scatter_parts
+    part = np.clip(place.astype(np.int64), 0, scatter_parts - 1)
+    sizes = [np.abs(rest)[part == k] for k in range(scatter_parts)]
     sigma = np.array([np.median(one) / NORMAL_MEDIAN if one.size else 0.0 for one in sizes])
     noise = signal.noise / np.median(np.abs(found["height"]))
     padded = np.pad(np.sqrt(np.maximum(sigma**2 - noise**2, 0.0)), 1)
     widest = np.max([padded[:-2], padded[1:-1], padded[2:]], axis=0)
-    middles = ((np.arange(SCATTER_PARTS) + 0.5) / SCATTER_PARTS * 2.0 - 1.0) * template.window_rad
+    middles = ((np.arange(scatter_parts) + 0.5) / scatter_parts * 2.0 - 1.0) * template.window_rad
     return np.asarray(np.interp(template.phi_rad, middles, widest))
 
 

@@ -152,9 +152,6 @@ WIDE = 4
 #: samples per row at most; a creeping wheel's windows are thinned to this; twice as many take
 #: twice as long where a wheel creeps, and only there
 MOST_SAMPLES = 400
-#: how far a step may shift [window] and stretch; twice as far could carry the centre out of the
-#: window in two steps
-MOST_SHIFT = MOST_STRETCH = 0.3
 
 
 @compiled
@@ -171,6 +168,9 @@ def fit_rows(
     """
     columns = np.empty((MOST_SAMPLES + SPARE, WIDE + 1))
     gram, inverse, solved = np.empty((WIDE + 1, WIDE + 1)), np.empty((WIDE, WIDE)), np.empty(WIDE)
+    # how far a step may shift [window] and stretch; twice as far could carry the centre out of the
+    # window in two steps
+    most_shift = most_stretch = 0.3
     for k in range(rows.shape[0]):
         count, lost = read_window(source, spans[k], room)
         row, made = rows[k], found[k]
@@ -187,9 +187,9 @@ def fit_rows(
                 made["holds_spike"] = True
                 _step(count, hold, room, columns, gram, inverse, solved)
             guess = solved[1] if abs(solved[1]) > 0.05 * height else height
-            shift = min(max(-solved[2] / guess, -MOST_SHIFT * window_rad), MOST_SHIFT * window_rad)
+            shift = min(max(-solved[2] / guess, -most_shift * window_rad), most_shift * window_rad)
             time_s += shift / omega
-            omega *= 1.0 + min(max(solved[3] / guess, -MOST_STRETCH), MOST_STRETCH)
+            omega *= 1.0 + min(max(solved[3] / guess, -most_stretch), most_stretch)
             height = abs(guess)
         square, off, stuck, used = 0.0, 0.0, 0.0, 0
         for i in range(count):
