@@ -77,6 +77,28 @@ def test_footprint(command, rolling):
         assert "best estimate" in page.read()
 
 
+@pytest.mark.parametrize(
+    ("knots", "source"), [([0, 3, 6, 16], "s at rest"), ([0, 0.01, 0.02, 12], "far side")]
+)
+def test_a_cutoff_by_the_spectrum_at_rest(command, knots, source):
+    """A hum above 280 Hz, stronger than what the passages have there (P2 4.3, a standing start)."""
+    columns = log_of(knots, [0, 0, 8, 8], Beam(speeds=(0.5, 9.0)), seed=1907, noise_pm=0.4)
+    hum = np.random.default_rng(1908).normal(0, 4e-6, columns["grating"].size)
+    spectrum = np.fft.rfft(hum)
+    spectrum[np.fft.rfftfreq(hum.size, 4e-4) < 280.0] = 0.0
+    columns["grating"] = columns["grating"] + np.fft.irfft(spectrum, n=hum.size)
+    tables = {}
+    for cutoff in ("rest", "1kHz"):
+        status, tables[cutoff], err = command(columns, SETUP, "footprint", "--cutoff", cutoff)
+        assert status == 0
+        if cutoff == "rest":
+            assert source in err
+            assert 180 < float(err.partition("low-pass ")[2].partition("Hz")[0]) < 330
+    rows = tables["rest"].iloc[3:-1]
+    wild = tables["1kHz"].iloc[3:-1]
+    assert rows.length_d2_m.std() < 0.25 * wild.length_d2_m.std()
+
+
 @pytest.mark.parametrize(("power", "saddle"), [(6.0, 0.0), (2.0, 2.2), (20.0, 0.0)])
 def test_lengths_of_a_tire_whose_pressure_is_no_parabola(command, power, saddle):
     """Flat, saddled, a box: within the errors told, and without a trend over the speed."""

@@ -102,7 +102,7 @@ def footprint(
         As for `speed`.
     cutoff : float or str
         Low-pass of the plain lengths: hertz (``400`` or ``"400Hz"``), multiples of the wheel
-        frequency (``"40x"``), or ``"auto"``.
+        frequency (``"40x"``), ``"rest"`` (by the log's spectrum at rest), or ``"auto"``.
     friction_ratio : float, optional
         Sliding over static friction, for the slip onset; else the setup's, or 0.75 +- 0.13.
 

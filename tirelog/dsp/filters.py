@@ -35,8 +35,8 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, good, none_of
 ComplexArray = NDArray[np.complex128]
 
 
-def window_spectra(windows: FloatArray) -> ComplexArray:
-    """FFT of the rows of `windows` (n, m), NaN bridged, closed without a step.
+def closed(windows: FloatArray) -> FloatArray:
+    """`windows` (n, m) with NaN bridged, closed without a step.
 
     Bridged by straight lines (the nearest sample at the ends); less the line through the means of
     the first and the last m / 32, so that they close. Rows that are all NaN become 0.
@@ -49,7 +49,12 @@ def window_spectra(windows: FloatArray) -> ComplexArray:
     edge = max(place.size // 32, 1)
     first, last = out[:, :edge].mean(axis=1), out[:, -edge:].mean(axis=1)
     out -= first[:, None] + np.multiply.outer(last - first, place / (place.size - 1))
-    return np.fft.rfft(out, axis=1)
+    return out
+
+
+def window_spectra(windows: FloatArray) -> ComplexArray:
+    """FFT of the rows of `windows`, closed."""
+    return np.fft.rfft(closed(windows), axis=1)
 
 
 def derivatives(
@@ -157,18 +162,41 @@ def bridged(values: FloatArray, wild: float) -> FloatArray:
 #
 # Its gain is in `derivatives`.
 #
-#     "auto" | "400Hz" | "40x" --parse--> Cutoff
+#     "auto" | "rest" | "400Hz" | "40x" --parse--> Cutoff
 #         --speed of each passage--> cut-off [Hz], shape (n,)
 #
 # P2 used 400 Hz (and 300), "roughly 40 times the wheel frequency", chosen from the spectrum of the
 # log at rest; that multiple holds near 70 km/h only (errata), so the unit is part of the setting.
+# `rest` chooses as P2 did, by `least_error_cutoff`.
+
+
+def least_error_cutoff(passing: FloatArray, resting: FloatArray, rate_Hz: float) -> float:
+    """Cut-off [Hz] at which the second derivative of a low-passed passage is nearest to the truth.
+
+    `passing` (n, m) are windows of passages, `resting` (k, m) of what the grating reads at rest.
+    Of the powers P and N of their spectra, the noise N passes below the cut-off and the signal
+    P - N is lost above it. Both count with f^4, as a second derivative has them:
+
+        sum f^4 N (below) + sum f^4 (P - N) (above), least where the sum of f^4 (2 N - P) is
+
+    N is by the median, so a wheel that moves once does not matter. (P2 4.3 gives no rule.)
+    """
+    count = passing.shape[1]
+    taper = np.hanning(count)
+    passed = np.abs(np.fft.rfft(taper * closed(passing), axis=1)) ** 2
+    rested = np.abs(np.fft.rfft(taper * closed(resting), axis=1)) ** 2
+    noise = np.median(rested, axis=0) / np.log(2.0)  # a power's median is ln 2 of its mean
+    frequency = np.fft.rfftfreq(count, 1.0 / rate_Hz)
+    lost = np.cumsum(frequency**4 * (2.0 * noise - passed.mean(axis=0)))
+    return float(frequency[max(int(np.argmin(lost)), 1)])
 
 
 @dataclass(frozen=True)
 class Cutoff:
     """A cut-off setting.
 
-    `unit` 'Hz' (value in Hz), 'x' (multiples of the wheel frequency) or 'auto'.
+    `unit` 'Hz' (value in Hz), 'x' (multiples of the wheel frequency), 'auto' or 'rest' (the log's
+    spectrum at rest gives the value in Hz).
     """
 
     unit: str = "auto"
@@ -178,16 +206,16 @@ class Cutoff:
     def parse(cls, text: str) -> Cutoff:
         """`text` as the command line has it.
 
-        UsageError: neither auto nor a number with Hz or x.
+        UsageError: neither auto nor rest nor a number with Hz or x.
         """
         word = text.strip().lower()
-        if word == "auto":
-            return cls()
+        if word in ("auto", "rest"):
+            return cls(word)
         found = re.fullmatch(r"([0-9]*\.?[0-9]+(?:e[0-9]+)?)\s*(hz|khz|x)", word)
         if not found or float(found[1]) <= 0:
             raise UsageError(
                 f"cut-off {text!r}",
-                allowed="allowed are auto, hertz (400Hz) and multiples of the wheel "
+                allowed="allowed are auto, rest, hertz (400Hz) and multiples of the wheel "
                 "frequency, as 40x",
                 do="mend it",
             )
@@ -207,7 +235,7 @@ class Cutoff:
         return np.abs(speed_m_s) * per_metre / (2.0 * np.pi)
 
     def __str__(self) -> str:
-        return self.unit if self.unit == "auto" else f"{self.value:g}{self.unit}"
+        return self.unit if self.unit in ("auto", "rest") else f"{self.value:g}{self.unit}"
 
 
 # ---- The noise of one sample, from the log itself.

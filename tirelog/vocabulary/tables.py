@@ -208,8 +208,8 @@ _ALL = (
                 "cutoff",
                 "--cutoff",
                 str,
-                "Low-pass of the plain lengths: auto, hertz (400Hz), or multiples of the wheel "
-                "frequency (40x).",
+                "Low-pass of the plain lengths: auto, rest (by the log's spectrum at rest), hertz "
+                "(400Hz), or multiples of the wheel frequency (40x).",
             ),
             TableOption(
                 "friction_ratio",

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Channel, Recording
-from tirelog.dsp.filters import Cutoff, unlike_neighbours
+from tirelog.dsp.filters import Cutoff, least_error_cutoff, unlike_neighbours
 from tirelog.dsp.pitch import AngleFunction
 from tirelog.errors import UsageError
 from tirelog.runs.in_memory import released, without_spikes
@@ -389,6 +389,7 @@ def footprint_of_channel(
     `settled`: the form of its passages, None if there is none; `friction_ratio`: instead of the
     setup's.
     """
+    cutoff, said = at_rest(channel, passages, cutoff)
     refuse_cutoff(recording, channel, cutoff)
     if friction_ratio is None:
         friction_ratio = recording.setup.tire.friction_ratio
@@ -413,7 +414,48 @@ def footprint_of_channel(
     rows = PassageRows(columns, (passages.doubt,), released(channel), passages, found)
     if passages.doubt:
         return rows
-    return replace(rows, remarks=_remarks(recording, rows, settled, cutoff, friction))
+    remarks = _remarks(recording, rows, settled, cutoff, friction)
+    return replace(rows, remarks=(*remarks, *said))
+
+
+def at_rest(channel: Channel, passages: Passages, cutoff: Cutoff) -> tuple[Cutoff, tuple[str, ...]]:
+    """The cut-off in hertz where `rest` asks for it, with a remark on what it was found from (P2).
+
+    The wheel rests in the longest time without a passage, less two turns beside one: so long takes
+    a start from rest. In a log that has none the far side of the tire serves, where only the road
+    shakes the grating.
+    """
+    if cutoff.unit != "rest" or not len(passages):
+        return cutoff, ()
+    rate_Hz = channel.axis.rate_Hz
+    turn = 2.0 * np.pi / passages.omega_rad_s * rate_Hz  # samples
+    beside = np.nan_to_num(2.0 * turn)
+    start = np.append(0.0, passages.index + beside)
+    stop = np.append(passages.index - beside, channel.size)
+    longest = int(np.nanargmax(stop - start))
+    half = int(np.nan_to_num(np.nanmedian(turn)) / 8.0) + 1
+    quiet = np.arange(start[longest] + half, stop[longest] - half, half)
+    source = f"{(stop[longest] - start[longest]) / rate_Hz:.1f} s at rest"
+    if quiet.size < 8:  # fewer windows leave the noise unknown by a third
+        quiet = (passages.index + 0.5 * turn)[passages.turn_after]
+        source = "the far side of the tire, as the log has no rest"
+    passing, resting = (
+        _windows_at(channel, places, half) for places in (passages.index[passages.measured], quiet)
+    )
+    if not (len(passing) and len(resting)):
+        return Cutoff(), (f"{channel.name}: no rest, so the low-pass is that of auto",)
+    found = min(least_error_cutoff(passing, resting, rate_Hz), 0.45 * rate_Hz)
+    asked = Cutoff("Hz", round(found, 1))
+    return asked, (f"{channel.name}: low-pass {asked} by the spectrum of {source}",)
+
+
+def _windows_at(channel: Channel, places: FloatArray, half: int) -> FloatArray:
+    """Windows (k, 2 half) about samples `places`, some evenly, without those that lost much."""
+    whole = places[(places > half) & (places < channel.size - half)]
+    # a quarter as many windows move the cut-off by a tenth
+    some = whole[:: max(whole.size // 256, 1)].astype(np.int64)
+    cut = [channel.read(place - half, place + half) for place in some.tolist()]
+    return np.array([one for one in cut if np.isfinite(one).mean() > 0.9])
 
 
 def refuse_cutoff(recording: Recording, channel: Channel, cutoff: Cutoff) -> None:
