@@ -6,7 +6,7 @@ move no number.
     python -m benchmarks.goldens compare OLD NEW    each number that differs by more than the
                                                     tolerance
     python -m benchmarks.goldens keep [NAME...]     rewrite the goldens of the tests: answers by
-                                                    question, and `errors`
+                                                    question, `errors` and `mistakes`
 
 What `keep` writes lies in tests/golden/answers, and tests/golden/test_answers.py holds each to it;
 a change on purpose stands in CHANGELOG.md under "Numbers changed". A golden is made by the
@@ -34,12 +34,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import tomlkit
 
 from tirelog.cli import run
 from tirelog.runtime import one_thread
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_data"
 ANSWERS = SAMPLES.parent / "tests" / "golden" / "answers"
+MISTAKES = ANSWERS.parent / "mistakes.toml"
 STRAIN = (
     "drive.csv.gz",
     "drive_messages.mcap",
@@ -356,9 +358,10 @@ def kept_answers(name: str) -> dict[str, Any]:
 def keep(names: list[str]) -> None:
     """Rewrite goldens of the tests, those of all questions and the errors if none is named."""
     ANSWERS.mkdir(exist_ok=True)
-    if not names or "errors" in names:
-        with tempfile.TemporaryDirectory() as made:
-            (ANSWERS / "errors.txt").write_text(wrong_uses(Path(made)))
+    for kind, answered in (("errors", wrong_uses), ("mistakes", mistakes)):
+        if not names or kind in names:
+            with tempfile.TemporaryDirectory() as made:
+                (ANSWERS / f"{kind}.txt").write_text(answered(Path(made)))
     chosen = [name for name in KEPT if name in names or not names]
     with ProcessPoolExecutor(2) as pool:
         for name, found in zip(chosen, pool.map(kept_answers, chosen), strict=True):
@@ -380,6 +383,28 @@ def wrong_uses(folder: Path) -> str:
         done = tirelog(folder, *line.split())
         told.append(f"$ tirelog {line}\n{done.status}\n{done.out[:300]}{done.err}")
     return "\n".join(told)
+
+
+def mistakes(folder: Path) -> str:
+    """What is said of each mistake of MISTAKES, with the status; none leaves a file behind."""
+    said = []
+    for files in tomllib.loads(MISTAKES.read_text())["files"]:
+        name, base = files["name"], files.get("base", {})
+        (folder / "scenario.toml").write_text(tomlkit.dumps(base))
+        for mistake in files["mistakes"]:
+            text = mistake
+            if isinstance(mistake, dict):
+                text = tomlkit.dumps(base | mistake)
+            elif isinstance(mistake, list):
+                old, new = mistake
+                text = files["text"].replace(old, new, 1) if old else f"{files['text']}\n{new}\n"
+            (folder / name).write_text(text)
+            before = sorted(folder.iterdir())
+            done = tirelog(folder, *files["command"].split())
+            left = "" if sorted(folder.iterdir()) == before else "a file is left behind\n"
+            message = (done.out + done.err).replace(f"{folder}/", "")
+            said.append(f"{name}: {mistake!r}\n{done.status}\n{left}{message}")
+    return "\n".join(said)
 
 
 def _commands_in(task: tuple[Path, list[tuple[str, ...]]]) -> list[str]:
@@ -530,7 +555,7 @@ def main() -> int:
     two.add_argument("old", type=Path)
     two.add_argument("new", type=Path)
     verbs.add_parser("keep").add_argument(
-        "names", nargs="*", choices=[[], "errors", *KEPT], metavar="NAME"
+        "names", nargs="*", choices=[[], "errors", "mistakes", *KEPT], metavar="NAME"
     )
     options = parser.parse_args()
     if options.verb == "keep":

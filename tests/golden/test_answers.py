@@ -44,9 +44,12 @@ def test_an_answer_has_not_moved(name, verb, prepared, tmp_path_factory):
     assert goldens.moved(golden, goldens.answer(prepared[name], name, verb)) == []
 
 
-def test_wrong_uses_are_told_the_same(tmp_path):
-    golden = (goldens.ANSWERS / "errors.txt").read_text()
-    assert goldens.wrong_uses(tmp_path).split("\n\n") == golden.split("\n\n")
+@pytest.mark.parametrize(
+    ("kind", "answered"), [("errors", goldens.wrong_uses), ("mistakes", goldens.mistakes)]
+)
+def test_wrong_uses_and_mistakes_have_the_same_messages(kind, answered, tmp_path):
+    golden = (goldens.ANSWERS / f"{kind}.txt").read_text()
+    assert answered(tmp_path).splitlines() == golden.splitlines()
 
 
 def test_verdicts_are_covered():
