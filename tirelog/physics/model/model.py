@@ -479,7 +479,6 @@ class Model:
         phi_rad: FloatArray | Angles | None = None,
         *,
         surface: str = "outer",
-        phi_variance: FloatArray | None = None,
         values: Mapping[str, float] | None = None,
         observable: str | None = None,
         modes: int | None = None,
@@ -489,9 +488,9 @@ class Model:
 
         An observable of one number per revolution gives (n, 1).
 
-        phi_rad (m,) or (n, m) [rad], NaN gives NaN; phi_variance, same shapes [rad^2], adds f''/2
-        times it; or `Angles` of both, made once for many predictions. `values` replaces values by
-        full name without a check of bounds. `observable` may also be
+        phi_rad (m,) or (n, m) [rad], NaN gives NaN; or `Angles`, made once for many predictions and
+        with the variance of the samples in each bin. `values` replaces values by full name without
+        a check of bounds. `observable` may also be
 
             displacement             [m], inward
             tangential_displacement  [m], NaN of a beam
@@ -510,7 +509,7 @@ class Model:
         """
         observable = observable or self.observable
         flat = {**self.values, **(values or {})}
-        angles = None if observable in SCALARS else self._angles(phi_rad, phi_variance)
+        angles = None if observable in SCALARS else self._angles(phi_rad)
         result = np.empty((len(conditions), 1 if angles is None else angles.phi_rad.shape[1]))
         for rows, task, shares in self._parts(conditions, flat, observable, surface, each=each):
             part = None if angles is None else angles.take(rows)
@@ -527,7 +526,6 @@ class Model:
         names: Sequence[str],
         *,
         surface: str = "outer",
-        phi_variance: FloatArray | None = None,
         values: Mapping[str, float] | None = None,
         observable: str | None = None,
         rough: bool = False,
@@ -540,7 +538,7 @@ class Model:
         self.known(names)
         observable = observable or self.observable
         flat = {**self.values, **(values or {})}
-        angles = None if observable in SCALARS else self._angles(phi_rad, phi_variance)
+        angles = None if observable in SCALARS else self._angles(phi_rad)
         model, n, m = (
             self.resolved(conditions),
             len(conditions),
@@ -593,9 +591,7 @@ class Model:
             raise low
         return (high[0] - low[0]) / width, (high[1] - low[1]) / width
 
-    def _angles(
-        self, phi_rad: FloatArray | Angles | None, phi_variance: FloatArray | None
-    ) -> Angles:
+    def _angles(self, phi_rad: FloatArray | Angles | None) -> Angles:
         if isinstance(phi_rad, Angles):
             return phi_rad
         if phi_rad is None:
@@ -604,7 +600,7 @@ class Model:
                 allowed="phi_rad of shape (m,) or (n, m) is allowed",
                 do="give it",
             )
-        return Angles(phi_rad, phi_variance)
+        return Angles(phi_rad)
 
     def _split(self, flat: Mapping[str, float]) -> tuple[dict[str, float], tuple[Active, ...]]:
         """The carcass's values, and the effects that are on, in the order of their ids."""
