@@ -47,10 +47,10 @@ from tirelog.physics.effects.contact import slip as brush_slip
 from tirelog.physics.model.laws import between_half_levels
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.stages import (
-    Active,
     Task,
     hardened,
     hub_forces,
+    inward,
     load_on_carcass,
     loaded_site,
     pressure,
@@ -201,8 +201,8 @@ def _balance(task: Task) -> tuple[FloatArray, FloatArray]:
 def _without_leaning(task: Task) -> Task:
     """The task with the pressure of the road alone, without effects on it."""
     active = [
-        Active(replace(a.effect, tilt=None, pressure=None, kernel=None), a.values)
-        for a in task.active
+        (replace(effect, tilt=None, pressure=None, kernel=None), values)
+        for effect, values in task.active
     ]
     return replace(task, active=active, memo={}, near=None)
 
@@ -210,8 +210,7 @@ def _without_leaning(task: Task) -> Task:
 def _carcass_moment(task: Task) -> FloatArray:
     """Power that the losses of the carcass take, over Omega [N m], (n or 1, 1)."""
     # the road pushes, not what a hardened foundation leaves of it
-    inward = hardened(task) * response(task).displacement
-    work = (np.conj(inward) * load_on_carcass(task)).imag
+    work = (np.conj(inward(task)) * load_on_carcass(task)).imag
     return np.asarray(
         (4.0 * np.pi * task.base["radius_m"]) * (_N * work).sum(axis=1, keepdims=True)
     )
@@ -222,8 +221,7 @@ def _hub_moment(task: Task) -> FloatArray:
     R, phi = task.base["radius_m"], grid_angles()
     x = np.where(phi < np.pi, R * phi, 0.0)  # half a turn away lies ahead and behind alike
     if task.carcass == "ring":
-        inward = to_grid(hardened(task) * response(task).displacement)
-        x = (R - inward) * np.sin(phi) + to_grid(tangential(task)) * np.cos(phi)
+        x = (R - to_grid(inward(task))) * np.sin(phi) + to_grid(tangential(task)) * np.cos(phi)
     return np.asarray(
         (-R * STEP) * (to_grid(pressure(task).pressure) * x).sum(axis=1, keepdims=True)
     )
@@ -234,11 +232,11 @@ def _deflections(task: Task) -> tuple[FloatArray, FloatArray]:
 
     The approach is the yield of belt and tread above the hub's foot; without a road it is NaN.
     """
-    belt = to_grid(hardened(task) * response(task).displacement)
+    belt = to_grid(inward(task))
     approach = np.full((1, 1), np.nan)
     if task.flat_road:
         plain = _without_leaning(task)
-        yields = to_grid(hardened(plain) * response(plain).displacement)[:, :1]
+        yields = to_grid(inward(plain))[:, :1]
         tread = to_grid(pressure(plain).pressure)[:, :1] / task.base["tread_stiffness_N_m2"]
         approach = yields + tread
     return belt.max(axis=1, keepdims=True), approach
@@ -253,7 +251,7 @@ def _section_power(task: Task, section: StripSection) -> tuple[FloatArray, ...]:
     is the second.
     """
     R, lever = task.base["radius_m"], task.base["lever_arm_m"]
-    curved, along = hardened(task) * response(task).curvature, pulled_along(task)
+    curved, along = hardened(task) * response(task)[1], pulled_along(task)
     stretched = np.zeros((1, MODES)) if along is None else 1j * (_N / R) * along
     powers = []
     for strain in (curved, stretched, lever * curved + stretched):

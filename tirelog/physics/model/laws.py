@@ -81,7 +81,7 @@ def _under_own_load(task: Task) -> Task:
     """The task under the model's load, whatever is measured and what effects do to it."""
     unknown = replace(task.drive, load_N=np.full((1, 1), np.nan))
     loading = task.having("load", "added_load")
-    active = [a for a in task.active if a not in loading]
+    active = [entry for entry in task.active if entry not in loading]
     near = None if task.near is None else _under_own_load(task.near)
     return replace(task, drive=unknown, active=active, memo={}, near=near)
 
@@ -315,7 +315,7 @@ def _added(task: Task, observable: str, angles: Angles) -> FloatArray | float:
     """
     total: FloatArray | float = 0.0
     hook = _AT_ANGLES.get(observable, "")
-    for a in task.having(hook) if hook else ():
-        site, at = loaded_site(task)[0], getattr(a.effect, hook)
-        total = total + angles.mean(partial(at, a.values, task.drive, site))
+    for effect, values in task.having(hook) if hook else ():
+        site, at = loaded_site(task)[0], getattr(effect, hook)
+        total = total + angles.mean(partial(at, values, task.drive, site))
     return total

@@ -604,12 +604,10 @@ class Model:
 
     def _split(self, flat: Mapping[str, float]) -> tuple[dict[str, float], tuple[Active, ...]]:
         """The carcass's values, and the effects that are on, in the order of their ids."""
-        active = (
-            Active(e.effect, e.values(flat)) for e in sorted(self.effects, key=lambda e: e.id)
-        )
-        return {p.name: flat[p.name] for p in self.base}, tuple(
-            a for a in active if a.effect.is_on(a.values, steady_carcass(self.carcass))
-        )
+        carcass = steady_carcass(self.carcass)
+        every = ((e.effect, e.values(flat)) for e in sorted(self.effects, key=lambda e: e.id))
+        active = tuple((own, values) for own, values in every if own.is_on(values, carcass))
+        return {p.name: flat[p.name] for p in self.base}, active
 
     def _parts(
         self,
@@ -627,7 +625,7 @@ class Model:
         apart = each or observable != "strain" or len(conditions) < 2 * laws.COUNTS[0]
         for count in () if apart else laws.COUNTS:
             task = self._task(conditions, flat, also)
-            on = {a.effect.id for a in task.active} | {name.split(".")[0] for name in also}
+            on = {effect.id for effect, _ in task.active} | {name.split(".")[0] for name in also}
             acting = [e.effect for e in self.effects if e.id in on]
             few = laws.few_speeds(task.drive, acting, count)
             if few is None:
@@ -658,7 +656,7 @@ class Model:
         """
         model = self.resolved(conditions)
         base, active = model._split(flat)
-        on = {a.effect.id for a in active} | {name.split(".")[0] for name in also if "." in name}
+        on = {effect.id for effect, _ in active} | {name.split(".")[0] for name in also}
         for effect, lacking in self.missing_conditions(conditions).items():
             if effect in on:
                 raise ModelError(

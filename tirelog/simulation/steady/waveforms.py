@@ -57,9 +57,6 @@ from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 Fluctuation: TypeAlias = Callable[[FloatArray], FloatArray]
 #: step of the drive's own grid [s]
 STEP_S = 0.002
-#: below this acceleration a manoeuvre without a regime of its own is a cruise; above the second
-#: (downwards) it is braking
-CRUISE_M_S2, BRAKE_M_S2 = 0.15, -1.5
 #: time constant of the body's pitch in the other form of the load transfer [s], and of a load that
 #: steps between manoeuvres
 PITCH_S, SETTLING_S = 0.35, 0.15
@@ -84,7 +81,7 @@ class Stretch:
 
 
 def drive_stretches(scenario: Scenario, random: np.random.Generator) -> list[Stretch]:
-    """The manoeuvres in order, regimes named, load scatter drawn."""
+    """The manoeuvres in order, regimes named (`Manoeuvre`), load scatter drawn."""
     out: list[Stretch] = []
     start, speed = 0.0, scenario.manoeuvres[0].speed_m_s
     if scenario.manoeuvres[0].regime in ("drive", "standstill"):
@@ -95,8 +92,8 @@ def drive_stretches(scenario: Scenario, random: np.random.Generator) -> list[Str
         regime = manoeuvre.regime
         if regime is None:
             regime = "cruise" if manoeuvre.speed_m_s > 0 else "standstill"
-            if abs(acceleration) >= CRUISE_M_S2:
-                slower = "coast" if acceleration > BRAKE_M_S2 else "brake"
+            if abs(acceleration) >= 0.15:
+                slower = "coast" if acceleration > -1.5 else "brake"
                 regime = "drive" if acceleration > 0 else slower
         out.append(
             Stretch(start, start + manoeuvre.duration_s, regime, speed, manoeuvre.speed_m_s, factor)
