@@ -42,9 +42,6 @@ from tirelog.vocabulary.arrays import FloatArray
 #: [s].
 MODES, NODES = 40, 2304
 KEEP_S = 1e-4
-#: The road may begin no closer than this share of R ahead of the wheel's centre: the start rolls
-#: on a flat road. Twice as much would ask for a longer way to an obstacle.
-_CLEAR = 0.35
 _STEADY_ONLY = ("tilt", "pressure", "kernel", "traction", "strain", "acceleration")
 
 
@@ -256,11 +253,13 @@ def driven(
     )
     task = next(model._tasks(conditions, model.values))[1]
     tire = tire_of(task)
-    height, _ = course.road.profile(np.linspace(-_CLEAR, _CLEAR, 101) * tire.R)
+    # the start rolls on a flat road; twice as much would ask for a longer way to an obstacle
+    clear_m = 0.35 * tire.R
+    height, _ = course.road.profile(np.linspace(-clear_m, clear_m, 101))
     if np.any(height != 0.0):
         raise ModelError(
             "road that begins under the standing tire",
-            allowed=f"{_CLEAR * tire.R:.3g} m ahead of its centre or farther is allowed",
+            allowed=f"{clear_m:.3g} m ahead of its centre or farther is allowed",
             do="give a larger position_m",
         )
     load = loads(task).item()

@@ -22,6 +22,7 @@ from tirelog.storage.schema import (
     Document,
     Entries,
     FilePlace,
+    FunctionKind,
     KeyKind,
     Named,
     Record,
@@ -473,30 +474,31 @@ Ramp = _record(
 )
 
 
-class _Effect:
-    """One [[effects]] table."""
-
-    allowed = 'allowed is name = "..." of an effect'
-
-    def read(self, value: Any, place: FilePlace) -> Planted:
-        name = value.get("name") if isinstance(value, Mapping) else None
-        if not isinstance(name, str):
-            raise place.error(
-                "an [[effects]] table without a name", 'allowed is name = "..."', "add one"
-            )
-        if name == "ring_curvature":
-            raise (place / "name").error(
-                "ring_curvature is the carcass itself",
-                'allowed is truth = "ring"',
-                'set it (contact = "parabola")',
-            )
-        words(*PLANTABLE).read(name, place / "name")
-        planted = PLANTABLE[name]
-        numbers = dict.fromkeys(planted.parameters, FINITE)
-        given = Table({"name": TEXT, "form": words(*planted.forms), **numbers}).read(value, place)
-        del given["name"]
-        form = given.pop("form", "exact")
-        return Planted(name, form, {**planted.parameters, **given})
+def _planted(value: Any, place: FilePlace) -> Planted:
+    """The effect of one [[effects]] table."""
+    name = value.get("name") if isinstance(value, Mapping) else None
+    place.refuse(
+        (
+            not isinstance(name, str),
+            "",
+            "an [[effects]] table without a name",
+            'allowed is name = "..."',
+            "add one",
+        ),
+        (
+            name == "ring_curvature",
+            "name",
+            "ring_curvature is the carcass itself",
+            'allowed is truth = "ring"',
+            'set it (contact = "parabola")',
+        ),
+    )
+    name = words(*PLANTABLE).read(name, place / "name")
+    planted = PLANTABLE[name]
+    numbers = dict.fromkeys(planted.parameters, FINITE)
+    given = Table({"name": TEXT, "form": words(*planted.forms), **numbers}).read(value, place)
+    numbers_given = {key: given[key] for key in given if key in planted.parameters}
+    return Planted(name, given.get("form", "exact"), {**planted.parameters, **numbers_given})
 
 
 @dataclass(frozen=True)
@@ -517,7 +519,9 @@ class Scenario:
     vehicle: Record = key(table_of(Vehicle), Vehicle())
     road: Record = key(table_of(Road), Road())
     nuisances: Record = key(table_of(Nuisances), Nuisances())
-    effects: tuple[Planted, ...] = key(Entries(_Effect()), ())
+    effects: tuple[Planted, ...] = key(
+        Entries(FunctionKind('allowed is name = "..." of an effect', _planted)), ()
+    )
     truth: str = key(words(*TRUTHS), "beam")
     seed: int = key(number(0, 2**62, whole=True), 0)
     grid_points: int = key(number(256, 65536, whole=True), 2048)
