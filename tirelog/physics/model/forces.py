@@ -34,11 +34,12 @@ brake provides it, not the rolling.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from tirelog.data.recording import Conditions
+from tirelog.data.setup import Tire
 from tirelog.errors import ModelError, UsageError
 from tirelog.physics import pressure as brush
 from tirelog.physics.carcass import structures
@@ -70,31 +71,20 @@ _LEANING = ("tilt", "pressure", "kernel")
 _N = np.arange(MODES, dtype=np.float64)
 
 
-@dataclass(frozen=True)
-class StripSection:
-    """The strip of rubber under the grating.
-
-    eta [Pa s], height h [m], width b [m].
-    """
-
-    viscosity_Pa_s: float
-    height_m: float
-    width_m: float
-
-
 def force_columns(
     model: Model,
     conditions: Conditions,
+    tire: Tire,
     *,
     slip_angle_deg: float = 0.0,
     camber_deg: float = 0.0,
-    section: StripSection | None = None,
 ) -> dict[str, FloatArray]:
     """Columns of `tirelog model forces`, each (n,); NaN if the model has none.
 
     The brush takes its friction and stiffness from the model's effect `traction`, without it P2's;
     a lateral force or an aligning moment is there whenever slip angle or camber are not zero. With
-    a `section`, the power that its viscosity takes by P1 (25), bending with w''', and by (27).
+    viscosity, height and width of the `tire`'s tread strip, the power that they take by P1 (25),
+    bending with w''', and by (27).
 
     ModelError: as `Model.predict`; an angle at which a tread does not lie on the road.
     """
@@ -106,21 +96,21 @@ def force_columns(
                 do="correct it",
             )
     pieces = [
-        _of_task(task, rows.stop - rows.start, slip_angle_deg, camber_deg, section)
+        _of_task(task, rows.stop - rows.start, slip_angle_deg, camber_deg, tire)
         for rows, task in model._tasks(conditions, model.values)
     ]
     return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
 
 
 def _of_task(
-    task: Task, n: int, slip_angle_deg: float, camber_deg: float, section: StripSection | None
+    task: Task, n: int, slip_angle_deg: float, camber_deg: float, tire: Tire
 ) -> dict[str, FloatArray]:
     """The columns of one block of revolutions, each (n,)."""
     site, R, speed = loaded_site(task)[0], task.base["radius_m"], task.drive.speed_m_s
     slip, grip = _brush(task)
     carcass, moment = _balance(task)
     none = np.full((1, 1), np.nan)
-    bending, stretching, strip = _section_power(task, section) if section else (none,) * 3
+    bending, stretching, strip = _section_power(task, tire)
     load, half, sigma = np.broadcast_arrays(site.load_N, site.half_length_m, slip)
     slipping, camber = np.radians(slip_angle_deg), np.radians(camber_deg)
     x, y, aligning = brush.forces(load, half, sigma, slipping, camber, R, grip)
@@ -242,8 +232,8 @@ def _deflections(task: Task) -> tuple[FloatArray, FloatArray]:
     return belt.max(axis=1, keepdims=True), approach
 
 
-def _section_power(task: Task, section: StripSection) -> tuple[FloatArray, ...]:
-    """Losses in bending, in stretching and by P1 (27) [W], each (n or 1, 1).
+def _section_power(task: Task, tire: Tire) -> tuple[FloatArray, ...]:
+    """Losses in bending, in stretching and by P1 (27) [W], each (n or 1, 1); NaN if not known.
 
     eta J c^2 int w'''^2 ds and eta A c^2 int u''^2 ds: their sum is P1 (25).
 
@@ -253,13 +243,15 @@ def _section_power(task: Task, section: StripSection) -> tuple[FloatArray, ...]:
     R, lever = task.base["radius_m"], task.base["lever_arm_m"]
     curved, along = hardened(task) * response(task)[1], pulled_along(task)
     stretched = np.zeros((1, MODES)) if along is None else 1j * (_N / R) * along
+    known = (tire.viscosity_Pa_s, tire.section_height_m, tire.width_m)
+    viscosity, height, width = (np.nan if x is None else x for x in known)
     powers = []
     for strain in (curved, stretched, lever * curved + stretched):
         slopes = (_N / R) ** 2 * (strain.real**2 + strain.imag**2)
         integral = 4.0 * np.pi * R * slopes.sum(axis=1, keepdims=True)
-        powers.append(section.viscosity_Pa_s * task.drive.speed_m_s**2 * integral)
-    area = section.height_m * section.width_m
-    return powers[0] * area * section.height_m**2 / 12.0, powers[1] * area, powers[2] * area
+        powers.append(viscosity * task.drive.speed_m_s**2 * integral)
+    area = height * width
+    return powers[0] * area * height**2 / 12.0, powers[1] * area, powers[2] * area
 
 
 def _dry_length(task: Task) -> FloatArray:

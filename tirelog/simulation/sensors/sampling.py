@@ -403,7 +403,7 @@ def steady_truth(
         **({} if scenario.nuisances == Nuisances() else {"nuisances": asdict(scenario.nuisances)}),
         "ramp": None if scenario.ramp is None else asdict(scenario.ramp),
         "effects": planted_truth(scenario),
-        "manoeuvres": [asdict(part) for part in world.drive.parts],
+        "manoeuvres": world.drive.parts,
         "motion": {
             "time_s": _list(time),
             "wheel_angle_rad": _list(world.drive.angle_at(time)),
