@@ -674,10 +674,6 @@ def known_surface(setup: Setup | None) -> str | None:
 
 # ---- What a tire is driven under: beyond it a number is in another unit, and is refused.
 
-#: A tire at less than this [Pa] rests on its rim, and bar, psi and kPa taken for Pa all lie below
-#: it: a fifth of it would let 1000 (kPa) pass, twice as much is 0.1 bar, which sand and snow are
-#: driven at.
-LEAST_PRESSURE_PA = 5e3
 #: least, most and unit of each condition: beyond them a number is in another unit. Twice the speed
 #: lets 400 km/h pass for m/s; a time of 1e7 s is a third of a year, a change of 300 K would burn
 #: the rubber
@@ -692,10 +688,13 @@ _DRIVEN = {
 
 def check_pressure(pressure_Pa: float | None) -> None:
     """ModelError for an inflation pressure that is none in Pa; nothing at all (0) is allowed."""
-    if pressure_Pa is not None and not (pressure_Pa == 0.0 or pressure_Pa >= LEAST_PRESSURE_PA):
+    # a tire at less rests on its rim, and bar, psi and kPa taken for Pa all lie below it: a fifth
+    # would let 1000 (kPa) pass, twice as much is 0.1 bar, which sand and snow are driven at
+    least = 5e3
+    if pressure_Pa is not None and not (pressure_Pa == 0.0 or pressure_Pa >= least):
         raise ModelError(
             f"inflation_pressure_Pa = {pressure_Pa:g} is not a plausible pressure of a tire in Pa",
-            allowed=f"0, or {LEAST_PRESSURE_PA:g} and more, is allowed",
+            allowed=f"0, or {least:g} and more, is allowed",
             do="write it in Pa (2.2 bar is 2.2e5)",
         )
 

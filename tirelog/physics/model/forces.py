@@ -63,9 +63,6 @@ from tirelog.physics.model.stages import (
 from tirelog.physics.spectral import MODES, STEP, grid_angles, to_grid
 from tirelog.vocabulary.arrays import FloatArray
 
-#: slip angles and cambers [deg] of the brush: beyond them a tread does not lie on the road as the
-#: brush has it. Doubling it lets a wheel turn across the road.
-WIDEST_DEG = 45.0
 #: hooks by which effects change the pressure that the road gives a tread
 _LEANING = ("tilt", "pressure", "kernel")
 _N = np.arange(MODES, dtype=np.float64)
@@ -88,11 +85,12 @@ def force_columns(
 
     ModelError: as `Model.predict`; an angle at which a tread does not lie on the road.
     """
+    widest = 45.0  # beyond it a tread does not lie on the road as the brush has it
     for name, angle in (("slip angle", slip_angle_deg), ("camber", camber_deg)):
-        if not abs(angle) <= WIDEST_DEG:
+        if not abs(angle) <= widest:
             raise ModelError(
                 f"a {name} of {angle:g} degrees",
-                allowed=f"{-WIDEST_DEG:g} to {WIDEST_DEG:g} degrees is allowed",
+                allowed=f"{-widest:g} to {widest:g} degrees is allowed",
                 do="correct it",
             )
     pieces = [
@@ -316,9 +314,6 @@ def carcass_facts(model: Model) -> dict[str, tuple[float, str, str]]:
 
 #: parameters that are in proportion to 1 / depth: the tread across the road, and along it
 STIFF = ("tread_stiffness_N_m2", "bristle_stiffness_N_m2", "traction.slip_stiffness_ratio")
-#: depths of a tread [m]: beyond them a number is in millimetres; twice as much lets 60 and 80 mm
-#: of a tread pass, which no tire has
-DEEPEST_M = 0.05
 
 
 def worn_model(
@@ -331,10 +326,11 @@ def worn_model(
 
     UsageError: depths that are none.  ModelError: a number leaves its bounds.
     """
-    if not 0.0 < depth_m <= new_depth_m <= DEEPEST_M:
+    deepest_m = 0.05  # beyond it a number is in millimetres
+    if not 0.0 < depth_m <= new_depth_m <= deepest_m:
         raise UsageError(
             f"a tread worn from {new_depth_m:g} to {depth_m:g} m",
-            allowed=f"allowed are depths above 0, the new one up to {DEEPEST_M:g} m and no less "
+            allowed=f"allowed are depths above 0, the new one up to {deepest_m:g} m and no less "
             "than the worn one",
             do="give both in metres",
         )
