@@ -207,6 +207,7 @@ def model(folder: Path, sizes: Sizes) -> None:
     from tirelog.data.recording import Conditions, Stack
     from tirelog.diagnosis.fitted import fit_of_logs
     from tirelog.physics import Model
+    from tirelog.physics.spectral import Angles
 
     def conditions(n: int) -> Conditions:
         random = np.random.default_rng(1)
@@ -231,7 +232,7 @@ def model(folder: Path, sizes: Sizes) -> None:
     kinds = (("beam",), ("beam", *five), ("beam", "stiffening"), ("beam", "ring_curvature"))
     for kind in (*kinds, ("ring",)):
         made = probed(*kind)
-        work = partial(made.predict, conditions(n), phi, phi_variance=variance)
+        work = partial(made.predict, conditions(n), Angles(phi, variance))
         say(f"predict {n} x {angles}, {' '.join(kind)[:24]}", cpu(work, 2), "0.5 s for five")
     n, noise, four = 400, 2e-6, [name for name in five if name != "traction"]
     drive, truth, start = conditions(n), probed("beam", *four), Model.new("beam")
@@ -239,7 +240,7 @@ def model(folder: Path, sizes: Sizes) -> None:
         start = start.with_effect(name)
     fixed = start.parameters["water_film.length"].fixed()
     start = start.with_parameters({"water_film.length": fixed})
-    values = truth.predict(drive, phi[:n], phi_variance=variance[:n])
+    values = truth.predict(drive, Angles(phi[:n], variance[:n]))
     stack = Stack(
         "strain", "strain_1", "outer", 0.3126, values + noise * random.normal(size=(n, angles)),
         grid, phi[:n], variance[:n], np.ones((n, angles), int), np.full(n, noise), drive,

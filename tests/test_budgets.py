@@ -48,8 +48,6 @@ LINES, PARAMETERS = 120, 8
 LONGER: set[str] = set()
 WIDER = {
     "api/answers.py:write_report",
-    "physics/model/model.py:linearised",
-    "physics/model/model.py:predict",
 }
 
 

@@ -9,6 +9,7 @@ from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
 from tirelog.physics.carcass.structures import critical_speed
+from tirelog.physics.spectral import Angles
 
 EJ, K, MU, L, Y, F, R = 4.0, 2.0e6, 4.5, 0.055, 3e-4, 3600.0, 0.3126
 BEAM = Model.new("beam", radius_m=R)
@@ -45,7 +46,7 @@ def test_bins_with_a_variance_read_the_mean_over_their_samples():
     samples = np.linspace(-1.0, 1.0, 2001) * spread
     conditions = Conditions.of(1, speed_m_s=12.0)
     mean = np.array([BEAM.predict(conditions, p + samples)[0].mean() for p in phi])
-    got = BEAM.predict(conditions, phi, phi_variance=np.full(3, samples.var()))[0]
+    got = BEAM.predict(conditions, Angles(phi, np.full(3, samples.var())))[0]
     plain = BEAM.predict(conditions, phi)[0]
     assert np.abs(got - mean).max() < 0.02 * np.abs(plain - mean).max()
 

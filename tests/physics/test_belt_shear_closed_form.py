@@ -6,8 +6,9 @@ from scipy.sparse import bmat, diags
 from scipy.sparse.linalg import spsolve
 
 from tests.physics.brush_shear import traction
-from tirelog.api.models import StripSection, forces, given_conditions, revolutions
+from tirelog.api.models import forces, given_conditions, revolutions
 from tirelog.data.recording import Conditions
+from tirelog.data.setup import Tire
 from tirelog.errors import ModelError
 from tirelog.physics import Model
 from tirelog.physics.model.file import preset_model
@@ -126,8 +127,8 @@ def test_its_slope_is_the_strain_of_every_fibre_of_the_section():
 
 
 def powers(stretched):
-    section = StripSection(ETA, HEIGHT, WIDTH)
-    told = force_columns(stretched, given_conditions(DRIVEN), section=section)
+    tire = Tire(viscosity_Pa_s=ETA, section_height_m=HEIGHT, width_m=WIDTH)
+    told = force_columns(stretched, given_conditions(DRIVEN), tire)
     names = ("bending_power_W", "stretching_power_W", "strip_power_W")
     return tuple(float(told[name][0]) for name in names)
 

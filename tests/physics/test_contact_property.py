@@ -8,7 +8,7 @@ import pytest
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.carcass.contact import LOSSES, NONE, solve_contact
+from tirelog.physics.carcass.contact import LOSSES, solve_contact
 from tirelog.physics.carcass.structures import RingCarcass, modal_impedance
 
 R, STEP, SPIN = 0.3, 2 * np.pi / 3072, 60.0
@@ -21,7 +21,7 @@ DAMPED = (540.0 * SPIN, 200.0 * SPIN, 0.15 * 6.3e5, 2e-5 * SPIN * 2.0)
 
 
 def test_without_losses_the_pressure_is_even_and_none_of_them_is_no_loss():
-    even, none = (solve_contact(CARCASS, 3500.0, losses) for losses in ((), NONE))
+    even, none = (solve_contact(CARCASS, 3500.0, losses) for losses in ((), (0.0,) * len(LOSSES)))
     assert np.allclose(even.pressure_N_m, even.pressure_N_m[::-1], rtol=1e-6)
     assert even.phi_rad.mean() == pytest.approx(0.0, abs=1e-9)
     assert np.allclose(none.pressure_N_m, even.pressure_N_m, rtol=0.0, atol=1e-7 * 3e4)

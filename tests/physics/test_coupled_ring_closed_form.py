@@ -34,7 +34,7 @@ def test_what_tows_the_tire_is_what_it_dissipates():
     motion = stepped_motion(stepper, 0.1, every=1)
     for _ in range(1000):
         stepper.step()
-        torque.append(stepper.road_forces.torque)
+        torque.append(stepper.road_torque)
     omega, V = motion.omega_rad_s.mean(), motion.V.mean(axis=0)
     a = stepper.state.centre - stepper.state.hub
     belt = 4.0 * np.pi * TIRE.R * omega**2 * np.sum(TIRE.n**2 * TIRE.c_n * np.abs(V) ** 2)

@@ -24,13 +24,12 @@ from tests.simulation.rolls import (
 from tirelog.data.road import RoadProfile
 from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.transient import State, Stepper, stepped_motion
-from tirelog.simulation.rolling.world import TrueProfile
 
 pytestmark = pytest.mark.xdist_group("coupled truth")  # one worker makes what these tests share
 
 SPEED, LOAD, LEVER, THETA, DAMPING = 20.0, 3000.0, 3e-4, -1.2, 100.0
 BEGIN, HEIGHT, LENGTH = 0.5, 0.005, 0.04
-CLEAT = TrueProfile(np.array([0.5, 0.51, 0.53, 0.54]), np.array([0.0, HEIGHT, HEIGHT, 0.0]))
+CLEAT = RoadProfile((0.5, 0.51, 0.53, 0.54), (0.0, HEIGHT, HEIGHT, 0.0))
 STEP, SETTLING = 2.5e-5, 24000
 
 

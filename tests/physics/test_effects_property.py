@@ -9,7 +9,7 @@ import pytest
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import BY_ID, CATALOGUE, Model, ModelEffect
-from tirelog.physics.effects import base, readers
+from tirelog.physics.effects import base, conditions_read, readers
 from tirelog.physics.effects.base import Drive, Site
 from tirelog.physics.model.user_effects import EXPRESSION_ACTS_ON, effect_by_expression
 from tirelog.physics.spectral import Parameter
@@ -396,8 +396,9 @@ def test_every_free_parameter_of_a_new_model_changes_the_prediction(carcass, obs
 @by_id(CATALOGUE)
 def test_an_effect_of_the_catalogue_is_the_same_in_another_process(effect):
     """By it predictions know which conditions it reads."""
-    assert pickle.loads(pickle.dumps(effect)) is effect
+    read = conditions_read([effect])
+    assert read is not None
+    assert conditions_read([pickle.loads(pickle.dumps(effect))]) == read
     other = replace(effect, mechanism="another")
-    again = pickle.loads(pickle.dumps(other))
-    assert again == other
-    assert again is not effect
+    assert pickle.loads(pickle.dumps(other)) == other
+    assert conditions_read([other]) is None

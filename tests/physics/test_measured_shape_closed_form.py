@@ -8,7 +8,7 @@ from tirelog.physics import Model
 from tirelog.physics.model.file import as_toml, load_model, parse_model, save_model
 from tirelog.physics.model.model import ModelEffect
 from tirelog.physics.model.user_effects import FRAMES, effect_by_expression, effect_by_shape
-from tirelog.physics.spectral import Parameter
+from tirelog.physics.spectral import Angles, Parameter
 
 AT = Conditions.of(
     3, speed_m_s=np.array([8.0, 14.0, 22.0]), acceleration_m_s2=0.0, time_s=0.0, load_N=3434.0
@@ -17,9 +17,9 @@ PHI = np.linspace(-3.0, 3.0, 61)
 BEAM = Model.new("beam", radius_m=0.3)
 
 
-def added(model, **at):
+def added(model, at=PHI):
     """What the effects of a model add to the strain of the bare beam."""
-    return model.predict(AT, PHI, **at) - BEAM.predict(AT, PHI, **at)
+    return model.predict(AT, at) - BEAM.predict(AT, at)
 
 
 def test_a_user_s_waveform_is_its_mean_over_a_bin():
@@ -27,7 +27,7 @@ def test_a_user_s_waveform_is_its_mean_over_a_bin():
     k, width = 24.0, 0.03
     amplitude = Parameter("A", "1", "", 1e-4, -1.0, 1.0, 1e-4)
     effect = effect_by_expression("wave", "strain", f"A * cos({k} * phi)", (amplitude,))
-    found = added(BEAM.with_effect(effect), phi_variance=np.full(PHI.shape, width**2 / 12.0))
+    found = added(BEAM.with_effect(effect), Angles(PHI, width**2 / 12.0))
     damped = np.sin(0.5 * k * width) / (0.5 * k * width)
     assert 0.5 * k * width > 0.3  # it is damped by 2 %
     np.testing.assert_allclose(

@@ -78,7 +78,7 @@ def alone(model, given, **how):
     """The same row by row."""
     rows = [np.array([i]) for i in range(N)]
     return np.concatenate(
-        [model.predict(given.take(r), ANGLES[r], phi_variance=SPREAD[r], **how) for r in rows]
+        [model.predict(given.take(r), Angles(ANGLES[r], SPREAD[r]), **how) for r in rows]
     )
 
 
@@ -111,7 +111,7 @@ MODELS = {
 @pytest.mark.parametrize("name", MODELS)
 def test_rows_of_few_speeds_are_what_they_are_alone(name, computed):
     model, given = MODELS[name], conditions(water_depth_mm=0.5)
-    many = model.predict(given, ANGLES, phi_variance=SPREAD)
+    many = model.predict(given, Angles(ANGLES, SPREAD))
     assert max(computed) < N // 2
     one = alone(model, given)
     assert np.abs(many - one).max() < 1e-8 * np.abs(one).max()
@@ -123,7 +123,7 @@ def test_so_are_those_that_a_strain_is_added_to_angle_by_angle(name):
     strengths = {f"{name}.{p}": q.probe for p, q in _parameters(model, name).items()}
     model = model.with_values(strengths)
     one = alone(model, given)
-    assert np.abs(model.predict(given, ANGLES, phi_variance=SPREAD) - one).max() < 1e-8
+    assert np.abs(model.predict(given, Angles(ANGLES, SPREAD)) - one).max() < 1e-8
 
 
 def _parameters(model, name):
@@ -137,14 +137,14 @@ def test_so_are_their_derivatives(monkeypatch):
     given = conditions()
     few = model.linearised(given, Angles(ANGLES, SPREAD), names)
     monkeypatch.setattr("tirelog.physics.model.laws.COUNTS", (N,))
-    each = model.linearised(given, ANGLES, names, phi_variance=SPREAD)
+    each = model.linearised(given, Angles(ANGLES, SPREAD), names)
     for a, b in zip([few[0], *few[1]], [each[0], *each[1]], strict=True):
         assert np.abs(a - b).max() < 1e-5 * np.abs(b).max()
 
 
 def test_a_speed_near_the_critical_one_takes_more_speeds_and_one_above_is_refused(computed):
     model, given = Model.new("beam"), conditions(speed_m_s=np.linspace(8.0, 34.5, N))
-    many, one = model.predict(given, ANGLES, phi_variance=SPREAD), alone(model, given)
+    many, one = model.predict(given, Angles(ANGLES, SPREAD)), alone(model, given)
     assert np.abs(many - one).max() < 1e-8 * np.abs(one).max()
     assert max(computed) > laws.COUNTS[0]
     above = np.append(SPEED[1:], 60.0)

@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from tirelog.data.road import RoadProfile
 from tirelog.simulation.rolling.belt import HALF, Belt, Splines
 from tirelog.simulation.rolling.step_kernel import DRIVE, LIVING
-from tirelog.simulation.rolling.world import POINTS, AtRest, RollingTire, TrueProfile, tire_at_rest
+from tirelog.simulation.rolling.world import POINTS, AtRest, RollingTire, tire_at_rest
 from tirelog.simulation.scenario.schema import TrueTire
 from tirelog.vocabulary.arrays import FloatArray
 
 RADIUS, LINE_MASS, EI, K_W, K_V, PB = 0.3, 3.15, 2.0, 6.3e5, 5.1e5, 1.2e5 * 0.14
-LEVEL = TrueProfile(np.array([0.0, 1.0]), np.zeros(2))
+LEVEL = RoadProfile()
 STEP = 2.5e-5
 
 
@@ -52,7 +53,7 @@ def rolling(
     speed: float,
     load: float,
     start: AtRest | None = None,
-    profile: TrueProfile = LEVEL,
+    profile: RoadProfile = LEVEL,
     step: float = STEP,
 ) -> RollingTire:
     return RollingTire(

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from tirelog.data.road import RoadProfile
 from tirelog.simulation import simulate
 from tirelog.simulation.rolling import step_kernel as kernel
-from tirelog.simulation.rolling.world import TrueProfile
 from tirelog.simulation.scenario.schema import PLANTABLE, Planted, Sensor
 from tirelog.simulation.sensors.sampling import passages, tread_angle
 from tirelog.simulation.steady.carcass import FlatRoadContact, carcass
@@ -15,7 +15,7 @@ from .rolls import K_V, LINE_MASS, RADIUS, belt, orders, rolling
 from .worlds import instants, scenario, world
 
 R = 0.305
-TRACTION = Planted("traction", "exact", {"slip_per_g": 0.0, "lever_m": 0.018})
+TRACTION = Planted("traction", "exact", {**PLANTABLE["traction"].parameters, "lever_m": 0.018})
 
 
 def test_ring_under_a_point_load_by_its_modes():
@@ -197,8 +197,9 @@ def test_passages_know_the_wind_up():
 
 
 def test_a_wavy_road_at_a_distance():
-    waves = TrueProfile(np.array([0.0, 1.0]), np.zeros(2), 0.004, 0.8)
+    waves = RoadProfile(amplitude_m=0.004, wavelength_m=0.8)
     start = (np.zeros(64), 1.0, 0.0)
-    constants = rolling(belt(64), speed=0.0, load=0.0, start=start, profile=waves).constants
-    found = [kernel.road_at(x, waves.corner_m, waves.height_m, constants) for x in (0.2, 0.4, -1)]
+    tire = rolling(belt(64), speed=0.0, load=0.0, start=start, profile=waves)
+    road = tire.corner_m, tire.height_m, tire.constants
+    found = [kernel.road_at(x, *road) for x in (0.2, 0.4, -1)]
     np.testing.assert_allclose(found, [(0.004, 0.01 * np.pi), (0.008, 0.0), (0.0, 0.0)], atol=1e-12)

@@ -8,7 +8,7 @@ import pytest
 from tests.strain.conftest import lopsided, make_drive
 from tests.strain.strain_truth import Beam, Ring
 from tirelog.simulation import Scenario, simulate, to_recording
-from tirelog.simulation.scenario.schema import Manoeuvre, Planted, Sensor
+from tirelog.simulation.scenario.schema import PLANTABLE, Manoeuvre, Planted, Sensor
 from tirelog.strain.footprint.footprint import choose_form, footprint
 from tirelog.strain.footprint.measure import NO_FORM, TOO_SMALL
 from tirelog.strain.passages.find import find_passages
@@ -149,7 +149,7 @@ def test_a_form_is_learnt_of_passages_that_roll_freely():
     for acceleration in (2.0, -2.0, 3.0, -3.0):
         speed = plan[-1].speed_m_s + np.copysign(8.0, acceleration)
         plan += [Manoeuvre(8.0 / abs(acceleration), speed, None), Manoeuvre(5.0, speed, None)]
-    slips = {"slip_per_g": 0.6, "lever_m": 0.03, "static_friction": 0.8, "sliding_friction": 0.6}
+    slips = {**PLANTABLE["traction"].parameters, "slip_per_g": 0.6, "lever_m": 0.03}
     channels = {"s": Sensor("fbg_strain", sampling_rate_Hz=2500.0, noise=0.002)}
     traction = (Planted("traction", "exact", slips),)
     simulated = simulate(Scenario(tuple(plan), channels, truth="ring", effects=traction, seed=1690))

@@ -13,7 +13,7 @@ import numpy as np
 
 from tirelog.api.logs import Path, SetupLike, as_read, as_setup
 from tirelog.data.recording import Conditions
-from tirelog.data.setup import RoadSetup, Setup
+from tirelog.data.setup import RoadSetup, Setup, Tire
 from tirelog.errors import ModelError, UsageError, refuse_unknown
 from tirelog.physics.effects import Effect, serves
 from tirelog.physics.model import file
@@ -28,7 +28,7 @@ from tirelog.physics.model.file import (
     with_gauge_length,
 )
 from tirelog.physics.model.file import new_model as made_model
-from tirelog.physics.model.forces import StripSection, carcass_facts, force_columns, worn_model
+from tirelog.physics.model.forces import carcass_facts, force_columns, worn_model
 from tirelog.physics.model.model import Model, difference_rows, parameter_rows
 from tirelog.physics.model.user_effects import catalogue_with, effect_called
 from tirelog.storage.whole import LARGEST_BYTES, bounded_input
@@ -464,17 +464,12 @@ def forces(
     With a setup that gives viscosity, height and width of the tread strip also its powers.
     UsageError and ModelError as `predict`.
     """
-    section = None
-    if setup is not None:
-        tire = setup.tire
-        strip = (tire.viscosity_Pa_s, tire.section_height_m, tire.width_m)
-        section = None if None in strip else StripSection(*strip)
     return force_columns(
         model,
         _checked(model, conditions),
+        Tire() if setup is None else setup.tire,
         slip_angle_deg=slip_angle_deg,
         camber_deg=camber_deg,
-        section=section,
     )
 
 

@@ -65,6 +65,7 @@ from tirelog.inference.metric import per_group
 from tirelog.inference.nuisances import shared_by
 from tirelog.inference.stacks.cut import Stacks
 from tirelog.physics.model.model import Model
+from tirelog.physics.spectral import Angles
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, together
@@ -431,10 +432,10 @@ def _by_revolution(base: Base, stacks: Sequence[Stack]) -> Iterator[list[dict[st
 
 def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict[str, Any]]:
     """The rows of the revolutions of one stack, which are in these cells, (n,)."""
-    angles: dict[str, Any] = {"phi_rad": None}
+    angles = None
     if stack.phi_rad.size > 1:
-        angles["phi_rad"] = stack.phi_mean - base.cells.moved[cell][:, None]
-        angles["phi_variance"] = stack.phi_variance
+        turned = stack.phi_mean - base.cells.moved[cell][:, None]
+        angles = Angles(turned, stack.phi_variance)
     left_out, cell = cell < 0, np.maximum(cell, 0)  # of a log that many others left no room
     model = base.model
     if model.beside:
@@ -463,16 +464,16 @@ def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict
     ]  # fmt: skip
 
 
-def _of_each(model: Model, stack: Stack, angles: Mapping[str, Any]) -> FloatArray:
+def _of_each(model: Model, stack: Stack, angles: Angles | None) -> FloatArray:
     """The prediction of each revolution, (n, m); NaN of those that the model cannot compute."""
     computed = or_refusal(partial(model.predict, surface=stack.surface, each=True))
-    found = computed(stack.conditions, **angles)
+    found = computed(stack.conditions, angles)
     if not isinstance(found, ModelError):
         return found
     result = np.full(stack.values.shape, np.nan)
     for i in range(len(stack)):
-        own = {name: None if all_ is None else all_[i : i + 1] for name, all_ in angles.items()}
-        one = computed(stack.conditions.take(np.array([i])), **own)
+        own = None if angles is None else angles.take(slice(i, i + 1))
+        one = computed(stack.conditions.take(np.array([i])), own)
         result[i] = np.nan if isinstance(one, ModelError) else one[0]
     return result
 

@@ -172,6 +172,14 @@ class ValueKind:
 
 
 @dataclass(frozen=True)
+class FunctionKind:
+    """A value that a function reads, with what it allows."""
+
+    allowed: str
+    read: Callable[[Any, FilePlace], Any]
+
+
+@dataclass(frozen=True)
 class OneOf:
     """One of a few words; if `several`, a list of some of them, and a tuple of these."""
 

@@ -299,9 +299,9 @@ class Cells(Means):
         return np.where(np.isin(_RANDOM, self.free), 0.0, self.random)
 
     @cached_property
-    def angles(self) -> dict[str, Any]:
-        """Where a model is asked to predict: the argument of `Model.predict`."""
-        return {"phi_rad": Angles(self.phi, self.phi_variance) if self.phi.shape[1] > 1 else None}
+    def angles(self) -> Angles | None:
+        """Where a model is asked to predict; None for a number per revolution."""
+        return Angles(self.phi, self.phi_variance) if self.phi.shape[1] > 1 else None
 
     @property
     def manoeuvres(self) -> int:
@@ -698,10 +698,10 @@ def predicted(
     own = {_called(name, cells): value for name, value in (values or {}).items()}
     return one.predict(
         cells.conditions if conditions is None else conditions,
+        cells.angles,
         values=_known(one, own),
         surface=cells.surface,
         observable=cells.observable,
-        **cells.angles,
     )
 
 
@@ -719,12 +719,12 @@ def linearised(
     asked = _known(one, {_called(name, cells): k for k, name in enumerate(names)})
     prediction, slopes = one.linearised(
         cells.conditions,
-        names=list(asked),
+        cells.angles,
+        list(asked),
         values=_known(one, own),
         rough=rough,
         surface=cells.surface,
         observable=cells.observable,
-        **cells.angles,
     )
     jacobian = np.zeros((*cells.phi.shape, len(names)))
     jacobian[..., list(asked.values())] = np.moveaxis(slopes, 0, -1)

@@ -21,7 +21,7 @@ A user's own effects on the foundation do not change the pressure.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -46,13 +46,6 @@ from tirelog.vocabulary.arrays import FloatArray
 #: of 12 cm to either side at 0.3 m; twice as much doubles the nodes.
 REACH = 0.8
 NODES = int(REACH / STEP)
-#: Steps of the search for the angles that touch; from anywhere it takes some six. Twice as many
-#: change nothing that converges. It begins with those up to so many [rad], which changes no digit.
-_MOST_STEPS = 100
-_BEGIN = 0.2
-#: Angles beyond those that it begins with, as a share of these and at least so many, among which an
-#: edge is looked for; twice as many take twice as long, and it is asked beyond them too.
-_MARGIN, _LEAST_MARGIN = 0.25, 12
 #: the waves of the grid
 _WAVES = np.arange(GRID // 2 + 1, dtype=np.float64)
 #: What a contact moves with: these constants of the carcass, p0 b and the load.
@@ -64,7 +57,6 @@ SIDEWALLS = ("k_w", "k_v")
 #: in proportion to the wave's frequency [N/m^2], of the radial one the same at every frequency
 #: [N/m^2], and of the belt in bending in proportion to it [N m^2]
 LOSSES = ("radial_rate", "tangential_rate", "radial", "bending_rate")
-NONE = (0.0,) * len(LOSSES)
 
 #: the factors of `dgetrf`
 _Factors = tuple[FloatArray, NDArray[np.int32]]
@@ -185,8 +177,10 @@ def solve_contact(carcass: RingCarcass, load_N: float, losses: tuple[float, ...]
     ModelError if the load is not above zero or the patch grows beyond REACH.
     """
     check_load(load_N)
-    last = int(solve_contact(carcass, load_N).on[-1]) if losses else int(_BEGIN / STEP)
-    farthest = last + max(_LEAST_MARGIN, int(_MARGIN * last))
+    # the search begins with the angles up to 0.2 rad, which changes no digit, and looks for an edge
+    # among a quarter more; twice as many take twice as long, and it is asked beyond them too
+    last = int(solve_contact(carcass, load_N).on[-1]) if losses else int(0.2 / STEP)
+    farthest = last + max(12, last // 4)
     for wide in sorted({min(farthest << k, NODES) for k in range(NODES.bit_length())}):
         found = _contact_within(carcass, losses, load_N, last, wide)
         if found is not None:
@@ -255,7 +249,7 @@ def balance(
     high the road's tangent is below each angle, `carries` (j,) the load per pressure [m]. None too
     if an angle at an end touches.
     """
-    for _ in range(_MOST_STEPS):
+    for _ in range(100):  # from anywhere it takes some six
         on = np.flatnonzero(active)
         system = np.asfortranarray(yields[np.ix_(on, on)])
         system[np.diag_indices(on.size)] += 1.0 / k_t
@@ -305,20 +299,10 @@ def _among(carcass: RingCarcass, losses: tuple[float, ...], farthest: int) -> Fl
 # ring's stiffness: contacts are solved with those of one row between, and the other rows are a step
 # away by derivatives.
 
-#: Loads that differ are solved one by one up to this number, else on as many Chebyshev nodes as
-#: _TABLE and interpolated. Twice as many nodes take twice as long for errors far below the
-#: solution's own.
-_FEW, _TABLE = 4, 8
-#: The same of tensions, which differ by less from log to log and with the speed. Twice as many
-#: take twice as long.
-_FEW_TENSIONS, _TENSIONS = 4, 4
-#: Nodes are laid over a range that is widened to whole steps of this share of it, at most, so that
-#: sensors which passed the patch at nearly the same speeds ask for the same contacts; twice as much
-#: widens it by up to a quarter
-_RANGE_STEP = 1.0 / 16.0
-#: Losses that differ are solved for at one of so many values per octave, for the same reason; half
-#: as many leave a step of up to a fifth to derivatives, which is right to the square of it
-_PER_OCTAVE = 4.0
+#: Values that differ are solved one by one up to this number, else on Chebyshev nodes between which
+#: is interpolated: twice as many for loads, and as many for tensions, which differ by less. With
+#: twice as many nodes it takes twice as long for errors far below the solution's own.
+_FEW = 4
 
 
 @dataclass(frozen=True)
@@ -333,8 +317,8 @@ class ContactState:
     carcass: RingCarcass
     load_N: FloatArray
     pb_N_m: FloatArray
-    losses: FloatArray = field(default_factory=lambda: np.zeros((1, len(LOSSES))))
-    stiffer: FloatArray = field(default_factory=lambda: np.ones((1, 1)))
+    losses: FloatArray
+    stiffer: FloatArray
 
     def at(self, stiffer: float, pb_N_m: float) -> RingCarcass:
         """The carcass with stiffer sidewalls at another tension."""
@@ -410,7 +394,7 @@ def _solved_at(state: ContactState, rows_of: ContactState) -> tuple[list[_Solved
         alike = np.flatnonzero(of_stiff)
         for tension, of_tension in _shared(pb[alike], pb_there[alike]):
             rows, share = alike[of_tension != 0.0], of_tension[of_tension != 0.0]
-            nodes, weights = _nodes(load[rows], load_there[rows], _FEW, _TABLE)
+            nodes, weights = _nodes(load[rows], load_there[rows], 2 * _FEW)
             solved.append((state.at(stiffer, tension), losses, tuple(nodes.tolist())))
             column = np.zeros((load.size, nodes.size))
             column[rows] = weights * (share * of_stiff[rows])[:, None]
@@ -420,17 +404,17 @@ def _solved_at(state: ContactState, rows_of: ContactState) -> tuple[list[_Solved
 
 def _shared(values: FloatArray, there: FloatArray) -> Iterator[tuple[float, FloatArray]]:
     """`_nodes` of tensions or stiffnesses, one by one: a value to solve at, its weights (n,)."""
-    nodes, weights = _nodes(values, there, _FEW_TENSIONS, _TENSIONS)
+    nodes, weights = _nodes(values, there, _FEW)
     yield from zip(nodes.tolist(), weights.T)
 
 
 def _between(losses: FloatArray) -> tuple[float, ...]:
-    """Losses between those of the rows (n, 4), at round values unless all rows have the same."""
+    """Losses between those of the rows (n, 4), four values an octave unless all have the same."""
     if not np.any(losses):
-        return NONE
+        return (0.0,) * len(LOSSES)
     mean, differ = losses.mean(axis=0), np.ptp(losses, axis=0) > 0.0
     size = np.maximum(np.abs(mean), 1e-300)
-    rounded = np.sign(mean) * 2.0 ** (np.round(_PER_OCTAVE * np.log2(size)) / _PER_OCTAVE)
+    rounded = np.sign(mean) * 2.0 ** (np.round(4.0 * np.log2(size)) / 4.0)
     return tuple(np.where(differ, rounded, mean).tolist())
 
 
@@ -442,7 +426,7 @@ def _table(
     half = np.empty((len(loads_N), 1))
     grid = np.zeros((len(loads_N), 2 if tilted else 1, GRID))
     for row, load_N in enumerate(loads_N):
-        found = solve_contact(carcass, load_N, losses if losses != NONE else ())
+        found = solve_contact(carcass, load_N, losses if any(losses) else ())
         on, p, half[row] = found.on, found.pressure_N_m, found.half_length_m
         grid[row, 0, on] = p
         if tilted:
@@ -462,7 +446,7 @@ def _slopes(
 
     (10, k, 1 + ...) with those by each of the losses.
     """
-    own = losses if lossy or losses != NONE else ()
+    own = losses if lossy or any(losses) else ()
     size = (BY + len(own), len(loads_N))
     half, grid = np.empty((*size, 1)), np.zeros((*size, 2 if tilted else 1, GRID))
     for row, load_N in enumerate(loads_N):
@@ -476,17 +460,17 @@ def _slopes(
     return np.concatenate([half, to_modes(grid).reshape(*size, -1)], axis=-1)
 
 
-def _nodes(
-    values: FloatArray, there: FloatArray, few: int, table: int
-) -> tuple[FloatArray, FloatArray]:
+def _nodes(values: FloatArray, there: FloatArray, table: int) -> tuple[FloatArray, FloatArray]:
     """Values to solve at, (k,), and weights (n, k) that interpolate from them to others `there`.
 
     Few values are solved at themselves; those that are near to one have the weights of it alone.
     """
     distinct, inverse = np.unique(values, return_inverse=True)
-    if distinct.size <= few:
+    if distinct.size <= _FEW:
         return distinct, np.eye(distinct.size)[inverse]
-    step = _RANGE_STEP * 2.0 ** np.floor(np.log2(distinct[-1] - distinct[0]))
+    # over a range of whole steps, a sixteenth of it at most: sensors that passed the patch at about
+    # the same speeds ask for the same contacts
+    step = 2.0 ** np.floor(np.log2(distinct[-1] - distinct[0])) / 16.0
     low, high = step * np.floor(distinct[0] / step), step * np.ceil(distinct[-1] / step)
     angle = (np.arange(table) + 0.5) * np.pi / table
     nodes = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(angle)

@@ -216,9 +216,6 @@ MOTION = (
     "radial_damping_N_s_m2",
     "tangential_damping_N_s_m2",
 )
-#: Damping [N s/m^2] that a new coupled ring starts with: without any it would ring for ever. It is
-#: a start value: twice as much rings half as long until it is fitted or stated.
-_ROLLS_WITH = 60.0
 _TREAD = (
     _p("tread_stiffness_N_m2", "N/m^2", "k_t, radial stiffness of the tread", 8.75e7, 1e6, 1e10),
 )
@@ -289,8 +286,9 @@ def _of_one(carcass: str, observable: str, flat_road: bool) -> tuple[Parameter, 
 
 def _coupled() -> tuple[Parameter, ...]:
     """The ring's parameters and the coupled ring's own."""
+    # a start value: without any damping [N s/m^2] it would ring for ever
     damped = (
-        replace(p, value=_ROLLS_WITH, probe=_ROLLS_WITH) if p.name.endswith("damping_N_s_m2") else p
+        replace(p, value=60.0, probe=60.0) if p.name.endswith("damping_N_s_m2") else p
         for p in _RING
     )
     return (*damped, *_COUPLED)

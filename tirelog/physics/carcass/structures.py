@@ -72,9 +72,6 @@ _MODES = 128
 _GRID = 512
 #: modes that a slope couples; with twice as many a step takes longer and hardly one is saved
 _COUPLED = 32
-#: steps at most (then ModelError), and steps with the same slopes; twice as many steps only take
-#: longer to fail, twice as many with the same slopes take longer if rows lie far apart
-_STEPS = 80
 
 
 #: what rows take for the inverse of their slopes: matrices (n, 2 K, 2 K) that act on real beside
@@ -103,7 +100,7 @@ def hardened_load(
     s = np.broadcast_to(np.asarray(stiffness, dtype=np.float64), (rows, 1))
     known = start is not None and start[0].shape == P.shape
     modes, slopes = start if start is not None and known else (_soft(P * H, H, s), None)
-    for step in range(_STEPS):
+    for step in range(80):  # far more than what converges takes
         w = irfft(modes, _GRID, axis=1, norm="forward")
         if slopes is None or (step and step % 8 == 0):
             _refuse_giving_way(w, H, s)

@@ -5,10 +5,7 @@ An effect is a function with `@effect` in one of them (`base.effect`).
 
 from __future__ import annotations
 
-import copyreg
-import pickle
 from collections.abc import Iterable
-from typing import Any
 
 from tirelog.physics.effects import contact, structure, waveform
 from tirelog.physics.effects.base import Drive, Effect, Site, Structure, Values, acting_on
@@ -23,23 +20,6 @@ CATALOGUE: tuple[Effect, ...] = tuple(
 BY_ID = {effect.id: effect for effect in CATALOGUE}
 
 
-def _of_catalogue(name: str) -> Effect:
-    return BY_ID[name]
-
-
-def _pickled(effect: Effect) -> str | tuple[Any, ...]:
-    """The form of an effect for another process; the catalogue's stays the catalogue's.
-
-    Of any other nobody knows which conditions it reads, and predictions take five times as long.
-    """
-    if BY_ID.get(effect.id) is effect:
-        return _of_catalogue, (effect.id,)
-    return effect.__reduce_ex__(pickle.HIGHEST_PROTOCOL)
-
-
-copyreg.pickle(Effect, _pickled)
-
-
 def conditions_read(effects: Iterable[Effect]) -> set[str] | None:
     """Conditions that effects of the catalogue follow or need.
 
@@ -47,7 +27,7 @@ def conditions_read(effects: Iterable[Effect]) -> set[str] | None:
     """
     read = set[str]()
     for effect in effects:
-        if BY_ID.get(effect.id) is not effect:
+        if effect != BY_ID.get(effect.id):
             return None
         read |= {*dict(effect.followed), *effect.needs, *effect.instead.values()}
     return read

@@ -9,9 +9,9 @@ fit (and `fixed = true` if it is held although it has bounds).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +55,7 @@ from tirelog.storage.schema import (
     Document,
     Entries,
     FilePlace,
+    FunctionKind,
     KeyKind,
     Named,
     Table,
@@ -89,15 +90,7 @@ _NUMBER = Table(
 _OWN_NUMBER = Table({**_NUMBER.keys, "unit": TEXT})
 
 
-@dataclass(frozen=True)
-class _Kind:
-    """What a key may hold: the function that reads its value."""
-
-    allowed: str
-    read: Callable[[Any, FilePlace], Any]
-
-
-def _number(known: Parameter | None, table: Table = _NUMBER) -> _Kind:
+def _number(known: Parameter | None, table: Table = _NUMBER) -> FunctionKind:
     """A parameter: a plain number is fixed, a table is free.
 
     One that nobody knows has no bounds but those that it brings.
@@ -118,7 +111,7 @@ def _number(known: Parameter | None, table: Table = _NUMBER) -> _Kind:
         except ModelError as problem:
             raise place.moved(problem) from None
 
-    return _Kind(allowed, read)
+    return FunctionKind(allowed, read)
 
 
 def _unknown(value: Any, place: FilePlace) -> Parameter:
@@ -132,7 +125,7 @@ def _unknown(value: Any, place: FilePlace) -> Parameter:
     return Parameter(str(place.path[-1]), "", "the user's own", 0.0, -most, most, probe=probe)
 
 
-def _use(known: Nuisance) -> _Kind:
+def _use(known: Nuisance) -> FunctionKind:
     """A nuisance of the file: a use, or a table of use and sizes."""
 
     def read(value: Any, place: FilePlace) -> Nuisance:
@@ -144,7 +137,7 @@ def _use(known: Nuisance) -> _Kind:
         sizes = tuple(replace(given.get(p.name, p), free=False) for p in known.sizes)
         return replace(known, sizes=sizes, use=given.get("use", USES[0]))
 
-    return _Kind(f"allowed are {', '.join(USES)}", read)
+    return FunctionKind(f"allowed are {', '.join(USES)}", read)
 
 
 def _observables(value: Any, place: FilePlace) -> tuple[str, ...]:
@@ -159,7 +152,7 @@ def _observables(value: Any, place: FilePlace) -> tuple[str, ...]:
 _OBSERVABLE = words(*OBSERVABLES)
 _HEAD = Table(
     {
-        "observable": _Kind(_OBSERVABLE.allowed, _observables),
+        "observable": FunctionKind(_OBSERVABLE.allowed, _observables),
         "carcass": words(*CARCASSES),
         "contact": ANYTHING,
     },
@@ -681,18 +674,12 @@ def known_surface(setup: Setup | None) -> str | None:
 
 # ---- What a tire is driven under: beyond it a number is in another unit, and is refused.
 
-#: A tire at less than this [Pa] rests on its rim, and bar, psi and kPa taken for Pa all lie below
-#: it: a fifth of it would let 1000 (kPa) pass, twice as much is 0.1 bar, which sand and snow are
-#: driven at.
-LEAST_PRESSURE_PA = 5e3
-#: Speeds [m/s] and accelerations [m/s^2] that a tire is driven at; beyond them a number is in
-#: another unit. Twice as much lets a speed in km/h pass for m/s up to 400 km/h.
-FASTEST_M_S, HARDEST_M_S2 = 200.0, 100.0
-#: least, most and unit of each condition; a time of 1e7 s is a third of a year, a change of 300 K
-#: would burn the rubber
+#: least, most and unit of each condition: beyond them a number is in another unit. Twice the speed
+#: lets 400 km/h pass for m/s; a time of 1e7 s is a third of a year, a change of 300 K would burn
+#: the rubber
 _DRIVEN = {
-    "speed_m_s": (0.0, FASTEST_M_S, "m/s"),
-    "acceleration_m_s2": (-HARDEST_M_S2, HARDEST_M_S2, "m/s^2"),
+    "speed_m_s": (0.0, 200.0, "m/s"),
+    "acceleration_m_s2": (-100.0, 100.0, "m/s^2"),
     "time_s": (0.0, 1e7, "s"),
     "temperature_K": (-300.0, 300.0, "K of change"),
     "slip": (-1.0, 1.0, "(positive in braking)"),
@@ -701,10 +688,13 @@ _DRIVEN = {
 
 def check_pressure(pressure_Pa: float | None) -> None:
     """ModelError for an inflation pressure that is none in Pa; nothing at all (0) is allowed."""
-    if pressure_Pa is not None and not (pressure_Pa == 0.0 or pressure_Pa >= LEAST_PRESSURE_PA):
+    # a tire at less rests on its rim, and bar, psi and kPa taken for Pa all lie below it: a fifth
+    # would let 1000 (kPa) pass, twice as much is 0.1 bar, which sand and snow are driven at
+    least = 5e3
+    if pressure_Pa is not None and not (pressure_Pa == 0.0 or pressure_Pa >= least):
         raise ModelError(
             f"inflation_pressure_Pa = {pressure_Pa:g} is not a plausible pressure of a tire in Pa",
-            allowed=f"0, or {LEAST_PRESSURE_PA:g} and more, is allowed",
+            allowed=f"0, or {least:g} and more, is allowed",
             do="write it in Pa (2.2 bar is 2.2e5)",
         )
 

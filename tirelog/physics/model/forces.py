@@ -34,11 +34,12 @@ brake provides it, not the rolling.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from tirelog.data.recording import Conditions
+from tirelog.data.setup import Tire
 from tirelog.errors import ModelError, UsageError
 from tirelog.physics import pressure as brush
 from tirelog.physics.carcass import structures
@@ -47,10 +48,10 @@ from tirelog.physics.effects.contact import slip as brush_slip
 from tirelog.physics.model.laws import between_half_levels
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.stages import (
-    Active,
     Task,
     hardened,
     hub_forces,
+    inward,
     load_on_carcass,
     loaded_site,
     pressure,
@@ -62,65 +63,52 @@ from tirelog.physics.model.stages import (
 from tirelog.physics.spectral import MODES, STEP, grid_angles, to_grid
 from tirelog.vocabulary.arrays import FloatArray
 
-#: slip angles and cambers [deg] of the brush: beyond them a tread does not lie on the road as the
-#: brush has it. Doubling it lets a wheel turn across the road.
-WIDEST_DEG = 45.0
 #: hooks by which effects change the pressure that the road gives a tread
 _LEANING = ("tilt", "pressure", "kernel")
 _N = np.arange(MODES, dtype=np.float64)
 
 
-@dataclass(frozen=True)
-class StripSection:
-    """The strip of rubber under the grating.
-
-    eta [Pa s], height h [m], width b [m].
-    """
-
-    viscosity_Pa_s: float
-    height_m: float
-    width_m: float
-
-
 def force_columns(
     model: Model,
     conditions: Conditions,
+    tire: Tire,
     *,
     slip_angle_deg: float = 0.0,
     camber_deg: float = 0.0,
-    section: StripSection | None = None,
 ) -> dict[str, FloatArray]:
     """Columns of `tirelog model forces`, each (n,); NaN if the model has none.
 
     The brush takes its friction and stiffness from the model's effect `traction`, without it P2's;
     a lateral force or an aligning moment is there whenever slip angle or camber are not zero. With
-    a `section`, the power that its viscosity takes by P1 (25), bending with w''', and by (27).
+    viscosity, height and width of the `tire`'s tread strip, the power that they take by P1 (25),
+    bending with w''', and by (27).
 
     ModelError: as `Model.predict`; an angle at which a tread does not lie on the road.
     """
+    widest = 45.0  # beyond it a tread does not lie on the road as the brush has it
     for name, angle in (("slip angle", slip_angle_deg), ("camber", camber_deg)):
-        if not abs(angle) <= WIDEST_DEG:
+        if not abs(angle) <= widest:
             raise ModelError(
                 f"a {name} of {angle:g} degrees",
-                allowed=f"{-WIDEST_DEG:g} to {WIDEST_DEG:g} degrees is allowed",
+                allowed=f"{-widest:g} to {widest:g} degrees is allowed",
                 do="correct it",
             )
     pieces = [
-        _of_task(task, rows.stop - rows.start, slip_angle_deg, camber_deg, section)
+        _of_task(task, rows.stop - rows.start, slip_angle_deg, camber_deg, tire)
         for rows, task in model._tasks(conditions, model.values)
     ]
     return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
 
 
 def _of_task(
-    task: Task, n: int, slip_angle_deg: float, camber_deg: float, section: StripSection | None
+    task: Task, n: int, slip_angle_deg: float, camber_deg: float, tire: Tire
 ) -> dict[str, FloatArray]:
     """The columns of one block of revolutions, each (n,)."""
     site, R, speed = loaded_site(task)[0], task.base["radius_m"], task.drive.speed_m_s
     slip, grip = _brush(task)
     carcass, moment = _balance(task)
     none = np.full((1, 1), np.nan)
-    bending, stretching, strip = _section_power(task, section) if section else (none,) * 3
+    bending, stretching, strip = _section_power(task, tire)
     load, half, sigma = np.broadcast_arrays(site.load_N, site.half_length_m, slip)
     slipping, camber = np.radians(slip_angle_deg), np.radians(camber_deg)
     x, y, aligning = brush.forces(load, half, sigma, slipping, camber, R, grip)
@@ -201,8 +189,8 @@ def _balance(task: Task) -> tuple[FloatArray, FloatArray]:
 def _without_leaning(task: Task) -> Task:
     """The task with the pressure of the road alone, without effects on it."""
     active = [
-        Active(replace(a.effect, tilt=None, pressure=None, kernel=None), a.values)
-        for a in task.active
+        (replace(effect, tilt=None, pressure=None, kernel=None), values)
+        for effect, values in task.active
     ]
     return replace(task, active=active, memo={}, near=None)
 
@@ -210,8 +198,7 @@ def _without_leaning(task: Task) -> Task:
 def _carcass_moment(task: Task) -> FloatArray:
     """Power that the losses of the carcass take, over Omega [N m], (n or 1, 1)."""
     # the road pushes, not what a hardened foundation leaves of it
-    inward = hardened(task) * response(task).displacement
-    work = (np.conj(inward) * load_on_carcass(task)).imag
+    work = (np.conj(inward(task)) * load_on_carcass(task)).imag
     return np.asarray(
         (4.0 * np.pi * task.base["radius_m"]) * (_N * work).sum(axis=1, keepdims=True)
     )
@@ -222,8 +209,7 @@ def _hub_moment(task: Task) -> FloatArray:
     R, phi = task.base["radius_m"], grid_angles()
     x = np.where(phi < np.pi, R * phi, 0.0)  # half a turn away lies ahead and behind alike
     if task.carcass == "ring":
-        inward = to_grid(hardened(task) * response(task).displacement)
-        x = (R - inward) * np.sin(phi) + to_grid(tangential(task)) * np.cos(phi)
+        x = (R - to_grid(inward(task))) * np.sin(phi) + to_grid(tangential(task)) * np.cos(phi)
     return np.asarray(
         (-R * STEP) * (to_grid(pressure(task).pressure) * x).sum(axis=1, keepdims=True)
     )
@@ -234,18 +220,18 @@ def _deflections(task: Task) -> tuple[FloatArray, FloatArray]:
 
     The approach is the yield of belt and tread above the hub's foot; without a road it is NaN.
     """
-    belt = to_grid(hardened(task) * response(task).displacement)
+    belt = to_grid(inward(task))
     approach = np.full((1, 1), np.nan)
     if task.flat_road:
         plain = _without_leaning(task)
-        yields = to_grid(hardened(plain) * response(plain).displacement)[:, :1]
+        yields = to_grid(inward(plain))[:, :1]
         tread = to_grid(pressure(plain).pressure)[:, :1] / task.base["tread_stiffness_N_m2"]
         approach = yields + tread
     return belt.max(axis=1, keepdims=True), approach
 
 
-def _section_power(task: Task, section: StripSection) -> tuple[FloatArray, ...]:
-    """Losses in bending, in stretching and by P1 (27) [W], each (n or 1, 1).
+def _section_power(task: Task, tire: Tire) -> tuple[FloatArray, ...]:
+    """Losses in bending, in stretching and by P1 (27) [W], each (n or 1, 1); NaN if not known.
 
     eta J c^2 int w'''^2 ds and eta A c^2 int u''^2 ds: their sum is P1 (25).
 
@@ -253,15 +239,17 @@ def _section_power(task: Task, section: StripSection) -> tuple[FloatArray, ...]:
     is the second.
     """
     R, lever = task.base["radius_m"], task.base["lever_arm_m"]
-    curved, along = hardened(task) * response(task).curvature, pulled_along(task)
+    curved, along = hardened(task) * response(task)[1], pulled_along(task)
     stretched = np.zeros((1, MODES)) if along is None else 1j * (_N / R) * along
+    known = (tire.viscosity_Pa_s, tire.section_height_m, tire.width_m)
+    viscosity, height, width = (np.nan if x is None else x for x in known)
     powers = []
     for strain in (curved, stretched, lever * curved + stretched):
         slopes = (_N / R) ** 2 * (strain.real**2 + strain.imag**2)
         integral = 4.0 * np.pi * R * slopes.sum(axis=1, keepdims=True)
-        powers.append(section.viscosity_Pa_s * task.drive.speed_m_s**2 * integral)
-    area = section.height_m * section.width_m
-    return powers[0] * area * section.height_m**2 / 12.0, powers[1] * area, powers[2] * area
+        powers.append(viscosity * task.drive.speed_m_s**2 * integral)
+    area = height * width
+    return powers[0] * area * height**2 / 12.0, powers[1] * area, powers[2] * area
 
 
 def _dry_length(task: Task) -> FloatArray:
@@ -326,9 +314,6 @@ def carcass_facts(model: Model) -> dict[str, tuple[float, str, str]]:
 
 #: parameters that are in proportion to 1 / depth: the tread across the road, and along it
 STIFF = ("tread_stiffness_N_m2", "bristle_stiffness_N_m2", "traction.slip_stiffness_ratio")
-#: depths of a tread [m]: beyond them a number is in millimetres; twice as much lets 60 and 80 mm
-#: of a tread pass, which no tire has
-DEEPEST_M = 0.05
 
 
 def worn_model(
@@ -341,10 +326,11 @@ def worn_model(
 
     UsageError: depths that are none.  ModelError: a number leaves its bounds.
     """
-    if not 0.0 < depth_m <= new_depth_m <= DEEPEST_M:
+    deepest_m = 0.05  # beyond it a number is in millimetres
+    if not 0.0 < depth_m <= new_depth_m <= deepest_m:
         raise UsageError(
             f"a tread worn from {new_depth_m:g} to {depth_m:g} m",
-            allowed=f"allowed are depths above 0, the new one up to {DEEPEST_M:g} m and no less "
+            allowed=f"allowed are depths above 0, the new one up to {deepest_m:g} m and no less "
             "than the worn one",
             do="give both in metres",
         )

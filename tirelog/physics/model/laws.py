@@ -38,10 +38,6 @@ from tirelog.physics.spectral import (
 )
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: from where to where beyond a front the level beside the patch is taken, as of a measured passage
-#: (`wheel.fronts`); twice the first or half the second move the front by half a degree
-BESIDE_RAD = (np.radians(25.0), np.radians(130.0))
-
 
 def patch_length(task: Task, lever_m: float) -> FloatArray:
     """2 L [m], after the effects on the load."""
@@ -81,7 +77,7 @@ def _under_own_load(task: Task) -> Task:
     """The task under the model's load, whatever is measured and what effects do to it."""
     unknown = replace(task.drive, load_N=np.full((1, 1), np.nan))
     loading = task.having("load", "added_load")
-    active = [a for a in task.active if a not in loading]
+    active = [entry for entry in task.active if entry not in loading]
     near = None if task.near is None else _under_own_load(task.near)
     return replace(task, drive=unknown, active=active, memo={}, near=near)
 
@@ -90,12 +86,14 @@ def between_half_levels(task: Task) -> FloatArray:
     """Angle (n or 1, 1) between the places where the reading is half of its level beside the patch.
 
     The reading is 1 - R times what the belt is less curved by than a circle, over its size on a
-    circle; the level is the mean from BESIDE_RAD on behind the steepest places, as it is measured.
+    circle; the level is the mean of 25 to 130 degrees behind the steepest places.
     """
     reading = 1.0 - task.base["radius_m"] * to_grid(bending(task))
     ahead, behind = (side[:, : GRID // 2] for side in _ways(reading))
     angle = STEP * np.arange(GRID // 2)
-    near, far = (0.5 * _between_steepest(task) + edge for edge in BESIDE_RAD)
+    # as of a measured passage (`wheel.fronts`); twice the first or half the second angle moves the
+    # front by half a degree
+    near, far = (0.5 * _between_steepest(task) + np.radians(edge) for edge in (25.0, 130.0))
     beside = (angle > near) & (angle < far)
     count = beside.sum(axis=1, keepdims=True)
     half = 0.5 * ((ahead + behind) * beside).sum(axis=1, keepdims=True) / (2.0 * count)
@@ -315,7 +313,7 @@ def _added(task: Task, observable: str, angles: Angles) -> FloatArray | float:
     """
     total: FloatArray | float = 0.0
     hook = _AT_ANGLES.get(observable, "")
-    for a in task.having(hook) if hook else ():
-        site, at = loaded_site(task)[0], getattr(a.effect, hook)
-        total = total + angles.mean(partial(at, a.values, task.drive, site))
+    for effect, values in task.having(hook) if hook else ():
+        site, at = loaded_site(task)[0], getattr(effect, hook)
+        total = total + angles.mean(partial(at, values, task.drive, site))
     return total

@@ -479,7 +479,6 @@ class Model:
         phi_rad: FloatArray | Angles | None = None,
         *,
         surface: str = "outer",
-        phi_variance: FloatArray | None = None,
         values: Mapping[str, float] | None = None,
         observable: str | None = None,
         modes: int | None = None,
@@ -489,9 +488,9 @@ class Model:
 
         An observable of one number per revolution gives (n, 1).
 
-        phi_rad (m,) or (n, m) [rad], NaN gives NaN; phi_variance, same shapes [rad^2], adds f''/2
-        times it; or `Angles` of both, made once for many predictions. `values` replaces values by
-        full name without a check of bounds. `observable` may also be
+        phi_rad (m,) or (n, m) [rad], NaN gives NaN; or `Angles`, made once for many predictions and
+        with the variance of the samples in each bin. `values` replaces values by full name without
+        a check of bounds. `observable` may also be
 
             displacement             [m], inward
             tangential_displacement  [m], NaN of a beam
@@ -510,7 +509,7 @@ class Model:
         """
         observable = observable or self.observable
         flat = {**self.values, **(values or {})}
-        angles = None if observable in SCALARS else self._angles(phi_rad, phi_variance)
+        angles = None if observable in SCALARS else self._angles(phi_rad)
         result = np.empty((len(conditions), 1 if angles is None else angles.phi_rad.shape[1]))
         for rows, task, shares in self._parts(conditions, flat, observable, surface, each=each):
             part = None if angles is None else angles.take(rows)
@@ -527,7 +526,6 @@ class Model:
         names: Sequence[str],
         *,
         surface: str = "outer",
-        phi_variance: FloatArray | None = None,
         values: Mapping[str, float] | None = None,
         observable: str | None = None,
         rough: bool = False,
@@ -540,7 +538,7 @@ class Model:
         self.known(names)
         observable = observable or self.observable
         flat = {**self.values, **(values or {})}
-        angles = None if observable in SCALARS else self._angles(phi_rad, phi_variance)
+        angles = None if observable in SCALARS else self._angles(phi_rad)
         model, n, m = (
             self.resolved(conditions),
             len(conditions),
@@ -593,9 +591,7 @@ class Model:
             raise low
         return (high[0] - low[0]) / width, (high[1] - low[1]) / width
 
-    def _angles(
-        self, phi_rad: FloatArray | Angles | None, phi_variance: FloatArray | None
-    ) -> Angles:
+    def _angles(self, phi_rad: FloatArray | Angles | None) -> Angles:
         if isinstance(phi_rad, Angles):
             return phi_rad
         if phi_rad is None:
@@ -604,16 +600,14 @@ class Model:
                 allowed="phi_rad of shape (m,) or (n, m) is allowed",
                 do="give it",
             )
-        return Angles(phi_rad, phi_variance)
+        return Angles(phi_rad)
 
     def _split(self, flat: Mapping[str, float]) -> tuple[dict[str, float], tuple[Active, ...]]:
         """The carcass's values, and the effects that are on, in the order of their ids."""
-        active = (
-            Active(e.effect, e.values(flat)) for e in sorted(self.effects, key=lambda e: e.id)
-        )
-        return {p.name: flat[p.name] for p in self.base}, tuple(
-            a for a in active if a.effect.is_on(a.values, steady_carcass(self.carcass))
-        )
+        carcass = steady_carcass(self.carcass)
+        every = ((e.effect, e.values(flat)) for e in sorted(self.effects, key=lambda e: e.id))
+        active = tuple((own, values) for own, values in every if own.is_on(values, carcass))
+        return {p.name: flat[p.name] for p in self.base}, active
 
     def _parts(
         self,
@@ -631,7 +625,7 @@ class Model:
         apart = each or observable != "strain" or len(conditions) < 2 * laws.COUNTS[0]
         for count in () if apart else laws.COUNTS:
             task = self._task(conditions, flat, also)
-            on = {a.effect.id for a in task.active} | {name.split(".")[0] for name in also}
+            on = {effect.id for effect, _ in task.active} | {name.split(".")[0] for name in also}
             acting = [e.effect for e in self.effects if e.id in on]
             few = laws.few_speeds(task.drive, acting, count)
             if few is None:
@@ -662,7 +656,7 @@ class Model:
         """
         model = self.resolved(conditions)
         base, active = model._split(flat)
-        on = {a.effect.id for a in active} | {name.split(".")[0] for name in also if "." in name}
+        on = {effect.id for effect, _ in active} | {name.split(".")[0] for name in also}
         for effect, lacking in self.missing_conditions(conditions).items():
             if effect in on:
                 raise ModelError(

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
+from typing import Any, Concatenate, ParamSpec, TypeAlias, TypeVar, cast
 
 import numpy as np
 
@@ -29,23 +29,17 @@ from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 More = ParamSpec("More")
 Rows = TypeVar("Rows", FloatArray, ComplexArray)
 Result = TypeVar("Result")
-
-
-@dataclass(frozen=True)
-class Active:
-    """An effect that is on, with its own values."""
-
-    effect: Effect
-    values: Values
+#: an effect that is on, with its own values
+Active: TypeAlias = tuple[Effect, Values]
 
 
 @dataclass(frozen=True)
 class Task:
     """What to compute: carcass, effects, conditions and observable.
 
-    The carcass comes with its numbers; the effects are those that are on (by id). `point`: the
-    pressure of the patch without effects is a line across the tread. `near`: the same with values
-    a small step away, about which a contact may be taken as linear.
+    The carcass comes with its numbers; `active` are the effects that are on (by id), each with its
+    own values. `point`: the pressure of the patch without effects is a line across the tread.
+    `near`: the same with values a small step away, about which a contact may be taken as linear.
     """
 
     carcass: str
@@ -58,14 +52,16 @@ class Task:
     near: Task | None = None
 
     def having(self, *hooks: str) -> list[Active]:
-        """The effects that enter by one of these hooks."""
+        """The effects that enter by one of these hooks, with their values."""
         return [
-            a for a in self.active if any(getattr(a.effect, hook) is not None for hook in hooks)
+            (effect, values)
+            for effect, values in self.active
+            if any(getattr(effect, hook) is not None for hook in hooks)
         ]
 
     def values_of(self, effect: str) -> Values | None:
         """The values of the effect of this id if it is on."""
-        return next((a.values for a in self.active if a.effect.id == effect), None)
+        return next((values for own, values in self.active if own.id == effect), None)
 
     def hooks(
         self, hook: Callable[[Effect], Callable[Concatenate[Values, Drive, More], Result] | None]
@@ -77,9 +73,9 @@ class Task:
         follows it.
         """
         return {
-            a.effect.id: partial(found, a.values, self.drive)
-            for a in self.active
-            if (found := hook(a.effect)) is not None
+            effect.id: partial(found, values, self.drive)
+            for effect, values in self.active
+            if (found := hook(effect)) is not None
         }
 
     def key(self, names: Sequence[str] | None, *hooks: str) -> tuple[Any, ...]:
@@ -92,7 +88,7 @@ class Task:
             if names is None
             else tuple(self.base.get(name) for name in names)
         )
-        return base, tuple((a.effect.id, *a.values.values()) for a in self.having(*hooks))
+        return base, tuple((effect.id, *values.values()) for effect, values in self.having(*hooks))
 
     def once(self, stage: str, key: tuple[Any, ...], compute: Callable[[], Result]) -> Result:
         """The stage's result, from the memo if the same values were read before."""
@@ -115,7 +111,7 @@ def distinct(task: Task) -> tuple[Task, IntArray | None]:
     None if none are alike, or nobody knows what an effect of the user's own reads.
     """
     on = task.having("structure", *LOAD_HOOKS, *PRESSURE_HOOKS)
-    read = conditions_read(a.effect for a in on)
+    read = conditions_read(effect for effect, _ in on)
     if read is None:
         return task, None
     read |= {"load_N", "inflation_pressure_Pa"}
@@ -160,8 +156,8 @@ STRUCTURE_NAMES = (
     "radius_m",
 )
 FLAT_ROAD_NAMES = (*STRUCTURE_NAMES, "load_N", "tread_stiffness_N_m2")
-#: quantities of the strain along the tread: how many times it is differentiated by xi
-ALONG_STRAIN: Mapping[str, int] = {"strain_slope": 1, "strain_curvature": 2}
+#: the strain and its derivatives by xi, in their order
+ALONG_STRAIN = ("strain", "strain_slope", "strain_curvature")
 LOAD_HOOKS, PRESSURE_HOOKS = ("load", "added_load"), ("tilt", "pressure", "kernel", "traction")
 DAMPING_NAMES = ("radial_damping_N_s_m2", "tangential_damping_N_s_m2")
 
@@ -417,19 +413,15 @@ def _positive_foundation(k: FloatArray | float) -> None:
         )
 
 
-class Response(NamedTuple):
-    """What the carcass makes of a unit load.
-
-    Inward displacement [m^3/N... per (N/m)], and (strain per lever arm) = q^2-like curvature, of a
-    belt that does not yield in shear.
-    """
-
-    displacement: FloatArray | ComplexArray
-    curvature: FloatArray | ComplexArray
+#: inward displacement and curvature (strain per lever arm) per load, of each mode (n or 1, K)
+Response: TypeAlias = tuple[FloatArray | ComplexArray, FloatArray | ComplexArray]
 
 
 def response(task: Task) -> Response:
-    """The carcass's response, once per set of values."""
+    """What the carcass makes of a unit load [N/m], once per set of values.
+
+    The curvature is that of a belt that does not yield in shear.
+    """
     return task.once("response", task.key(STRUCTURE_NAMES, "structure"), lambda: _response(task))
 
 
@@ -438,14 +430,14 @@ def _response(task: Task) -> Response:
     q2, Z = (np.arange(MODES) / R) ** 2, impedance(task, s)
     if task.carcass == "ring":
         w = 1.0 / Z
-        return Response(w, w * (q2 - 1.0 / R**2))
+        return w, w * (q2 - 1.0 / R**2)
     if s.ring == 0.0:
-        return Response(1.0 / Z, q2 / Z)
+        return 1.0 / Z, q2 / Z
     closed = closed_ring(task, Z, s)
     share = float(s.ring)
     w = (1.0 - share) / Z + share * closed
     bent = (1.0 - share) * (q2 / Z) + share * (q2 - 1.0 / R**2) * closed
-    return Response(w, bent)
+    return w, bent
 
 
 def closed_ring(
@@ -492,16 +484,16 @@ def waveform(
     if observable == "frame_acceleration":
         return accelerometer(task, sensed(task, frame_acceleration(task))) * gain(task), 0.0
     if observable == "displacement":
-        return hardened(task) * response(task).displacement, 0.0
+        return inward(task), 0.0
     if observable == "tangential_displacement":
         return tangential(task), 0.0
-    if observable in ALONG_STRAIN:
+    if observable in ALONG_STRAIN[1:]:
         modes, _ = waveform(task, "strain", lever_m)
-        along = (1j * np.arange(MODES) / task.base["radius_m"]) ** ALONG_STRAIN[observable]
+        along = (1j * np.arange(MODES) / task.base["radius_m"]) ** ALONG_STRAIN.index(observable)
         return modes * along, 0.0
     if observable == "strain":
         few, rows = distinct(task)
-        modes = hardened(few) * (lever_m * response(few).curvature)
+        modes = hardened(few) * (lever_m * response(few)[1])
         sheared, q = structure(few).shear, np.arange(MODES) / task.base["radius_m"]
         if np.any(sheared):  # the cross-section turns by less than the slope
             modes = modes / (1.0 + sheared * q**2)
@@ -536,9 +528,9 @@ def tangential(task: Task) -> ComplexArray:
     if task.carcass != "ring":
         along = pulled_along(task)
         return np.full((1, MODES), np.nan, np.complex128) if along is None else along
-    inward = hardened(task) * response(task).displacement
-    v = np.zeros(inward.shape, np.complex128)
-    v[:, 1:] = inward[:, 1:] / (1j * np.arange(1, MODES))
+    w = inward(task)
+    v = np.zeros(w.shape, np.complex128)
+    v[:, 1:] = w[:, 1:] / (1j * np.arange(1, MODES))
     pressed = pressure(task)
     around = -pressed.normal[:, 1:2].imag  # p sin(phi) + tau cos(phi), on average
     if pressed.traction is not None:
@@ -575,7 +567,7 @@ def hardened(task: Task) -> ComplexArray:
     def balanced() -> ComplexArray:
         # what was found last for these rows differs by a step of a fit: a quarter fewer turns
         left, task.memo["balance"] = structures.hardened_load(
-            load, response(task).displacement, k * cubic, task.memo.get("balance")
+            load, response(task)[0], k * cubic, task.memo.get("balance")
         )
         return left
 
@@ -583,13 +575,18 @@ def hardened(task: Task) -> ComplexArray:
     return task.once("hardened", key, balanced)
 
 
+def inward(task: Task) -> ComplexArray:
+    """Modes of the belt's displacement towards the axle [m]."""
+    return hardened(task) * response(task)[0]
+
+
 def bending(task: Task) -> ComplexArray:
     """Modes of what the tread is less curved by than a circle, w'' + w / R^2 outwards [1/m]."""
     few, rows = distinct(task)
-    load, r = hardened(few), response(few)
+    load, (displacement, curvature) = hardened(few), response(few)
     if task.carcass == "ring":
-        return of_rows(load * r.curvature, rows)
-    return of_rows(load * (r.curvature - r.displacement / task.base["radius_m"] ** 2), rows)
+        return of_rows(load * curvature, rows)
+    return of_rows(load * (curvature - displacement / task.base["radius_m"] ** 2), rows)
 
 
 def turning_level(task: Task) -> FloatArray:

@@ -59,10 +59,8 @@ FUNCTIONS: Mapping[str, Callable[..., Any]] = {
 } | {"abs": np.abs}
 #: how many arguments each takes; a third one of a function of two numbers would be numpy's array to
 #: write into
-ARGUMENTS = {name: (getattr(function, "nin", 1),) for name, function in FUNCTIONS.items()} | {
-    "where": (3,),
-    "clip": (3,),
-}
+ARGUMENTS = {name: getattr(function, "nin", 1) for name, function in FUNCTIONS.items()}
+ARGUMENTS |= {"where": 3, "clip": 3}
 CONSTANTS = {"pi": np.pi, "e": np.e}
 _OPERATORS: Mapping[type, Callable[..., Any]] = {
     ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide,
@@ -158,11 +156,10 @@ def _value(node: ast.AST, text: str, values: Mapping[str, Any], depth: int) -> A
         )
     # a starred argument is refused as a node of its own
     parts = ast.iter_child_nodes(node) if call is None else call.args
-    if call is not None and len(call.args) not in ARGUMENTS[called]:
-        many = " or ".join(map(str, ARGUMENTS[called]))
+    if call is not None and len(call.args) != ARGUMENTS[called]:
         raise ModelError(
             f"expression {text!r} gives {called}() {len(call.args)} arguments",
-            allowed=f"allowed are {many}",
+            allowed=f"allowed are {ARGUMENTS[called]}",
             do="correct it",
         )
     operands = [

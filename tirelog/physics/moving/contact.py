@@ -139,24 +139,8 @@ def modes_of(
 #: Nodes whose undeformed place is less than this above the road are looked at [share of R]. Twice
 #: as much looks at more nodes and finds the same contact.
 NEAR = 0.04
-#: Angle from the patch centre [rad] beyond which nothing may touch. Twice as much reaches the
-#: upper half of the tire.
-FAR = 0.8
-#: The road's highest place around the tire is looked up anew after this distance [m]. Twice as far
-#: looks it up half as often, over as much more of the road.
-_TOP_EVERY_M = 0.05
-
-
-@dataclass
-class RoadForces:
-    """What the road does to the tire, totals and modes.
-
-    force [N] as s + i z; torque [N m] that turns the ring, sum f . r'; modes E_n (N - 1,) [N/m].
-    """
-
-    force: complex
-    torque: float
-    modes: ComplexArray
+#: angle from the patch centre [rad] beyond which nothing may touch
+FAR = contact.REACH
 
 
 @dataclass
@@ -179,10 +163,13 @@ class Tread:
         self._now = 0
         self._top, self._top_at = 0.0, np.inf
 
-    def forces(self, centre: complex, psi: float, V: ComplexArray) -> RoadForces:
-        """The road's forces at this place.
+    def forces(
+        self, centre: complex, psi: float, V: ComplexArray
+    ) -> tuple[complex, float, ComplexArray]:
+        """(Force, torque, load) of the road at this place.
 
-        Bristles move on by what their nodes slid since the last call.
+        The force [N] is s + i z, the torque [N m] turns the ring, sum f . r', and the load has the
+        modes E_n (N - 1,) [N/m]. Bristles move on by what their nodes slid since the last call.
         """
         tire, n = self.tire, self.tire.n
         start, phi = self._near(centre, psi)
@@ -218,7 +205,7 @@ class Tread:
             tire.mu,
             self._now,
         )
-        if phi.size and ((phi[0] <= -FAR and f_z[0] != 0.0) or (phi[-1] >= FAR and f_z[-1] != 0.0)):
+        if np.any(f_z[np.abs(phi) >= FAR]):
             raise ModelError(
                 f"the road reaches the tire beyond {FAR:g} rad to either side",
                 allowed="a shorter patch is allowed",
@@ -228,13 +215,14 @@ class Tread:
         real, imag = modes_of(*self._by_node, start, f_t, f_r, n, self.nodes)
         total = complex(f_s.sum(), f_z.sum()) * self._pitch
         torque = self._pitch * float(tire.R * f_t.sum() + np.sum(f_r * bend))
-        return RoadForces(total, torque, turn.conj() * (real + 1j * imag))
+        return total, torque, turn.conj() * (real + 1j * imag)
 
     def _near(self, centre: complex, psi: float) -> tuple[int, FloatArray]:
         """First of the stretch of nodes that may touch, and their angles from the patch centre."""
         R, pitch = self.tire.R, 2.0 * np.pi / self.nodes
-        if not abs(centre.real - self._top_at) < _TOP_EVERY_M:
-            reach = (FAR + 0.1) * R + _TOP_EVERY_M
+        every_m = 0.05  # the road's highest place around the tire is looked up anew after this way
+        if not abs(centre.real - self._top_at) < every_m:
+            reach = (FAR + 0.1) * R + every_m
             self._top = float(
                 np.max(self.road.profile(np.linspace(-reach, reach, 1001) - centre.real)[0])
             )
@@ -260,9 +248,6 @@ class Tread:
 # begins here stays here.
 
 
-#: The spin is sought within this share of v / R. Twice as wide finds spins of tires that slip by a
-#: tenth.
-_SPIN_RANGE = 0.05
 _PHI = np.arange(-contact.NODES, contact.NODES + 1, dtype=np.float64) * STEP
 
 
@@ -334,7 +319,7 @@ def _free_spin(
         f_r, f_t = -tau * np.sin(phi) - p * np.cos(phi), -tau * np.cos(phi) + p * np.sin(phi)
         return pitch * float(tire.R * f_t.sum() + f_r @ bend) + omega * drag
 
-    low, high = (speed_m_s / tire.R * (1.0 + share) for share in (-_SPIN_RANGE, _SPIN_RANGE))
+    low, high = (speed_m_s / tire.R * share for share in (0.95, 1.05))
     if not tire.c_x > 0.0 or torque(low) * torque(high) > 0.0:
         return (
             speed_m_s / tire.R

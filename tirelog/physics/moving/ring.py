@@ -247,9 +247,6 @@ _OWN = {
 }
 #: coordinates before the belt's: two places each of hub and ring, and their angles
 _RINGS = 6
-#: Cells of bristles between entry and exit of the patch. Twice as many resolve shorter waves of
-#: the tread's deflection, and make the matrix as much larger.
-_CELLS = 48
 
 
 @dataclass(frozen=True)
@@ -450,25 +447,25 @@ def _by_places(phi: FloatArray, n: FloatArray, wave: ComplexArray) -> FloatArray
 def _with_bristles(
     tire: CoupledRing, system: FloatArray, M: FloatArray, omega: float, load_N: float
 ) -> FloatArray:
-    """The system with the bristles' deflections u (_CELLS,) as further states.
+    """The system with the bristles' deflections u (48,) as further states.
 
-    They are in upwind cells from entry to exit.
+    They are in upwind cells from entry to exit; twice as many resolve shorter waves.
     """
-    pressed = contact.solve_contact(tire, load_N)
+    pressed, cells = contact.solve_contact(tire, load_N), 48
     half = pressed.half_length_m / tire.R
-    width = 2.0 * half / _CELLS
-    phi = np.linspace(-half + 0.5 * width, half - 0.5 * width, _CELLS)
+    width = 2.0 * half / cells
+    phi = np.linspace(-half + 0.5 * width, half - 0.5 * width, cells)
     n, size = tire.n[:, None], M.size
     # s = C_s + w sin phi + v cos phi + R psi;  w' - v = (n^2 - 1) v
     along = _by_places(phi, n, np.cos(phi) - 1j * n * np.sin(phi))
     along[2], along[5] = 1.0, tire.R
     turned = _by_places(phi, n, np.asarray((n**2 - 1.0) * np.sin(phi), dtype=np.complex128))
-    whole = np.zeros((system.shape[0] + _CELLS,) * 2)
+    whole = np.zeros((system.shape[0] + cells,) * 2)
     whole[: 2 * size, : 2 * size] = system
     whole[size : 2 * size, 2 * size :] = -tire.c_x * tire.R * width * along / M[:, None]
     whole[2 * size :, :size], whole[2 * size :, size : 2 * size] = omega * turned.T, along.T
     whole[2 * size :, 2 * size :] = (
-        -abs(omega) / width * (np.eye(_CELLS) - np.eye(_CELLS, k=-1 if omega >= 0.0 else 1))
+        -abs(omega) / width * (np.eye(cells) - np.eye(cells, k=-1 if omega >= 0.0 else 1))
     )
     return whole
 

@@ -33,7 +33,7 @@ from tirelog.errors import ModelError, UsageError
 from tirelog.physics.model.laws import lever_arm
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.stages import Task, gain, lever_factor, loaded_site, loads, structure
-from tirelog.physics.moving.contact import RoadForces, Tread, steady_rolling
+from tirelog.physics.moving.contact import Tread, steady_rolling
 from tirelog.physics.moving.ring import CoupledRing, of_model
 from tirelog.physics.spectral import ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
@@ -42,9 +42,6 @@ from tirelog.vocabulary.arrays import FloatArray
 #: [s].
 MODES, NODES = 40, 2304
 KEEP_S = 1e-4
-#: The road may begin no closer than this share of R ahead of the wheel's centre: the start rolls
-#: on a flat road. Twice as much would ask for a longer way to an obstacle.
-_CLEAR = 0.35
 _STEADY_ONLY = ("tilt", "pressure", "kernel", "traction", "strain", "acceleration")
 
 
@@ -256,11 +253,13 @@ def driven(
     )
     task = next(model._tasks(conditions, model.values))[1]
     tire = tire_of(task)
-    height, _ = course.road.profile(np.linspace(-_CLEAR, _CLEAR, 101) * tire.R)
+    # the start rolls on a flat road; twice as much would ask for a longer way to an obstacle
+    clear_m = 0.35 * tire.R
+    height, _ = course.road.profile(np.linspace(-clear_m, clear_m, 101))
     if np.any(height != 0.0):
         raise ModelError(
             "road that begins under the standing tire",
-            allowed=f"{_CLEAR * tire.R:.3g} m ahead of its centre or farther is allowed",
+            allowed=f"{clear_m:.3g} m ahead of its centre or farther is allowed",
             do="give a larger position_m",
         )
     load = loads(task).item()
@@ -279,9 +278,8 @@ def driven(
         )
     motion = stepped_motion(stepper, course.duration_s, every=max(round(KEEP_S / step_s), 1))
     remarks = tuple(
-        f"{a.effect.id} acts on the steady waveform alone; what the road adds is computed "
-        "without it"
-        for a in task.having(*_STEADY_ONLY)
+        f"{effect.id} acts on the steady waveform alone; what the road adds is computed without it"
+        for effect, _ in task.having(*_STEADY_ONLY)
     )
     return Transient(model, conditions, course, tire, motion, steady, task, remarks)
 
@@ -518,7 +516,7 @@ class Stepper:
         self._swing = tire.gamma_n / tire.m_n
         self._carried = 4.0 * np.pi * tire.R * tire.gamma_n * self._swing
         self._momentum = tire.J_r * state.omega + tire.gyroscopic_momentum(state.V, state.V_rate)
-        self.road_forces: RoadForces = self._touch()
+        self._touch()
 
     # ---- one step --------------------------------------------------------------------------------
 
@@ -537,7 +535,7 @@ class Stepper:
         s.psi += h * s.omega
         s.psi_hub += h * s.omega_hub
         self.time_s += h
-        self.road_forces = self._touch()
+        self._touch()
         self._kick(0.5 * h, self._after)
         self._damp(0.5 * h)
 
@@ -545,9 +543,9 @@ class Stepper:
         s = self.state
         return self.tire.belt_drag(s.V, s.V_rate, s.omega)
 
-    def _touch(self) -> RoadForces:
+    def _touch(self) -> None:
         s = self.state
-        return self.tread.forces(s.centre, s.psi, s.V)
+        self.road_force, self.road_torque, self.road_load = self.tread.forces(s.centre, s.psi, s.V)
 
     def _belt(self) -> None:
         """The modes' exact flow over h at this spin, and the kicks.
@@ -579,16 +577,16 @@ class Stepper:
 
         The modes take theirs by `beta`.
         """
-        s, tire, course, road = self.state, self.tire, self.course, self.road_forces
+        s, tire, course = self.state, self.tire, self.course
         spring = tire.k_s * (s.centre - s.hub)
         wound = tire.k_theta * (s.psi - s.psi_hub)
-        s.centre_rate += h / tire.m_r * (road.force - spring)
+        s.centre_rate += h / tire.m_r * (self.road_force - spring)
         s.hub_rate += h / tire.m_h * (spring - 1j * course.load_N(self.time_s))
         if not course.free:
             s.hub_rate = complex(-course.speed_m_s(self.time_s), s.hub_rate.imag)
         s.omega_hub += h / tire.J_h * (wound + course.torque_N_m(self.time_s))
-        s.V_rate = s.V_rate + beta * road.modes
-        self._momentum += h * (road.torque - wound)
+        s.V_rate = s.V_rate + beta * self.road_load
+        self._momentum += h * (self.road_torque - wound)
         self._respin()
 
     def _damp(self, h: float) -> None:
@@ -645,7 +643,7 @@ def stepped_motion(stepper: Stepper, duration_s: float, *, every: int = 10) -> A
         stepper.step()
         if index % every:
             continue
-        s, force, spindle = stepper.state, stepper.road_forces.force, stepper.spindle()
+        s, force, spindle = stepper.state, stepper.road_force, stepper.spindle()
         if not (np.isfinite(s.omega) and abs(s.centre - s.hub) < 0.5 * stepper.tire.R):
             raise ModelError(
                 f"the ring left its sidewall at {stepper.time_s:.4g} s",

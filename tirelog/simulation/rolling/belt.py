@@ -196,13 +196,6 @@ def circulant(stencil: FloatArray, size: int) -> FloatArray:
     return column
 
 
-#: rates of growth [1/s] below this are the eigenvalue solver's rounding
-_ROUNDING_1_S = 0.02
-#: vibrations listed in the truth reach to this frequency [Hz]; twice as high lists about twice as
-#: many
-_LISTED_HZ = 300.0
-
-
 @dataclass(frozen=True)
 class Belt:
     """The belt's stencils on `splines`; `tension_N` is p b R.  UsageError for what cannot move."""
@@ -317,7 +310,7 @@ class Belt:
         return [
             {"frequency_Hz": float(np.sqrt(value) / (2.0 * np.pi)), "lobes": _lobes(shape[:size])}
             for value, shape in zip(values, shapes.T, strict=True)
-            if 0.1 < np.sqrt(max(value, 0.0)) / (2.0 * np.pi) <= _LISTED_HZ
+            if 0.1 < np.sqrt(max(value, 0.0)) / (2.0 * np.pi) <= 300.0
         ]
 
     def vibrations(
@@ -346,7 +339,8 @@ class Belt:
         coarse = Belt(self.tire, self.tension_N, Splines(min(self.splines.elements, 64)))
 
         def grows(speed: float) -> bool:
-            return bool(coarse.vibrations(speed / self.radius_m)[0].real.max() > _ROUNDING_1_S)
+            # the eigenvalue solver's rounding grows by less than 0.02 per second
+            return bool(coarse.vibrations(speed / self.radius_m)[0].real.max() > 0.02)
 
         if not grows(speed_m_s):
             return

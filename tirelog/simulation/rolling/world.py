@@ -21,7 +21,7 @@ drive:
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -35,7 +35,13 @@ from tirelog.simulation.rolling import step_kernel as kernel
 from tirelog.simulation.rolling.belt import Belt, Splines, waves_of
 from tirelog.simulation.rolling.step_kernel import DRIVE, MOMENT
 from tirelog.simulation.scenario.schema import Scenario
-from tirelog.simulation.sensors.sampling import RIDING, Times, lagrange, steady_truth
+from tirelog.simulation.sensors.sampling import (
+    ANGLE_POINTS,
+    RIDING,
+    Times,
+    lagrange,
+    steady_truth,
+)
 from tirelog.simulation.steady.waveforms import Fluctuation, TrueDrive, World
 from tirelog.storage.schema import Record
 from tirelog.vocabulary.arrays import FloatArray, Records
@@ -45,25 +51,10 @@ from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 #
 # `[road]` becomes corners between which the road is straight, or a wave.
 #
-#     Road (scenario) --profile_of--> TrueProfile: what the compiled step takes, level before the
-#                                     first corner
+#     Road (scenario) --profile_of--> RoadProfile, with each obstacle of the drive in its line
 
 
-@dataclass(frozen=True)
-class TrueProfile:
-    """A road's profile: a broken line and a sine.
-
-    `corner_m`, `height_m` (n,) the broken line, level outside; plus amplitude (1 - cos(2 pi
-    x/wavelength)) behind the first corner.
-    """
-
-    corner_m: FloatArray
-    height_m: FloatArray
-    amplitude_m: float = 0.0
-    wavelength_m: float = 1.0
-
-
-def profile_of(road: Record, radius_m: float, distance_m: float) -> TrueProfile:
+def profile_of(road: Record, radius_m: float, distance_m: float) -> RoadProfile:
     """The scenario's profile over `distance_m` of driving.
 
     UsageError for one that a tire of this radius cannot roll over.
@@ -80,17 +71,14 @@ def profile_of(road: Record, radius_m: float, distance_m: float) -> TrueProfile:
         corner = (starts[:, None] + np.array(once.distance_m)).ravel()
         height = np.tile(once.height_m, starts.size)
         line = tuple(corner.tolist()), tuple(height.tolist())
-        whole = RoadProfile(*line, once.amplitude_m, once.wavelength_m)
+        whole = RoadProfile(*line) if corner.size else once
         whole.check_climbable(radius_m)
     except ModelError as problem:
         raise UsageError(
             problem.what, allowed=problem.allowed, do=problem.do, file=problem.file,
             line=problem.line,
         ) from None  # fmt: skip
-    if not corner.size:
-        first = np.array([once.at_m, once.at_m + 1.0])
-        return TrueProfile(first, np.zeros(2), once.amplitude_m, once.wavelength_m or 1.0)
-    return TrueProfile(corner, height)
+    return whole
 
 
 def begins(road: Record, distance_m: float) -> FloatArray:
@@ -171,7 +159,7 @@ class RollingTire:
     def __init__(
         self,
         belt: Belt,
-        profile: TrueProfile,
+        profile: RoadProfile,
         start: AtRest,
         *,
         speed_m_s: float,
@@ -187,7 +175,10 @@ class RollingTire:
                 allowed=f"allowed is up to {longest:.2g} s",
                 do="give a shorter step",
             )
-        self.belt, self.profile, self.step_s = belt, profile, step_s
+        self.belt, self.step_s = belt, step_s
+        # the wave of a road without a line begins at the first of two level corners
+        self.corner_m = np.array(profile.distance_m or (profile.at_m, profile.at_m + 1.0))
+        self.height_m = np.array(profile.height_m or (0.0, 0.0))
         splines, tire, points = belt.splines, belt.tire, belt.splines.elements * POINTS
         self.v = start[0].copy()
         # at rest in space, the belt's material passes through the shape
@@ -224,9 +215,9 @@ class RollingTire:
             "spring_N_m": spring,
             "damper_N_s_m": damper,
             "mean_inertia_kg": tire.line_mass_kg_m * belt.radius_m * splines.step_rad,
-            "top_m": profile.height_m.max() + 2.0 * max(profile.amplitude_m, 0.0),
+            "top_m": self.height_m.max() + 2.0 * max(profile.amplitude_m, 0.0),
             "amplitude_m": profile.amplitude_m,
-            "wave_1_m": 2.0 * np.pi / profile.wavelength_m,
+            "wave_1_m": 2.0 * np.pi / (profile.wavelength_m or np.inf),
         }.items():
             self.constants[name] = value
         self.state = np.zeros(1, kernel.STATE)[0]
@@ -268,7 +259,7 @@ class RollingTire:
         read = np.empty((moments.size, rows.shape[0]))
         told = kernel.run_steps(
             self.v, self.u, self.state, self.constants, self._stencils, self._basis, self._circle,
-            self._middles, self.profile.corner_m, self.profile.height_m, self._tread, drive,
+            self._middles, self.corner_m, self.height_m, self._tread, drive,
             rows, self.step_s, self.now, every, np.empty(1, kernel.CONTACT)[0], moments,
             read,
         )  # fmt: skip
@@ -307,13 +298,8 @@ QUIETED_N_S_M2 = (500.0, 500.0, 300.0, 150.0, 60.0, 20.0, 0.0)
 _BLOCK = 8192
 #: rows of the motion in a period of the fastest sampling, at least
 _ROWS = 4
-#: rows of the motion that its interpolation in time takes
-ROW_POINTS = 6
 #: margins about the log for the interpolation in time [s], and step of the wheel angle's spline
 _MARGIN_S, _ANGLE_STEP_S = 0.01, 1e-3
-#: share of the friction that a drive may ask for; the rest is left to a load that changes on the
-#: road
-_GRIP = 0.95
 
 
 class RolledWorld(World):
@@ -354,11 +340,13 @@ class RolledWorld(World):
         )
         load = self.load(time_s) * (1.0 + self.fluctuation(time_s))
         force = self.longitudinal_force(time_s)
-        if np.any(np.abs(force) > _GRIP * tire.friction * load):
+        # a load that changes on the road needs the rest of the friction
+        grip = 0.95 * tire.friction
+        if np.any(np.abs(force) > grip * load):
             worst = float(np.abs(force).max())
             raise UsageError(
                 f"the drive asks the wheel for {worst:.0f} N along the road",
-                allowed=f"allowed is up to {_GRIP * tire.friction:.2f} of its load",
+                allowed=f"allowed is up to {grip:.2f} of its load",
                 do="brake or drive more gently, or raise friction",
             )
         spun = tire.hub_inertia_kg_m2 + self.belt.mass_kg * self.belt.radius_m**2
@@ -471,12 +459,11 @@ class RolledWorld(World):
         """A series (k,) over the motion's rows at any times (n,), by the six rows around each."""
         begin, step = self.time_s[0], self.time_s[1] - self.time_s[0]
         place = (np.asarray(time_s, float) - begin) / step
-        row = np.clip(
-            np.floor(place).astype(np.intp), ROW_POINTS // 2 - 1, series.size - ROW_POINTS // 2 - 1
-        )
+        half = ANGLE_POINTS // 2
+        row = np.clip(np.floor(place).astype(np.intp), half - 1, series.size - half - 1)
         total = np.zeros(place.size)
-        for i, weight in enumerate(lagrange(place - row, ROW_POINTS)):
-            total += weight * series[row + (i - ROW_POINTS // 2 + 1)]
+        for i, weight in enumerate(lagrange(place - row, ANGLE_POINTS)):
+            total += weight * series[row + (i - half + 1)]
         return total
 
     def _outwards(self, name: str) -> FloatArray:
@@ -529,10 +516,7 @@ class RolledWorld(World):
 def truth_of_rolled(world: RolledWorld, pitch_rad: Mapping[str, FloatArray]) -> dict[str, Any]:
     """The whole truth of a log, with the table `coupled_ring`."""
     truth = steady_truth(world, pitch_rad, partial(_passages, world))
-    return {
-        **truth,
-        "coupled_ring": moving(world),
-    }
+    return {**truth, "coupled_ring": moving(world)}
 
 
 def _passages(world: RolledWorld, name: str, late: float) -> dict[str, FloatArray]:

@@ -22,6 +22,7 @@ from tirelog.storage.schema import (
     Document,
     Entries,
     FilePlace,
+    FunctionKind,
     KeyKind,
     Named,
     Record,
@@ -473,30 +474,31 @@ Ramp = _record(
 )
 
 
-class _Effect:
-    """One [[effects]] table."""
-
-    allowed = 'allowed is name = "..." of an effect'
-
-    def read(self, value: Any, place: FilePlace) -> Planted:
-        name = value.get("name") if isinstance(value, Mapping) else None
-        if not isinstance(name, str):
-            raise place.error(
-                "an [[effects]] table without a name", 'allowed is name = "..."', "add one"
-            )
-        if name == "ring_curvature":
-            raise (place / "name").error(
-                "ring_curvature is the carcass itself",
-                'allowed is truth = "ring"',
-                'set it (contact = "parabola")',
-            )
-        words(*PLANTABLE).read(name, place / "name")
-        planted = PLANTABLE[name]
-        numbers = dict.fromkeys(planted.parameters, FINITE)
-        given = Table({"name": TEXT, "form": words(*planted.forms), **numbers}).read(value, place)
-        del given["name"]
-        form = given.pop("form", "exact")
-        return Planted(name, form, {**planted.parameters, **given})
+def _planted(value: Any, place: FilePlace) -> Planted:
+    """The effect of one [[effects]] table."""
+    name = value.get("name") if isinstance(value, Mapping) else None
+    place.refuse(
+        (
+            not isinstance(name, str),
+            "",
+            "an [[effects]] table without a name",
+            'allowed is name = "..."',
+            "add one",
+        ),
+        (
+            name == "ring_curvature",
+            "name",
+            "ring_curvature is the carcass itself",
+            'allowed is truth = "ring"',
+            'set it (contact = "parabola")',
+        ),
+    )
+    name = words(*PLANTABLE).read(name, place / "name")
+    planted = PLANTABLE[name]
+    numbers = dict.fromkeys(planted.parameters, FINITE)
+    given = Table({"name": TEXT, "form": words(*planted.forms), **numbers}).read(value, place)
+    numbers_given = {key: given[key] for key in given if key in planted.parameters}
+    return Planted(name, given.get("form", "exact"), {**planted.parameters, **numbers_given})
 
 
 @dataclass(frozen=True)
@@ -517,7 +519,9 @@ class Scenario:
     vehicle: Record = key(table_of(Vehicle), Vehicle())
     road: Record = key(table_of(Road), Road())
     nuisances: Record = key(table_of(Nuisances), Nuisances())
-    effects: tuple[Planted, ...] = key(Entries(_Effect()), ())
+    effects: tuple[Planted, ...] = key(
+        Entries(FunctionKind('allowed is name = "..." of an effect', _planted)), ()
+    )
     truth: str = key(words(*TRUTHS), "beam")
     seed: int = key(number(0, 2**62, whole=True), 0)
     grid_points: int = key(number(256, 65536, whole=True), 2048)
@@ -542,13 +546,6 @@ class Scenario:
 
 
 # ---- The scenario file: TOML becomes a validated Scenario, or an error that says what is allowed.
-
-#: what must be left of a stiffness, a length or the pressure when the tire is warm: less is no
-#: tire; twice as much would refuse a foundation that loses half
-LEAST_WHEN_WARM = 0.3
-#: a drive of so long [s], and so many samples of one channel, are simulated at most: a sample takes
-#: up to 140 bytes, so that 850 MB suffice (ten minutes at 10 kHz); twice as many would take 1.7 GB
-LONGEST_S, MOST_SAMPLES = 7200.0, 6_000_000
 
 
 def load_scenario(path: Path | str) -> Scenario:
@@ -595,6 +592,8 @@ def scenario_of(
 
 def _check(scenario: Scenario, place: FilePlace) -> None:
     """What one table alone cannot say."""
+    # a sample takes up to 140 bytes, so that 850 MB suffice (ten minutes at 10 kHz)
+    longest_s, most_samples = 7200.0, 6_000_000
     fastest = max(sensor.sampling_rate_Hz for sensor in scenario.channels.values())
     names = [effect.name for effect in scenario.effects]
     twice = next((name for name in names if names.count(name) > 1), None)
@@ -608,10 +607,10 @@ def _check(scenario: Scenario, place: FilePlace) -> None:
             "",
         ),
         (
-            scenario.duration_s > LONGEST_S or scenario.duration_s * fastest > MOST_SAMPLES,
+            scenario.duration_s > longest_s or scenario.duration_s * fastest > most_samples,
             "",
             f"a log of {scenario.duration_s:.6g} s at {fastest:g} Hz is too long to be simulated",
-            f"allowed are {LONGEST_S:g} s and {MOST_SAMPLES:.0e} samples of a channel",
+            f"allowed are {longest_s:g} s and {most_samples:.0e} samples of a channel",
             "drive less, sample slower, or simulate several logs",
         ),
         (twice, "effects", f"effect {twice!r} is planted twice", "allowed is once", "remove one"),
@@ -661,6 +660,7 @@ def _check_nuisances(scenario: Scenario, place: FilePlace) -> None:
     nuisances, warm_up = scenario.nuisances, scenario.conditions.warm_up_K
     run_out, force, warming = nuisances.run_out, nuisances.force_variation, nuisances.warming
     what = "a [ramp]" if scenario.ramp is not None else 'truth = "coupled_ring"'
+    least_left = 0.3  # of a stiffness, a length or the pressure: less is no tire
     harmonics = (
         ("run_out", run_out.amplitudes_microstrain, run_out.phases_deg),
         ("force_variation", force.shares, force.phases_deg),
@@ -698,11 +698,11 @@ def _check_nuisances(scenario: Scenario, place: FilePlace) -> None:
         ),
         *(
             (
-                least < LEAST_WHEN_WARM,
+                least < least_left,
                 "warming",
                 f"{name} = {getattr(warming, name)!r} in [nuisances.warming] leaves {least:g} of "
                 f"it after warm_up_K = {warm_up:g}",
-                f"allowed is {LEAST_WHEN_WARM:g} at least",
+                f"allowed is {least_left:g} at least",
                 "lower one",
             )
             for name, least in left.items()

@@ -20,7 +20,7 @@ from scipy.signal import lfilter
 
 from tirelog.simulation.scenario.schema import PLANTABLE, Nuisances, Scenario
 from tirelog.simulation.steady import waveforms
-from tirelog.simulation.steady.loads import REFERENCE_SPEED_M_S
+from tirelog.simulation.steady.loads import REFERENCE_SPEED_M_S, SLOWEST_M_S
 from tirelog.simulation.steady.waveforms import CHUNK, LOAD_STEP, World, chunks
 from tirelog.storage.schema import Record
 from tirelog.version import __version__
@@ -140,9 +140,6 @@ RIDING = (*STRAIN_KINDS, *ACCELERATION_KINDS)
 PER_SI = {"strain": 1e6, "radial_acceleration": 1.0 / STANDARD_GRAVITY_M_S2}
 #: points around the sample in the angle's interpolation
 ANGLE_POINTS, TIME_POINTS = 6, 4
-#: share of the steepest strain from which on a grating's peak counts as on a flank of the patch,
-#: and the speed below which no slope along the tread is computed [m/s]
-FLANK, SLOWEST_M_S = 0.5, 0.2
 
 
 def lagrange(place: FloatArray, points: int) -> FloatArray:
@@ -310,7 +307,7 @@ def in_source_units(
 
 
 def flanks(world: World, sensor: Record, time_s: FloatArray, told: FloatArray) -> NDArray[np.bool_]:
-    """Where the strain changes along the tread by more than FLANK of the most, (n,).
+    """Where the strain changes along the tread by more than half of the most, (n,).
 
     There the grating's peak is broad, whatever the speed.
     """
@@ -320,7 +317,7 @@ def flanks(world: World, sensor: Record, time_s: FloatArray, told: FloatArray) -
     slope = np.abs(np.gradient(told)) / np.maximum(way, 1e-6)
     moving = way * sensor.sampling_rate_Hz > SLOWEST_M_S
     most = np.quantile(slope[moving], 0.999) if moving.any() else np.inf
-    return np.asarray(moving & (slope > FLANK * most), bool)
+    return np.asarray(moving & (slope > 0.5 * most), bool)
 
 
 def noise_of(sensor: Record, size: int, random: np.random.Generator) -> FloatArray:
@@ -406,7 +403,7 @@ def steady_truth(
         **({} if scenario.nuisances == Nuisances() else {"nuisances": asdict(scenario.nuisances)}),
         "ramp": None if scenario.ramp is None else asdict(scenario.ramp),
         "effects": planted_truth(scenario),
-        "manoeuvres": [asdict(part) for part in world.drive.parts],
+        "manoeuvres": world.drive.parts,
         "motion": {
             "time_s": _list(time),
             "wheel_angle_rad": _list(world.drive.angle_at(time)),

@@ -24,9 +24,6 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: lengths over which the other forms of damping and tension act [m]
 DAMPED_LENGTH_M, SHEAR_LENGTH_M = 0.02, 0.02
-#: iterations for the hardening foundation, and the change at which they end, over the largest
-#: displacement
-LARGEST_ITERATIONS, RELATIVE_CHANGE = 200, 1e-8
 
 
 @dataclass(frozen=True)
@@ -67,13 +64,13 @@ class Carcass:
         softer = self.radial / (1.0 + mean[:, None] * self.radial)
         free = free / (1.0 + mean[:, None] * self.radial)
         before: tuple[FloatArray, FloatArray] | None = None
-        for _ in range(LARGEST_ITERATIONS):
+        for _ in range(200):
             stiffening = self.hardening[:, None] * (np.abs(w) if self.hardens_linearly else w * w)
             image = self.ring.inverse(
                 free + softer * self.ring.transform((mean[:, None] - stiffening) * w)
             )
             residual = image - w
-            if np.abs(residual).max() < RELATIVE_CHANGE * np.abs(image).max():
+            if np.abs(residual).max() < 1e-8 * np.abs(image).max():
                 return image
             w = image
             if before is not None:

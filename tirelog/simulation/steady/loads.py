@@ -25,11 +25,6 @@ from tirelog.vocabulary.arrays import FloatArray, records
 
 #: speed [m/s] at which what grows with speed has the size that is planted
 REFERENCE_SPEED_M_S = 20.0
-#: a tread block that is struck at the entry: it dies away in [s], and swings at [Hz] (Heckl 1986)
-_STRUCK_S, _STRUCK_HZ = 0.0015, 250.0
-#: friction of bristles that adhere and of those that slide [N/N], on a road that the scenario says
-#: nothing of
-STATIC_FRICTION, SLIDING_FRICTION = 0.8, 0.6
 
 
 #: conditions at an instant: time [s], speed [m/s], acceleration [m/s^2], load [N], half length of
@@ -99,11 +94,9 @@ def _impact(effect: Planted, x: FloatArray, p: FloatArray, at: Instants) -> Floa
     """
     if effect.apart:
         late = (x + effect["position"]) * (at.half_length / np.maximum(at.speed, 1.0))[:, None]
-        swing = np.where(
-            late >= 0.0,
-            np.exp(-np.maximum(late, 0.0) / _STRUCK_S) * np.cos(2.0 * np.pi * _STRUCK_HZ * late),
-            0.0,
-        )
+        # a struck block dies away within 1.5 ms and swings at 250 Hz (Heckl 1986)
+        dying = np.exp(-np.maximum(late, 0.0) / 0.0015)
+        swing = np.where(late >= 0.0, dying * np.cos(2.0 * np.pi * 250.0 * late), 0.0)
         size = (at.speed / REFERENCE_SPEED_M_S) ** 2 * at.load / (2 * at.half_length)
         return p + effect["amplitude"] * size[:, None] * swing
     u = (x + effect["position"]) / effect["width"]
@@ -259,10 +252,9 @@ def _traction(
     Under the pressure there; the jump is that at the onset of sliding.
     """
     length, slip = at.half_length[:, None], at.slip[:, None]
-    static = effect.parameters.get("static_friction", STATIC_FRICTION)
-    sliding = effect.parameters.get("sliding_friction", SLIDING_FRICTION)
+    static, sliding = effect["static_friction"], effect["sliding_friction"]
     stiffness = 1.5 * static * at.load[:, None] / length**2
-    stiffness = stiffness * effect.parameters.get("slip_stiffness_ratio", 1.0)
+    stiffness = stiffness * effect["slip_stiffness_ratio"]
     position = np.maximum(borders_m + length, 0.0)
     if effect.other:
         # the shear grows quickly behind the entry, then levels off, and passes smoothly into
@@ -424,8 +416,6 @@ class Ring:
 #: slower than this, time behind the patch counts as at this speed [m/s] (a ring-down at standstill
 #: has no meaning)
 SLOWEST_M_S = 0.2
-#: diameter of a fibre [m], and the strain with which it is drawn when it is glued at its ends
-_FIBRE_M, _DRAWN = 1.25e-4, 6.0e-4
 
 
 def _ring_down(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> FloatArray:
@@ -603,7 +593,8 @@ def _slack(strain: FloatArray, length_m: float) -> FloatArray:
     Euler's load of a clamped rod: a strain of (2 pi r / length)^2 with r = d / 4. It adds to the
     strain with which the fibre was drawn.
     """
-    least = _DRAWN + (0.5 * np.pi * _FIBRE_M / max(length_m, 1e-4)) ** 2
+    fibre_m, drawn = 1.25e-4, 6.0e-4  # diameter of the glass, strain when it is glued
+    least = drawn + (0.5 * np.pi * fibre_m / max(length_m, 1e-4)) ** 2
     return np.maximum(strain, -least)
 
 

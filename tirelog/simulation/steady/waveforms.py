@@ -57,9 +57,6 @@ from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 Fluctuation: TypeAlias = Callable[[FloatArray], FloatArray]
 #: step of the drive's own grid [s]
 STEP_S = 0.002
-#: below this acceleration a manoeuvre without a regime of its own is a cruise; above the second
-#: (downwards) it is braking
-CRUISE_M_S2, BRAKE_M_S2 = 0.15, -1.5
 #: time constant of the body's pitch in the other form of the load transfer [s], and of a load that
 #: steps between manoeuvres
 PITCH_S, SETTLING_S = 0.35, 0.15
@@ -68,24 +65,12 @@ PITCH_S, SETTLING_S = 0.35, 0.15
 WANDER_STEP_S = 0.1
 
 
-@dataclass(frozen=True)
-class Stretch:
-    """One manoeuvre as driven.
+def drive_stretches(scenario: Scenario, random: np.random.Generator) -> list[dict[str, Any]]:
+    """The manoeuvres as driven, as the truth lists them.
 
-    Start and end in the log, regime, speeds and load factor (scatter between manoeuvres).
+    Start and end in the log, regime (`Manoeuvre`), speeds, and the load's factor, which is drawn.
     """
-
-    start_s: float
-    end_s: float
-    regime: str
-    speed_start_m_s: float
-    speed_end_m_s: float
-    load_factor: float
-
-
-def drive_stretches(scenario: Scenario, random: np.random.Generator) -> list[Stretch]:
-    """The manoeuvres in order, regimes named, load scatter drawn."""
-    out: list[Stretch] = []
+    out: list[dict[str, Any]] = []
     start, speed = 0.0, scenario.manoeuvres[0].speed_m_s
     if scenario.manoeuvres[0].regime in ("drive", "standstill"):
         speed = 0.0
@@ -95,13 +80,21 @@ def drive_stretches(scenario: Scenario, random: np.random.Generator) -> list[Str
         regime = manoeuvre.regime
         if regime is None:
             regime = "cruise" if manoeuvre.speed_m_s > 0 else "standstill"
-            if abs(acceleration) >= CRUISE_M_S2:
-                slower = "coast" if acceleration > BRAKE_M_S2 else "brake"
+            if abs(acceleration) >= 0.15:
+                slower = "coast" if acceleration > -1.5 else "brake"
                 regime = "drive" if acceleration > 0 else slower
+        end, faster = start + manoeuvre.duration_s, manoeuvre.speed_m_s
         out.append(
-            Stretch(start, start + manoeuvre.duration_s, regime, speed, manoeuvre.speed_m_s, factor)
+            {
+                "start_s": start,
+                "end_s": end,
+                "regime": regime,
+                "speed_start_m_s": speed,
+                "speed_end_m_s": faster,
+                "load_factor": factor,
+            }
         )
-        start, speed = start + manoeuvre.duration_s, manoeuvre.speed_m_s
+        start, speed = end, faster
     return out
 
 
@@ -122,8 +115,8 @@ def _rounded(values: FloatArray, width_s: float) -> FloatArray:
 class TrueDrive:
     """Everything that moves, on the grid `time_s` (n,).
 
-    Speed [m/s], acceleration, relative load, regimes as stretches; `radius_m` the rolling radius
-    at rest, `grows` how it grows with speed; `lateral_m_s2` (n,) in curves.
+    Speed [m/s], acceleration, relative load, the manoeuvres as `drive_stretches`; `radius_m` the
+    rolling radius at rest, `grows` how it grows with speed; `lateral_m_s2` (n,) in curves.
     """
 
     time_s: FloatArray
@@ -131,7 +124,7 @@ class TrueDrive:
     angle: CubicSpline
     load_factor: FloatArray
     coasting: FloatArray
-    parts: tuple[Stretch, ...]
+    parts: list[dict[str, Any]]
     radius_m: float
     grows: Record
     lateral_m_s2: FloatArray
@@ -205,14 +198,14 @@ def drive_of(scenario: Scenario, random: np.random.Generator) -> TrueDrive:
     """The scenario's manoeuvres as a Drive."""
     parts = drive_stretches(scenario, random)
     radius = scenario.tire.rolling_radius_m
-    time = np.arange(0.0, parts[-1].end_s + STEP_S, STEP_S)
-    corners = np.array([0.0, *(p.end_s for p in parts)])
-    speeds = np.array([parts[0].speed_start_m_s, *(p.speed_end_m_s for p in parts)])
+    time = np.arange(0.0, parts[-1]["end_s"] + STEP_S, STEP_S)
+    corners = np.array([0.0, *(p["end_s"] for p in parts)])
+    speeds = np.array([parts[0]["speed_start_m_s"], *(p["speed_end_m_s"] for p in parts)])
     speed = np.maximum(_rounded(np.interp(time, corners, speeds), scenario.rounding_s), 0.0)
     which = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, len(parts) - 1)
-    factor = _rounded(np.array([p.load_factor for p in parts])[which], 4 * SETTLING_S)
+    factor = _rounded(np.array([p["load_factor"] for p in parts])[which], 4 * SETTLING_S)
     coasting = _rounded(
-        np.array([float(p.regime == "coast") for p in parts])[which], scenario.rounding_s
+        np.array([float(p["regime"] == "coast") for p in parts])[which], scenario.rounding_s
     )
     spline = CubicSpline(time, speed)
     grows = scenario.nuisances.rolling_radius
@@ -221,7 +214,7 @@ def drive_of(scenario: Scenario, random: np.random.Generator) -> TrueDrive:
     angle.c /= radius
     across = np.array([m.lateral_m_s2 for m in scenario.manoeuvres])[which]
     lateral = _rounded(across, scenario.rounding_s)
-    return TrueDrive(time, spline, angle, factor, coasting, tuple(parts), radius, grows, lateral)
+    return TrueDrive(time, spline, angle, factor, coasting, parts, radius, grows, lateral)
 
 
 def stretch_of(grows: Record, speed_m_s: FloatArray) -> FloatArray:
