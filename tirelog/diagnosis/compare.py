@@ -371,11 +371,8 @@ def error_tables(base: Base) -> dict[str, list[dict[str, Any]]]:
     """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions."""
     c, conditions, plain = base.cells, base.cells.conditions, base.plain
     share = plain.weights**2
-    noise = np.where(share > 0, c.sd, 0.0) ** 2 * (1.0 - (plain.basis**2).sum(axis=-1))
-    spread = np.einsum("cmi,cij,cmj->cm", c.scattering, c.random_cov, c.scattering)
     # what the model leaves of each value above `within`, without what noise does
-    left = plain(np.nan_to_num(c.values - base.fit.prediction - base.fit.beside)) ** 2
-    left -= share * (noise + spread)
+    left = plain(np.nan_to_num(c.values - base.fit.prediction - base.fit.beside)) ** 2 - plain.noise
     within = share * np.where(share > 0, c.within, 0.0)
 
     def row(

@@ -212,10 +212,6 @@ _PLACE_IS_TOLD = float(np.log(4.0)) / (2.0 * np.pi**2)
 #: rounds tell the place to 0.1 %
 _TRIED = 12
 _ROUNDS = 5
-#: what can be taken out of each cell beyond what it scatters by; the columns of `random`, by the
-#: same names
-NUISANCES = ("offset", "amplitude", "shift")
-_RANDOM = ("amplitude", "width", "offset")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -235,7 +231,6 @@ class Cells(Means):
     part           (C,) the member of each row if they are of several (an observable, or one grating
                    of several);  parts: what each member is, as cells without rows;  scales: what
                    its values are divided by [its unit]
-    free           which NUISANCES are taken out of each cell
     shared         random effects that all manoeuvres share; none unless asked for
     """
 
@@ -246,7 +241,6 @@ class Cells(Means):
     within: FloatArray = field(metadata=binned(2, 0.0))
     moved: FloatArray = field(metadata=ROW)
     part: IntArray = field(metadata=ROW)
-    free: tuple[str, ...] = ("shift",)
     shared: SharedEffects | None = None
     parts: tuple[Cells, ...] = ()
     scales: tuple[float, ...] = (1.0,)
@@ -286,17 +280,6 @@ class Cells(Means):
     def log_names(self) -> tuple[str, ...]:
         """The logs, each once."""
         return self.logs[: len(self.logs) // len(self.members)]
-
-    @property
-    def taken(self) -> FloatArray:
-        """Columns of what is taken out of each cell, (C, m, k)."""
-        columns = np.concatenate([self.random, self.shift[..., None]], axis=-1)
-        return columns[..., [(*_RANDOM, "shift").index(name) for name in self.free]]
-
-    @property
-    def scattering(self) -> FloatArray:
-        """`random`, with zeros for what is taken out anyway."""
-        return np.where(np.isin(_RANDOM, self.free), 0.0, self.random)
 
     @cached_property
     def angles(self) -> dict[str, Any]:
