@@ -29,6 +29,7 @@ from tirelog.diagnosis.residual_structure import (
     extra_errors,
     half_angle,
     learnt_residual,
+    of_each,
     posterior_checks,
     zones,
 )
@@ -154,10 +155,10 @@ def compare(
         comparison_of(base, single_revolutions(measured)),
         parameters=parameters_of(with_form),
         with_nuisances=with_nuisances,
-        extra_errors=extra_errors(base),
-        checks=posterior_checks(base),
+        extra_errors=of_each(extra_errors, base, "name"),
+        checks=of_each(posterior_checks, base, "name"),
         ranking=_ranking([base, *(start_from(pieces, other) for other in others)]),
-        learnt=learnt_residual(base) if learn else (),
+        learnt=of_each(learnt_residual, base, "learns") if learn else (),
     )
 
 

@@ -89,9 +89,9 @@ from tirelog.diagnosis.compare import (
 from tirelog.diagnosis.gratings import Gathered, GratingsFound, gathered
 from tirelog.diagnosis.residual_structure import (
     Leftover,
-    Suspect,
     describe,
     scattered,
+    suspect_sentence,
     suspects,
 )
 from tirelog.diagnosis.results import Candidate, Comparison
@@ -137,7 +137,7 @@ class Diagnosis(AnswerRecord):
     separating_manoeuvres: tuple[Mapping[str, Any], ...]
     unexplained: Mapping[str, Any]
     nuisances: tuple[NuisanceFound, ...]
-    suspects: tuple[Suspect, ...]
+    suspects: tuple[Mapping[str, Any], ...]
     not_tested: Mapping[str, str]
     rmse_heldout_before: float | None
     rmse_heldout_after: float | None
@@ -346,7 +346,7 @@ def conclude(found: SearchResult, stacks: Revolutions, asked: Gathered | None = 
         "manoeuvres": manoeuvres,
         "before": before.square_held,
         "after": found.after.square_held,
-        "suspects": tuple(s.said for s in suspected[:3]),
+        "suspects": tuple(map(suspect_sentence, suspected[:3])),
         "beside": stayed,
         "taken": taken,
         "scatter": scatter,
