@@ -44,7 +44,6 @@ from tirelog.diagnosis.results import (
 from tirelog.errors import ModelError, UsageError, or_refusal
 from tirelog.inference.base import (
     Base,
-    JointBase,
     bases_by_observable,
     bends,
     joined_like,
@@ -196,7 +195,7 @@ def comparison_of(base: Base, stacks: Revolutions = ()) -> Comparison:
     """
     bases = bases_by_observable(base, held_by_all=True)
     parts = tuple(map(_comparison_of_one, bases, stacks or [()] * len(bases)))
-    if not isinstance(base, JointBase):
+    if not base.channels:
         return parts[0]
     known, first = contributions(base), parts[0]
     units = {name: p.unit for name, p in base.model.parameters.items()}
@@ -282,7 +281,7 @@ def parameters_of(model: Model) -> dict[str, dict[str, Any]]:
 
 def remarks_of(base: Base) -> list[str]:
     """What a person should know of the fit before believing it."""
-    if isinstance(base, JointBase):
+    if base.channels:
         each = [(part.cells.label, remarks_of(part)) for part in bases_by_observable(base)]
         counted = Counter(remark for _, remarks in each for remark in dict.fromkeys(remarks))
         of_all = {*base.cells.notes, *(remark for remark, n in counted.items() if n > 1)}
@@ -307,7 +306,7 @@ def remarks_of(base: Base) -> list[str]:
 
 def of_rounding(base: Base) -> list[str]:
     """What rounding to the source's steps makes of the errors, if it matters."""
-    if isinstance(base, JointBase):
+    if base.channels:
         return [
             f"{p.cells.label}: {said}" for p in bases_by_observable(base) for said in of_rounding(p)
         ]
@@ -499,8 +498,9 @@ def manoeuvres_of(pieces: Sequence[Pieces]) -> IntArray:
     return np.unique(np.concatenate([part.manoeuvre for part in pieces]))
 
 
-def _on_locked(after: Base, locked: Sequence[Pieces]) -> tuple[float, float]:
-    """(rmse of the model on the locked manoeuvres, the floor there).
+@or_refusal
+def untouched(after: Base, locked: Sequence[Pieces]) -> tuple[float, float]:
+    """(rmse of the model on the locked manoeuvres, the floor there), or why it has no error there.
 
     Of several observables both are in floors: the root mean square over the observables, weighted
     by their revolutions.
@@ -515,10 +515,6 @@ def _on_locked(after: Base, locked: Sequence[Pieces]) -> tuple[float, float]:
     weights = [float(number) for _, _, number in known]
     rmse, floor = np.sqrt(np.average(squares, axis=0, weights=weights)).tolist()
     return rmse, floor
-
-
-#: the same, or why the model has no error there
-untouched = or_refusal(_on_locked)
 
 
 def _on_locked_of_one(after: Base, locked: Pieces) -> tuple[float, float]:

@@ -41,7 +41,7 @@ from tirelog.diagnosis.candidates.assessment import (
 from tirelog.diagnosis.results import contributions
 from tirelog.diagnosis.rules import ALARM_P, ERROR_SIGMAS, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
 from tirelog.errors import ModelError
-from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to, with_fewer_cells
+from tirelog.inference.base import Base, bases_by_observable, change_to, with_fewer_cells
 from tirelog.inference.cells.cells import model_of
 from tirelog.inference.floor import held_out_losses, held_out_losses_with, load_derivative
 from tirelog.inference.metric import RANK, Offsets, side_by_side
@@ -188,7 +188,7 @@ class Leftover:
     in_time: bool = False
 
 
-def _describe_several(base: JointBase) -> Leftover:
+def _describe_several(base: Base) -> Leftover:
     """The rest of the observable in which it is largest."""
     parts = bases_by_observable(base)
     labels = [part.cells.label for part in parts]
@@ -266,7 +266,7 @@ def describe(base: Base) -> Leftover:
 
     Of several observables it describes the one in which it is largest, its size in floors of all.
     """
-    if isinstance(base, JointBase):
+    if base.channels:
         return _describe_several(base)
     cells = base.cells
     taken, residual = beside_base(base)
@@ -456,7 +456,7 @@ def scattered(base: Base, floor_square: float) -> dict[str, Any]:
     means.
     """
     unit = 1.0
-    if isinstance(base, JointBase):  # of the observable farthest above its floor, in floors
+    if base.channels:  # of the observable farthest above its floor, in floors
         parts = bases_by_observable(base, held_by_all=True)
         base = max(parts, key=lambda part: part.square_held / part.floor.square)
         floor_square, unit = base.floor.square, float(np.sqrt(base.floor.square))
@@ -526,13 +526,13 @@ def of_each(
     question: Callable[[Base], Sequence[Row]], base: Base, name: str = ""
 ) -> tuple[Row, ...]:
     """The rows that answer a question, of each observable; of several, `name` says of which."""
-    if not isinstance(base, JointBase):
+    if not base.channels:
         return tuple(question(base))
     each = [(part.cells.label, row) for part in bases_by_observable(base) for row in question(part)]
     return tuple(row | ({name: f"{row[name]} of {label}"} if name else {}) for label, row in each)
 
 
-def posterior_checks(base: Base, seed: int = 0) -> Sequence[Row]:
+def posterior_checks(base: Base) -> Sequence[Row]:
     """Largest cell, autocorrelations, Ljung-Box, kurtosis and drift of the whitened residual.
 
     The ranges are those of residuals drawn from noise and scatter as the floor has them. Base
@@ -544,7 +544,7 @@ def posterior_checks(base: Base, seed: int = 0) -> Sequence[Row]:
         return ()  # one number per revolution has no shape
     other = Offsets.of(cells, white).beside(white(base.fit.moving))
     measured = other.without(white(np.nan_to_num(cells.values - base.fit.prediction)))
-    random, used = np.random.default_rng(seed), white.inverse_sd > 0.0
+    random, used = np.random.default_rng(0), white.inverse_sd > 0.0
     names, statistics = _statistics(base, used)
     # residuals that are drawn, and the standard deviations about their mean that make the range:
     # one of them leaves it by chance in a log in two hundred; twice as many tell the ranges to

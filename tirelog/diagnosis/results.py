@@ -33,7 +33,7 @@ from tirelog.diagnosis.answer import (
 from tirelog.diagnosis.obstacles import TransientComparison
 from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
 from tirelog.errors import UsageError, refuse_unknown
-from tirelog.inference.base import Base, JointBase, bases_by_observable
+from tirelog.inference.base import Base, bases_by_observable
 from tirelog.inference.fit.cells import NULL, errors_of
 from tirelog.inference.metric import Offsets
 from tirelog.physics.model.model import Model
@@ -642,7 +642,7 @@ class Contribution:
         return self.p <= ALARM_P and self.size > LEAST_SHARE_OF_FLOOR
 
 
-def contributions(base: JointBase) -> tuple[Contribution, ...]:
+def contributions(base: Base) -> tuple[Contribution, ...]:
     """What each observable of the base brings."""
     cells, fit = base.cells, base.fit
     if not fit.names:

@@ -28,7 +28,7 @@ from tirelog.diagnosis.candidates.assessment import (
 from tirelog.diagnosis.candidates.naming import Step
 from tirelog.diagnosis.candidates.search import SearchResult
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.base import Base, JointBase, bases_by_observable
+from tirelog.inference.base import Base, bases_by_observable
 from tirelog.inference.cells.cells import linearised, model_of, predicted
 from tirelog.inference.fit.cells import free_names
 from tirelog.inference.metric import Offsets, orthonormal, projected_out, stacked
@@ -211,7 +211,7 @@ def separations(base: Base, first: Model, second: Model) -> list[dict[str, Any]]
 
 def first_waveform(base: Base) -> tuple[Base, Callable[[Model], Model]]:
     """The base of the observable that the list is searched in, and what makes a model one of it."""
-    if not isinstance(base, JointBase):
+    if not base.channels:
         return base, lambda model: model
     first = max(bases_by_observable(base), key=lambda part: part.cells.phi.shape[1])
     return first, partial(model_of, observable=first.cells.observable, member=first.cells.member)

@@ -466,7 +466,7 @@ def _coefficient_covariance(pieces: Pieces) -> tuple[FloatArray, FloatArray]:
 #         values   over the observable's scale: "noise floors", so that sizes may be added up
 #
 # A question asked of all of them is asked of these; what is fitted, and what is each one's own, is
-# asked of the cells of each (`base.JointBase.channels`), which stay as they are.
+# asked of the cells of each (`base.Base.channels`), which stay as they are.
 #
 # What is one in physics is one here: the parameters, and the manoeuvre. A stretch of driving is one
 # replicate however many sensors saw it: leaving it out, or flipping its sign, is done to all of

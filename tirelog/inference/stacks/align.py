@@ -418,9 +418,9 @@ def _bending(knots: int) -> FloatArray:
     return np.asarray(third.T @ third, dtype=np.float64)
 
 
-def template(phi: FloatArray, values: FloatArray, knots: int = _TEMPLATE_POINTS) -> CubicSpline:
+def template(phi: FloatArray, values: FloatArray) -> CubicSpline:
     """Mean waveform of samples (N,) at angles (N,)."""
-    return mean_waveform(angle_sums(phi, values), knots)
+    return mean_waveform(angle_sums(phi, values))
 
 
 def knots_of(samples: float) -> int:
