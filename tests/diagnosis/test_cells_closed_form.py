@@ -182,20 +182,18 @@ def test_the_step_of_a_grating_is_found(step):
     wavelength[500:600] = np.nan
     strain = 1.27 * (wavelength / 1550.0 - 1.0)
     axis = TimeAxis.uniform(strain.size, 2500.0)
-    found, level = step_of(Channel.of_array("a", "strain", strain, axis))
+    found = step_of(Channel.of_array("a", "strain", strain, axis))
     assert found == pytest.approx(1.27 * step / 1550.0, rel=1e-6)
-    steps = (strain[np.isfinite(strain)] - level) / found
-    np.testing.assert_allclose(steps, np.round(steps), atol=0.02)
     smooth = strain + 1e-7 * random.standard_normal(strain.size)
-    assert step_of(Channel.of_array("a", "strain", smooth, axis)) == (0.0, 0.0)
+    assert step_of(Channel.of_array("a", "strain", smooth, axis)) == 0.0
 
 
 def test_values_that_are_few_or_lost_have_no_step():
     axis = TimeAxis.uniform(1000, 2500.0)
     for values in (np.full(1000, np.nan), np.zeros(1000), np.arange(1000) % 5.0):
-        assert step_of(Channel.of_array("a", "strain", values, axis)) == (0.0, 0.0)
+        assert step_of(Channel.of_array("a", "strain", values, axis)) == 0.0
     empty = Channel.of_array("a", "strain", np.zeros(0), TimeAxis.uniform(0, 2500.0))
-    assert step_of(empty) == (0.0, 0.0)
+    assert step_of(empty) == 0.0
 
 
 @pytest.mark.parametrize("alike", [0.0, 0.7])

@@ -619,7 +619,7 @@ def _left_out_of(
                 normal = normal.beside(Normal.of(added, residual, manoeuvre), crossed)
             of_more.append(normal)
     drive = np.zeros(cells.manoeuvres, np.int64)
-    drive[cells.manoeuvre] = np.unique(cells.drive, return_inverse=True)[1]
+    drive[cells.manoeuvre] = np.unique(cells.log % len(cells.log_names), return_inverse=True)[1]
     normals = [Normal(*map(np.concatenate, zip(*parts, strict=True))) for parts in made]
     left = [normal.right.shape[1] - levels.shape[-1] - known.size for normal in normals]
     before = [

@@ -348,10 +348,6 @@ class Offsets:
         return replace(self, spans=(*self.spans, (orthonormal(left), None)))
 
     @property
-    def count(self) -> int:
-        return self.norm.size
-
-    @property
     def taken(self) -> int:
         """How many of them are of waveforms, and free."""
         return int((self.norm > 0.0).sum())

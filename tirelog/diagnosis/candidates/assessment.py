@@ -201,7 +201,7 @@ def _moves_zeros_alone(cells: Cells, change: FloatArray) -> bool:
     moved = change.copy()
     for log in np.unique(cells.log):  # of several observables each numbers its logs apart
         own = cells.log == log
-        if cells.observables[cells.part[own][0]] in OWN_ZERO:
+        if cells.members[cells.part[own][0]].observable in OWN_ZERO:
             moved[own] -= np.nanmean(change[own])
     # what differs by less than this share of a change within a log is its zero; a tenth of it is
     # what a pressure moves while the tire warms in a minute, and twice as much decides nothing

@@ -147,7 +147,7 @@ class Ground:
         shape = self.residual.shape
         size = int(np.prod(shape))
         parts, own = [basis for basis, _ in self.taken.spans], self.taken
-        offsets = np.zeros((*shape, own.count))
+        offsets = np.zeros((*shape, own.norm.size))
         offsets[np.arange(shape[0]), :, own.log] = own.direction
         parts.append(offsets.reshape(size, -1))
         for rows, basis in zip(self._coupling.groups, self._coupling.group_basis, strict=True):

@@ -398,7 +398,6 @@ def _course(
     manoeuvre, regime = segment(regimes(acceleration), breaks)
     n = centre.size
     none = np.empty((n, 0))
-    step, step_from = step_of(channel)
     return Stack(
         observable=observable,
         channel=channel.name,
@@ -418,8 +417,7 @@ def _course(
         revolution=np.concatenate([ordinal[1:-1] for ordinal, _ in runs]),
         regime=regime,
         logs=(recording.log,),
-        step=step,
-        step_from=step_from,
+        step=step_of(channel),
     )
 
 
