@@ -212,7 +212,7 @@ def stability(
 def _with_names(row: Mapping[str, Any]) -> str:
     """The verdict and its names."""
     names = (" or " if row["verdict"] == "ambiguous" else " and ").join(row["selected"])
-    return row["verdict"].replace("_", " ") + (f" ({names})" if names else "")
+    return str(row["verdict"]).replace("_", " ") + (f" ({names})" if names else "")
 
 
 def _some(parts: Sequence[str], most: int = 4) -> str:
