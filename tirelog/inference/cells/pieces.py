@@ -394,7 +394,7 @@ def _still(smooth: FloatArray, spread: FloatArray, count: FloatArray, step: floa
         2.0j * np.pi * smooth / step - 2.0 * np.pi**2 * np.where(count > 0, spread, 0.0) / step**2
     )
     total = np.maximum(count.sum(axis=0), 1e-12)
-    return np.abs((count * np.exp(turning)).sum(axis=0) / total)
+    return np.asarray(np.abs((count * np.exp(turning)).sum(axis=0)) / total, dtype=np.float64)
 
 
 def _columns(curve: CubicSpline, phi: FloatArray) -> FloatArray:
