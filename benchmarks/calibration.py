@@ -47,7 +47,8 @@ from benchmarks.hidden import wilson
 from benchmarks.nuisance_worlds import FIRST_DRAWN, CaseOf, several
 from benchmarks.nuisances import Row, append_rows, names, read_rows, row_of, seeds_of, written
 from tirelog.diagnosis import certainty
-from tirelog.diagnosis.certainty import CLASSES, NEGLIGIBLE, certainty_of, class_of
+from tirelog.diagnosis.certainty import CLASSES, certainty_of, class_of
+from tirelog.diagnosis.rules import SECOND_LEAST
 from tirelog.errors import TirelogError
 
 #: shares of what is missing, of carcasses, and of so many nuisances at once
@@ -109,14 +110,14 @@ def excess_of(case: CaseOf) -> float:
 def is_right(row: Row) -> bool:
     """Is the verdict true as a sentence?
 
-    none     nothing was planted, or less than NEGLIGIBLE
+    none     nothing was planted, or less than SECOND_LEAST [squared floors]
     name     what is named is what was planted, or the sets hold it; nothing else is named
     part     nothing is named that was not planted, alone or in a set
     unknown  what was planted is outside the catalogue
     """
     kind, planted = class_of(row.status), planted_in(row)
     if kind == "none":
-        return not planted or row.planted_excess < NEGLIGIBLE
+        return not planted or row.planted_excess < SECOND_LEAST
     if kind == "unknown":
         return missing_in(row) == "outside"
     sets = [set(group) for group in json.loads(row.sets)]

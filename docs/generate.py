@@ -535,8 +535,11 @@ def _sizes(nuisance: Nuisance) -> str:
 
 def verdicts_page() -> str:
     """The verdicts in the order in which they are tried, and every number that decides."""
-    rules = [(f"`{rule.verdict}`", rule.words) for rule in RULES]
-    numbers = [(f"`{t.name}`", f"{t.value:.3g}", t.unit, t.reason) for t in THRESHOLDS]
+    rules = [(f"`{verdict}`", words) for verdict, _, words in RULES]
+    numbers = [
+        (f"`{name}`", f"{value:.3g}", unit, reason)
+        for name, (value, unit, reason) in THRESHOLDS.items()
+    ]
     nuisances = [(f"`{n.name}`", n.description, _sizes(n)) for n in NUISANCES]
     return f"""{NOTE.format("tirelog/diagnosis/rules.py")}
 # How a verdict comes about

@@ -86,4 +86,5 @@ def test_a_full_disk_is_said_in_one_line(folder, capfd, monkeypatch):
     said = capfd.readouterr().err
     assert said.startswith("tirelog: error: ")
     assert "cannot be put aside (No space left on device)" in said
+    assert "set TMPDIR to another folder" in said
     assert said.count("\n") == 1

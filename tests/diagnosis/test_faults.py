@@ -1,16 +1,20 @@
-"""Faults: input that cannot be diagnosed is said to be so, and so is no folder for it."""
+"""Faults: what cannot be diagnosed is said to be so; what cannot be written or drawn in the end is
+refused before the work.
+"""
 
-import tempfile
 from dataclasses import replace
+from importlib import util
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.cases import Case, case
-from tests.diagnosis.toy import phase_shifts, stack
+from tests.cli.conftest import Command, folder, tirelog
+from tests.diagnosis.toy import phase_shifts
 from tirelog.diagnosis.diagnose import diagnose
-from tirelog.errors import ModelError, OutputError, UsageError
-from tirelog.inference.stacks.cut import Stacks, stacks_from_logs
+from tirelog.errors import ModelError, UsageError
+from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.user_effects import effect_by_expression
 from tirelog.physics.spectral import Parameter
@@ -87,12 +91,6 @@ def test_a_candidate_whose_fit_fails_is_reported_and_the_others_go_on(
     assert len(result.effects) > 3
 
 
-def test_no_folder_for_what_is_put_aside(monkeypatch, tmp_path):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
-    with pytest.raises(OutputError, match=r"No such file or directory.*set TMPDIR"):
-        Stacks(in_memory=0).add("log", [stack(1)])
-
-
 def by_load():
     """Phase shifts [rad] that follow the load, which is measured, and nothing else."""
     drive = {"load_N": (3000.0, 4000.0), "acceleration_m_s2": (-3.0, 3.0)}
@@ -113,3 +111,74 @@ def test_candidates_that_act_on_nothing_are_said_not_to_be_tested():
     assert result.selected == ("load_crosstalk",)
     again = diagnose([by_load()], result.model, effects=[mine])
     assert reads_none not in [again.not_tested.get(name) for name in idle]
+
+
+__all__ = ["folder", "tirelog"]
+
+
+@pytest.fixture
+def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Logs that must not be opened, by names that no module imported meanwhile can keep."""
+
+    def opened(*given: object, **more: object) -> None:
+        raise AssertionError("the work was begun")
+
+    for name in ("temporary_folder", "open_run"):
+        monkeypatch.setattr(f"tirelog.runs.ingest.{name}", opened)
+
+
+FOLDER = "the folder has to exist"
+
+
+@pytest.mark.parametrize(
+    ("words", "path", "said"),
+    [
+        ("compare --model m.toml --plot", "nowhere/x.png", FOLDER),
+        ("compare --model m.toml --plot", "x.jpg", "allowed are .png"),
+        ("compare --model m.toml -o", "nowhere/x.json", FOLDER),
+        ("ladder --model m.toml --save", "nowhere/x.toml", FOLDER),
+        ("ladder --model m.toml --save", "other.toml", "is there and is no model file"),
+        ("propose --model m.toml -o", "nowhere/x.toml", FOLDER),
+        ("propose --model m.toml -o", "other.toml", "is there and is no model file"),
+        ("report --model m.toml -o", "nowhere/x.html", FOLDER),
+        ("model fit --model m.toml -o", "nowhere/x.toml", FOLDER),
+        ("model fit --model m.toml -o", "other.toml", "is there and is no model file"),
+        ("speed --plot", "x.jpg", "allowed are .png"),
+        ("speed --plot", "nowhere/x.png", FOLDER),
+        ("phase-shift --plot", "x.jpg", "allowed are .png"),
+        ("phase-shift --calibrate", "nowhere/x.toml", FOLDER),
+        ("speed -o", ".", "Is a directory"),
+        ("ingest -o", "nowhere/x.h5", FOLDER),
+        ("tables -o", "log.csv", "it is a file; give the path of a folder"),
+        ("tables -o", "log.csv/below", "Not a directory"),
+        ("report -o", ".", "Is a directory"),
+    ],
+)
+@pytest.mark.usefixtures("no_work")
+def test_what_cannot_be_written_is_refused_first(
+    folder: Path, tirelog: Command, words: str, path: str, said: str
+) -> None:
+    (folder / "other.toml").write_text("x = 1\n")
+    before = sorted(folder.iterdir())
+    typed = f"{words} {path} log.csv"
+    result = tirelog(typed)
+    assert result.status == 2
+    assert said in result.err
+    assert path in result.err
+    assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize("command", ["compare", "diagnose", "ladder", "footprint"])
+@pytest.mark.usefixtures("no_work")
+def test_a_picture_without_matplotlib_is_refused_first(
+    folder: Path, tirelog: Command, command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = util.find_spec
+    monkeypatch.setattr(
+        util, "find_spec", lambda name, *more: None if name == "matplotlib" else found(name, *more)
+    )
+    log, model, plot = (str(folder / name) for name in ("log.csv", "m.toml", "x.png"))
+    models = [] if command == "footprint" else ["--model", model]
+    result = tirelog(command, log, *models, "--plot", plot)
+    assert result.status == 2
+    assert "a picture needs matplotlib" in result.err

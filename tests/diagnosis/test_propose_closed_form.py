@@ -22,14 +22,14 @@ def bump(xi, speed):
 def test_polishing_finds_the_law_and_the_size_of_a_planted_bump():
     """What is proposed of a ringing, fitted and by command: `test_propose_property.py`."""
     ground = Ground(start([stack(bump, m=64)], MODEL))
-    scanned = scan(ground)
-    best = polished(ground, scanned.atoms)[0]
+    atoms, _, _ = scan(ground)
+    best = polished(ground, atoms)[0]
     assert best.law.text == "(speed / 20) ** n"
     assert best.law.numbers["n"] == pytest.approx(2.0, abs=0.15)
     size, explained = strengths(ground, best)
     assert size[0] == pytest.approx(3e-5, rel=0.05)
     assert explained > 0.9 * (ground.square - np.count_nonzero(ground.base.white.inverse_sd))
-    before = next(atom for atom in scanned.atoms if atom.form_key == best.form_key)
+    before = next(atom for atom in atoms if atom.form_key == best.form_key)
     assert best.explained > strengths(ground, before)[1]
 
 

@@ -16,7 +16,7 @@ from tirelog.diagnosis.answer import next_command
 from tirelog.diagnosis.candidates.search import SearchResult, search_effects
 from tirelog.diagnosis.compare import compare, start
 from tirelog.diagnosis.diagnose import diagnose
-from tirelog.diagnosis.propose.formulas import Atom, Choice, Draft, Scanned, entry_of
+from tirelog.diagnosis.propose.formulas import Atom, Choice, Draft, entry_of
 from tirelog.diagnosis.propose.grammar import LAWS, forms
 from tirelog.diagnosis.propose.propose import LOCK_EVERY, _Climb, _without_needless, propose
 from tirelog.diagnosis.residual_structure import describe
@@ -139,13 +139,13 @@ def test_a_term_that_a_later_one_made_needless_goes():
         atom = Atom(by_words[words], numbers, law, fixed=("n",))
         entry = entry_of(atom, np.array(size), f"proposed_{i}", "strain")
         draft = Draft(atom, entry, refit(climb.after, climb.after.model.with_entry(entry)))
-        climb.choices.append(Choice(draft, (draft, draft), (draft,), Scanned((), i, 0.001)))
+        climb.choices.append(Choice(draft, (draft, draft), (draft,), 0.001, i))
         climb.bases.append(draft.base)
     left = _without_needless(climb)
     (choice,) = left.choices
     name = choice.chosen.entry.id
     assert (name, choice.chosen.atom.form.profile.name) == ("proposed_2", "ringing")
-    assert choice.scanned.tried == 2
+    assert choice.tried == 2
     assert choice.as_good == (choice.chosen,)
     assert [entry.id for entry in left.after.model.effects] == [name]
     assert left.after.model.values[f"{name}.f"] == pytest.approx(120.0, rel=0.01)

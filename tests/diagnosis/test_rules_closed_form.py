@@ -41,6 +41,7 @@ def test_verdict(changes, verdict):
 def test_a_chi_square_of_few_values_is_quiet_as_far_as_chance_goes(chi2, freedom, said):
     """1.2 and two of its standard deviations, sqrt(2 / freedom): 1.55 of 64 values."""
     base = SimpleNamespace(
+        channels=(),
         reduced_chi2=chi2,
         fit=SimpleNamespace(freedom=freedom),
         square_held=1.0,
@@ -104,7 +105,7 @@ def test_the_nearest_effect_is_said_and_why_it_is_not_named(name, share, said):
 @pytest.mark.parametrize(("measured", "parted"), [(np.nan, "measured temperature"), (300.0, "")])
 def test_a_nuisance_and_an_effect_that_do_nearly_the_same_are_told(measured, parted):
     conditions = SimpleNamespace(temperature_K=np.full(3, measured))
-    base = SimpleNamespace(cells=SimpleNamespace(conditions=conditions))
+    base = SimpleNamespace(cells=SimpleNamespace(conditions=conditions), channels=())
     pair = [("drift", "thermal_drift")]
     (taken,) = alike_sentences(pair, (), ["drift"], base)
     assert taken.startswith("In place of a drift, thermal_drift would do nearly as well")

@@ -288,8 +288,8 @@ class Stack:
     log, manoeuvre, revolution  (n,) integers: which log (index in `logs`), which manoeuvre (unique
                                 over all logs), ordinal of the passage
     regime        (n,)    'cruise', 'drive', 'coast' or 'brake'
-    step, step_from       the channel's values are whole steps from `step_from`, SI; a step of 0
-                          if they are not seen to be
+    step                  the channel's values come in whole steps of it, SI; 0 if they are not seen
+                          to
     place_rad             of one of several gratings its angle on the wheel, else NaN
     """
 
@@ -310,7 +310,6 @@ class Stack:
     regime: NDArray[np.str_]
     logs: tuple[str, ...]
     step: float = 0.0
-    step_from: float = 0.0
     place_rad: float = float("nan")
 
     @property

@@ -5,7 +5,7 @@
 
 A verdict claims more or less, and what is right depends on the claim:
 
-    none     nothing_missing, scatter: nothing is missing that would leave NEGLIGIBLE beside a
+    none     nothing_missing, scatter: nothing is missing that would leave SECOND_LEAST beside a
              refitted model on a smooth road without nuisances
     name     missing, ambiguous: what is named is what is missing, or the set holds it; no more
     part     partial: the same of its names
@@ -31,9 +31,6 @@ from tirelog.physics.model.model import BY_NAME, FORM, Model
 from tirelog.vocabulary.observables import STRAIN
 
 TABLE = "calibration.toml"
-#: what a case may lack and "nothing is missing" is still called right [squared floors]: as much as
-#: a second effect must remove to be named; half of it would call right only what no log shows
-NEGLIGIBLE = 0.5
 #: the verdicts that say alike
 CLASSES: Mapping[str, tuple[str, ...]] = {
     "none": ("nothing_missing", "scatter"),
@@ -173,50 +170,31 @@ def calibration() -> dict[str, Any]:
 # `diagnose.with_groups` asks for them.
 
 
-#: groups that a sentence names; of more their number
-_TOLD = 4
+#: the verdict on some of the logs that could not be asked. `group`: the log or tire that was left
+#: out; `problem`: why it could not be asked
+NO_VERDICT: dict[str, Any] = {
+    "group": "", "logs": (), "verdict": "", "selected": (), "ambiguous_groups": (),
+    "probability": None, "problem": "",
+}  # fmt: skip
 
 
-@dataclass(frozen=True)
-class GroupVerdict:
-    """The verdict on some of the logs.
-
-    `group`: the log or tire that was left out; `verdict` "" if it could not be asked, and the
-    `problem`.
-    """
-
-    group: str
-    logs: tuple[str, ...]
-    verdict: str
-    selected: tuple[str, ...] = ()
-    ambiguous_groups: tuple[tuple[str, ...], ...] = ()
-    probability: float | None = None
-    problem: str = ""
-
-    @property
-    def tested(self) -> bool:
-        """Was anything tested: it could be asked, and there were manoeuvres enough?"""
-        return self.verdict not in ("", "too_few")
-
-    @property
-    def said(self) -> str:
-        """The verdict and its names."""
-        names = " or ".join(self.selected) if self.verdict == "ambiguous" else ""
-        names = names or " and ".join(self.selected)
-        return self.verdict.replace("_", " ") + (f" ({names})" if names else "")
-
-
-def stability(by: str, whole: GroupVerdict, without: Sequence[GroupVerdict]) -> dict[str, Any]:
+def stability(
+    by: str, whole: Mapping[str, Any], without: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
     """The verdicts without each log, or tire (`by`), beside that of the `whole`, and a sentence.
 
-    The sentence says whether the verdict holds, where it changes, and where that is not known.
+    Each has what `NO_VERDICT` has. The sentence says whether the verdict holds, where it changes,
+    and where that is not known: not asked, or of too few manoeuvres.
     """
-    claim = (whole.verdict, {*whole.selected})
-    same = [(a.verdict, {*a.selected}) == claim if a.tested else None for a in without]
+    claim = (whole["verdict"], {*whole["selected"]})
+    same = [
+        None if a["verdict"] in ("", "too_few") else (a["verdict"], {*a["selected"]}) == claim
+        for a in without
+    ]
     pairs = list(zip(without, same, strict=True))
-    changed = [f"without {a.group} it is {a.said}" for a, like in pairs if like is False]
+    changed = [f"without {a['group']} it is {_with_names(a)}" for a, like in pairs if like is False]
     untold = [
-        f"without {a.group}: {a.problem or 'too few manoeuvres are left'}"
+        f"without {a['group']}: {a['problem'] or 'too few manoeuvres are left'}"
         for a, like in pairs
         if like is None
     ]
@@ -227,11 +205,17 @@ def stability(by: str, whole: GroupVerdict, without: Sequence[GroupVerdict]) -> 
     elif told:
         said = f"The verdict holds: it is the same without any one of {told} {by}s."
     said += f" Not known: {_some(untold)}." if untold else ""
-    rows = [vars(a) | {"same": like} for a, like in pairs]
+    rows = [{**a, "same": like} for a, like in pairs]
     return {"by": by, "sentence": said, "without": rows}
 
 
-def _some(parts: Sequence[str]) -> str:
+def _with_names(row: Mapping[str, Any]) -> str:
+    """The verdict and its names."""
+    names = (" or " if row["verdict"] == "ambiguous" else " and ").join(row["selected"])
+    return str(row["verdict"]).replace("_", " ") + (f" ({names})" if names else "")
+
+
+def _some(parts: Sequence[str], most: int = 4) -> str:
     """The first of them, and how many more there are."""
-    more = f"; and {len(parts) - _TOLD} more" if len(parts) > _TOLD else ""
-    return "; ".join(parts[:_TOLD]) + more
+    more = f"; and {len(parts) - most} more" if len(parts) > most else ""
+    return "; ".join(parts[:most]) + more

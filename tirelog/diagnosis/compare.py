@@ -29,6 +29,7 @@ from tirelog.diagnosis.residual_structure import (
     extra_errors,
     half_angle,
     learnt_residual,
+    of_each,
     posterior_checks,
     zones,
 )
@@ -43,7 +44,6 @@ from tirelog.diagnosis.results import (
 from tirelog.errors import ModelError, UsageError, or_refusal
 from tirelog.inference.base import (
     Base,
-    JointBase,
     bases_by_observable,
     bends,
     joined_like,
@@ -155,10 +155,10 @@ def compare(
         comparison_of(base, single_revolutions(measured)),
         parameters=parameters_of(with_form),
         with_nuisances=with_nuisances,
-        extra_errors=extra_errors(base),
-        checks=posterior_checks(base),
+        extra_errors=of_each(extra_errors, base, "name"),
+        checks=of_each(posterior_checks, base, "name"),
         ranking=_ranking([base, *(start_from(pieces, other) for other in others)]),
-        learnt=learnt_residual(base) if learn else (),
+        learnt=of_each(learnt_residual, base, "learns") if learn else (),
     )
 
 
@@ -196,7 +196,7 @@ def comparison_of(base: Base, stacks: Revolutions = ()) -> Comparison:
     """
     bases = bases_by_observable(base, held_by_all=True)
     parts = tuple(map(_comparison_of_one, bases, stacks or [()] * len(bases)))
-    if not isinstance(base, JointBase):
+    if not base.channels:
         return parts[0]
     known, first = contributions(base), parts[0]
     units = {name: p.unit for name, p in base.model.parameters.items()}
@@ -282,7 +282,7 @@ def parameters_of(model: Model) -> dict[str, dict[str, Any]]:
 
 def remarks_of(base: Base) -> list[str]:
     """What a person should know of the fit before believing it."""
-    if isinstance(base, JointBase):
+    if base.channels:
         each = [(part.cells.label, remarks_of(part)) for part in bases_by_observable(base)]
         counted = Counter(remark for _, remarks in each for remark in dict.fromkeys(remarks))
         of_all = {*base.cells.notes, *(remark for remark, n in counted.items() if n > 1)}
@@ -307,7 +307,7 @@ def remarks_of(base: Base) -> list[str]:
 
 def of_rounding(base: Base) -> list[str]:
     """What rounding to the source's steps makes of the errors, if it matters."""
-    if isinstance(base, JointBase):
+    if base.channels:
         return [
             f"{p.cells.label}: {said}" for p in bases_by_observable(base) for said in of_rounding(p)
         ]
@@ -372,11 +372,8 @@ def error_tables(base: Base) -> dict[str, list[dict[str, Any]]]:
     """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions."""
     c, conditions, plain = base.cells, base.cells.conditions, base.plain
     share = plain.weights**2
-    noise = np.where(share > 0, c.sd, 0.0) ** 2 * (1.0 - (plain.basis**2).sum(axis=-1))
-    spread = np.einsum("cmi,cij,cmj->cm", c.scattering, c.random_cov, c.scattering)
     # what the model leaves of each value above `within`, without what noise does
-    left = plain(np.nan_to_num(c.values - base.fit.prediction - base.fit.beside)) ** 2
-    left -= share * (noise + spread)
+    left = plain(np.nan_to_num(c.values - base.fit.prediction - base.fit.beside)) ** 2 - plain.noise
     within = share * np.where(share > 0, c.within, 0.0)
 
     def row(
@@ -502,8 +499,9 @@ def manoeuvres_of(pieces: Sequence[Pieces]) -> IntArray:
     return np.unique(np.concatenate([part.manoeuvre for part in pieces]))
 
 
-def _on_locked(after: Base, locked: Sequence[Pieces]) -> tuple[float, float]:
-    """(rmse of the model on the locked manoeuvres, the floor there).
+@or_refusal
+def untouched(after: Base, locked: Sequence[Pieces]) -> tuple[float, float]:
+    """(rmse of the model on the locked manoeuvres, the floor there), or why it has no error there.
 
     Of several observables both are in floors: the root mean square over the observables, weighted
     by their revolutions.
@@ -518,10 +516,6 @@ def _on_locked(after: Base, locked: Sequence[Pieces]) -> tuple[float, float]:
     weights = [float(number) for _, _, number in known]
     rmse, floor = np.sqrt(np.average(squares, axis=0, weights=weights)).tolist()
     return rmse, floor
-
-
-#: the same, or why the model has no error there
-untouched = or_refusal(_on_locked)
 
 
 def _on_locked_of_one(after: Base, locked: Pieces) -> tuple[float, float]:

@@ -70,9 +70,9 @@ from tirelog.diagnosis.candidates.search import (
 )
 from tirelog.diagnosis.candidates.separation import advise, drive_next, drive_sentences
 from tirelog.diagnosis.certainty import (
+    NO_VERDICT,
     SURENESS,
     Certainty,
-    GroupVerdict,
     certainty_of,
     stability,
     unlike_cases,
@@ -89,9 +89,9 @@ from tirelog.diagnosis.compare import (
 from tirelog.diagnosis.gratings import Gathered, GratingsFound, gathered
 from tirelog.diagnosis.residual_structure import (
     Leftover,
-    Suspect,
     describe,
     scattered,
+    suspect_sentence,
     suspects,
 )
 from tirelog.diagnosis.results import Candidate, Comparison
@@ -137,7 +137,7 @@ class Diagnosis(AnswerRecord):
     separating_manoeuvres: tuple[Mapping[str, Any], ...]
     unexplained: Mapping[str, Any]
     nuisances: tuple[NuisanceFound, ...]
-    suspects: tuple[Suspect, ...]
+    suspects: tuple[Mapping[str, Any], ...]
     not_tested: Mapping[str, str]
     rmse_heldout_before: float | None
     rmse_heldout_after: float | None
@@ -346,7 +346,7 @@ def conclude(found: SearchResult, stacks: Revolutions, asked: Gathered | None = 
         "manoeuvres": manoeuvres,
         "before": before.square_held,
         "after": found.after.square_held,
-        "suspects": tuple(s.said for s in suspected[:3]),
+        "suspects": tuple(map(suspect_sentence, suspected[:3])),
         "beside": stayed,
         "taken": taken,
         "scatter": scatter,
@@ -540,7 +540,7 @@ def with_groups(
     groups  name -> its logs: those of one tire, or one log each;  some  gives the pieces of logs
     """
     every = [log for logs in groups.values() for log in logs]
-    extra, without = tuple(effects), list[GroupVerdict]()
+    extra, without = tuple(effects), list[dict[str, Any]]()
     for group, logs in groups.items():
         rest = [log for log in every if log not in logs]
         progress(f"once more without {group}")
@@ -548,7 +548,8 @@ def with_groups(
             again = diagnose(some(rest), model, effects=extra)
             without.append(verdict_of_group(group, rest, again))
         except TirelogError as problem:
-            without.append(GroupVerdict(group, tuple(rest), "", problem=problem.message))
+            asked = {"group": group, "logs": tuple(rest), "problem": problem.message}
+            without.append({**NO_VERDICT, **asked})
     answer = stability(by, verdict_of_group("", every, found), without)
     return replace(found, stability=answer, notes=(*found.notes, answer["sentence"]))
 
@@ -563,16 +564,11 @@ def refuse_one(groups: Mapping[str, Sequence[str]], by: str) -> None:
         )
 
 
-def verdict_of_group(group: str, logs: Sequence[str], found: Diagnosis) -> GroupVerdict:
+def verdict_of_group(group: str, logs: Sequence[str], found: Diagnosis) -> dict[str, Any]:
     """A diagnosis in few words."""
-    return GroupVerdict(
-        group,
-        tuple(logs),
-        found.verdict,
-        found.selected,
-        found.ambiguous_groups,
-        found.certainty.probability,
-    )
+    said = {name: getattr(found, name) for name in ("verdict", "selected", "ambiguous_groups")}
+    about = {"group": group, "logs": tuple(logs), "probability": found.certainty.probability}
+    return {**NO_VERDICT, **about, **said}
 
 
 def logs_of(pieces: Sequence[Pieces]) -> dict[str, tuple[str, ...]]:

@@ -22,7 +22,7 @@ import numpy as np
 from tirelog.diagnosis.candidates.assessment import Scores, flip_test, hats
 from tirelog.diagnosis.compare import manoeuvres_of, start_from
 from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
-from tirelog.inference.base import Base, JointBase, bases_by_observable, fit_together
+from tirelog.inference.base import Base, bases_by_observable, fit_together
 from tirelog.inference.cells.cells import (
     LEVER,
     cells_of,
@@ -145,7 +145,7 @@ class GratingsFound:
 Member = tuple[Base, FloatArray, bool]
 
 
-def members_of(base: JointBase) -> Iterator[Member]:
+def members_of(base: Base) -> Iterator[Member]:
     """The gratings of one fit, one after the other."""
     cells, shared = base.cells, base.cells.shared
     for i, part in enumerate(bases_by_observable(base)):
@@ -161,7 +161,7 @@ def members_of(base: JointBase) -> Iterator[Member]:
         yield replace(part, cells=own), columns, wheel
 
 
-def members_held(pieces: Sequence[Pieces], fitted: JointBase) -> Iterator[Member]:
+def members_held(pieces: Sequence[Pieces], fitted: Base) -> Iterator[Member]:
     """More gratings than were fitted, one after the other, held to what the fit says.
 
     Its parameters and what its nuisances do are as they are; each grating has its own lever arm.
@@ -375,7 +375,7 @@ class Gathered:
         the effect: it is asked again beside it.
         """
         found = self.found
-        if found is None or not isinstance(result, JointBase) or not (selected and found.alone):
+        if found is None or not result.channels or not (selected and found.alone):
             return found
         # share of what a grating showed alone that stays with it beside a named effect: all of it
         # if the grating is bad, a tenth if it is what a free shape left of the effect
@@ -392,7 +392,7 @@ def gathered(pieces: list[Pieces], model: Model) -> Gathered:
     """
     every, searched = pieces, spread_out(pieces)
     base, gratings = start_from(searched, model), [part for part in pieces if part.member]
-    if not isinstance(base, JointBase) or not gratings:
+    if not base.channels or not gratings:
         return Gathered(every, pieces, searched, base)
     names = tuple(part.member for part in gratings)
     places = tuple(float(np.degrees(part.place_rad) % 360.0) for part in gratings)

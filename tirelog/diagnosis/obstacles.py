@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -71,11 +71,14 @@ _BEFORE, _AFTER = 1.25, 0.5
 class Hit:
     """One passage over the obstacle, its samples in the window after it, (m,).
 
+    In the observable's unit but for times, phase and shares.
+
     since_s  time since the hit; measured, predicted (steady + added + level); added: what the
-             obstacle added as measured, missed: what
-    of it the model's does not cover
+             obstacle added as measured, missed: what of it the model's does not cover
+    ordinal  its number in the log;  squares: (m,) of each of `_SQUARES`, charged for the nuisances
     """
 
+    log: TransientLog
     time_s: float
     time_se_s: float
     alignment_rad: float
@@ -88,6 +91,39 @@ class Hit:
     added: FloatArray
     missed: FloatArray
     remarks: tuple[str, ...]
+    ordinal: int = 0
+    squares: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    def row(self) -> dict[str, Any]:
+        """One row of the table by hit."""
+        errors = _errors(self.squares)
+        covered = _covered(errors)
+        # A hit of which the model covers less than this share may be something else than the
+        # obstacle. Twice as much marks also hits of which a third is explained.
+        unlike = 0 if covered > 0.2 else Quality.UNLIKE
+        return {
+            "log": self.log.log,
+            "channel": self.log.channel,
+            "hit": self.ordinal,
+            "time_s": self.time_s,
+            "time_se_s": self.time_se_s,
+            "speed_m_s": self.speed_m_s,
+            "phase_deg": float(np.degrees(self.phase_rad)),
+            "alignment_deg": float(np.degrees(self.alignment_rad)),
+            "level": self.level,
+            "samples": int(self.since_s.size),
+            **errors,
+            "covered": covered,
+            "quality": quality_text(unlike),
+        }
+
+    def doubts(self) -> list[str]:
+        """What a reader should know of the hit."""
+        doubt = (
+            f"{self.log.log}: the model covers little of what happened at {self.time_s:.4g} s; "
+            "the obstacle's dimensions, the model, or another event are to be doubted"
+        )
+        return [*self.remarks, *[doubt] * (self.row()["quality"] != OK)]
 
 
 def motion_at(
@@ -247,7 +283,7 @@ class View:
         off = self.log.off()[window.rows]
         missed = measured - steady - added
         return Hit(
-            time_s, error_s, self.aligned_rad, phase_rad, level,
+            self.log, time_s, error_s, self.aligned_rad, phase_rad, level,
             float(self.transient.conditions.speed_m_s[0]), since[window.rows], measured,
             model + level, off - off.mean(), missed - missed.mean(), self.transient.remarks,
         )  # fmt: skip
@@ -417,50 +453,6 @@ _ANGLES = 128
 _SQUARES = ("residual", "steady", "floor", "added", "missed")
 
 
-@dataclass(frozen=True)
-class HitResult:
-    """A hit and its numbers, in the observable's unit but for times, phase and shares.
-
-    `squares` (m,) at the hit's times, of each of `_SQUARES`, charged for the nuisances.
-    """
-
-    log: TransientLog
-    ordinal: int
-    hit: Hit
-    squares: Mapping[str, FloatArray]
-
-    def row(self) -> dict[str, Any]:
-        """One row of the table by hit."""
-        hit, errors = self.hit, _errors(self.squares)
-        covered = _covered(errors)
-        # A hit of which the model covers less than this share may be something else than the
-        # obstacle. Twice as much marks also hits of which a third is explained.
-        unlike = 0 if covered > 0.2 else Quality.UNLIKE
-        return {
-            "log": self.log.log,
-            "channel": self.log.channel,
-            "hit": self.ordinal,
-            "time_s": hit.time_s,
-            "time_se_s": hit.time_se_s,
-            "speed_m_s": hit.speed_m_s,
-            "phase_deg": float(np.degrees(hit.phase_rad)),
-            "alignment_deg": float(np.degrees(hit.alignment_rad)),
-            "level": hit.level,
-            "samples": int(hit.since_s.size),
-            **errors,
-            "covered": covered,
-            "quality": quality_text(unlike),
-        }
-
-    def remarks(self) -> list[str]:
-        """What a reader should know of the hit."""
-        doubt = (
-            f"{self.log.log}: the model covers little of what happened at {self.hit.time_s:.4g} s; "
-            "the obstacle's dimensions, the model, or another event are to be doubted"
-        )
-        return [*self.hit.remarks, *[doubt] * (self.row()["quality"] != OK)]
-
-
 def _errors(squares: Mapping[str, FloatArray]) -> dict[str, float]:
     """rmse, rmse_steady, noise_floor, excess, added, missed, of `_SQUARES`."""
     rmse, steady, floor, added, missed = (
@@ -484,7 +476,7 @@ class TransientComparison:
 
     observable: str
     unit: str
-    hits: tuple[HitResult, ...]
+    hits: tuple[Hit, ...]
     remarks: tuple[str, ...]
 
     def rows(self) -> list[dict[str, Any]]:
@@ -541,7 +533,7 @@ def compare_transients(
         for log in logs
         for ordinal, (near, rough, window) in enumerate(_windows(log, WINDOW_S))
     )
-    remarks = dict.fromkeys(remark for hit in hits for remark in hit.remarks())
+    remarks = dict.fromkeys(remark for hit in hits for remark in hit.doubts())
     return TransientComparison(model.observable, unit, hits, tuple(remarks))
 
 
@@ -552,7 +544,7 @@ def _windows(log: TransientLog, most_s: float) -> Iterator[tuple[TransientLog, f
         yield around(log, rough), rough, min(most_s, end - rough, float(log.time_s[-1]) - rough)
 
 
-def _result(log: TransientLog, ordinal: int, hit: Hit, model: Model) -> HitResult:
+def _result(log: TransientLog, ordinal: int, hit: Hit, model: Model) -> Hit:
     """The hit beside the errors off the obstacle at the same wheel angles."""
     off, error, near = log.off(), _steady_error(log, hit, model), np.flatnonzero(log.calm)
     phi = split_turns(log.wheel.theta(log.time_s))[1]
@@ -567,7 +559,7 @@ def _result(log: TransientLog, ordinal: int, hit: Hit, model: Model) -> HitResul
     charged = hit.since_s.size / max(hit.since_s.size - NUISANCES, 1)
     for name in ("residual", "missed"):
         squares[name] *= charged
-    return HitResult(log, ordinal, hit, squares)
+    return replace(hit, ordinal=ordinal, squares=squares)
 
 
 def _steady_error(log: TransientLog, hit: Hit, model: Model) -> FloatArray:

@@ -38,10 +38,10 @@ from tirelog.diagnosis.candidates.assessment import (
     mean_drop,
     surely_gains,
 )
-from tirelog.diagnosis.results import Check, contributions
+from tirelog.diagnosis.results import contributions
 from tirelog.diagnosis.rules import ALARM_P, ERROR_SIGMAS, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
 from tirelog.errors import ModelError
-from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to, with_fewer_cells
+from tirelog.inference.base import Base, bases_by_observable, change_to, with_fewer_cells
 from tirelog.inference.cells.cells import model_of
 from tirelog.inference.floor import held_out_losses, held_out_losses_with, load_derivative
 from tirelog.inference.metric import RANK, Offsets, side_by_side
@@ -188,7 +188,7 @@ class Leftover:
     in_time: bool = False
 
 
-def _describe_several(base: JointBase) -> Leftover:
+def _describe_several(base: Base) -> Leftover:
     """The rest of the observable in which it is largest."""
     parts = bases_by_observable(base)
     labels = [part.cells.label for part in parts]
@@ -266,7 +266,7 @@ def describe(base: Base) -> Leftover:
 
     Of several observables it describes the one in which it is largest, its size in floors of all.
     """
-    if isinstance(base, JointBase):
+    if base.channels:
         return _describe_several(base)
     cells = base.cells
     taken, residual = beside_base(base)
@@ -456,7 +456,7 @@ def scattered(base: Base, floor_square: float) -> dict[str, Any]:
     means.
     """
     unit = 1.0
-    if isinstance(base, JointBase):  # of the observable farthest above its floor, in floors
+    if base.channels:  # of the observable farthest above its floor, in floors
         parts = bases_by_observable(base, held_by_all=True)
         base = max(parts, key=lambda part: part.square_held / part.floor.square)
         floor_square, unit = base.floor.square, float(np.sqrt(base.floor.square))
@@ -519,24 +519,32 @@ def _ranks(x: FloatArray) -> FloatArray:
 #         remove
 
 
-def posterior_checks(base: Base, seed: int = 0) -> tuple[Check, ...]:
+Row = dict[str, Any]
+
+
+def of_each(
+    question: Callable[[Base], Sequence[Row]], base: Base, name: str = ""
+) -> tuple[Row, ...]:
+    """The rows that answer a question, of each observable; of several, `name` says of which."""
+    if not base.channels:
+        return tuple(question(base))
+    each = [(part.cells.label, row) for part in bases_by_observable(base) for row in question(part)]
+    return tuple(row | ({name: f"{row[name]} of {label}"} if name else {}) for label, row in each)
+
+
+def posterior_checks(base: Base) -> Sequence[Row]:
     """Largest cell, autocorrelations, Ljung-Box, kurtosis and drift of the whitened residual.
 
     The ranges are those of residuals drawn from noise and scatter as the floor has them. Base
     parameters, offsets and nuisances are projected out of them, as of the measured residual.
+    `low`, `high`: the range; `never`: noise never leaves what is measured.
     """
-    if isinstance(base, JointBase):
-        return tuple(
-            replace(check, name=f"{check.name} of {part.cells.label}")
-            for part in bases_by_observable(base)
-            for check in posterior_checks(part, seed)
-        )
     cells, white = base.cells, base.noise
     if cells.phi.shape[1] == 1:
         return ()  # one number per revolution has no shape
     other = Offsets.of(cells, white).beside(white(base.fit.moving))
     measured = other.without(white(np.nan_to_num(cells.values - base.fit.prediction)))
-    random, used = np.random.default_rng(seed), white.inverse_sd > 0.0
+    random, used = np.random.default_rng(0), white.inverse_sd > 0.0
     names, statistics = _statistics(base, used)
     # residuals that are drawn, and the standard deviations about their mean that make the range:
     # one of them leaves it by chance in a log in two hundred; twice as many tell the ranges to
@@ -552,7 +560,10 @@ def posterior_checks(base: Base, seed: int = 0) -> tuple[Check, ...]:
         row[:] = statistics(other.without(noise - (white.basis @ (free * along))[..., 0]))
     middle, reach = drawn.mean(axis=0), width * drawn.std(axis=0, ddof=1)
     rows = np.stack([statistics(measured), middle - reach, middle + reach], axis=1).tolist()
-    return tuple(Check(name, *row) for name, row in zip(names, rows, strict=True))
+    return [
+        {"name": name, "measured": own, "low": low, "high": high, "never": not low <= own <= high}
+        for name, (own, low, high) in zip(names, rows, strict=True)
+    ]
 
 
 def _statistics(
@@ -595,7 +606,7 @@ def _statistics(
     return names, statistics
 
 
-def extra_errors(base: Base) -> tuple[Mapping[str, Any], ...]:
+def extra_errors(base: Base) -> Sequence[Row]:
     """The least extra error by zone, speed, regime, log and parameter, each by itself.
 
     Rows: `of` ("zone", "speed", "regime", "log" or "parameter"), its `name`, `size`, `unit`,
@@ -604,9 +615,6 @@ def extra_errors(base: Base) -> tuple[Mapping[str, Any], ...]:
     cell means; of a parameter that of a relative change from cell to cell. 0 if they agree without;
     None if no size makes them agree.
     """
-    if isinstance(base, JointBase):
-        each = [(part, row) for part in bases_by_observable(base) for row in extra_errors(part)]
-        return tuple({**row, "name": f"{row['name']} of {part.cells.label}"} for part, row in each)
     cells, white = base.cells, base.noise
     residual = white(cells.values - base.fit.prediction - base.fit.beside)
     square, inverse, used = residual**2, white.inverse_sd**2, white.inverse_sd > 0.0
@@ -634,10 +642,10 @@ def extra_errors(base: Base) -> tuple[Mapping[str, Any], ...]:
         if length.any():
             size = _least_root(partial(_moved, total, length, along), base.fit.freedom)
             found.append({"of": "parameter", "name": name, "size": size, "unit": "1"})
-    return tuple({**row, "observable": cells.observable} for row in found)
+    return [{**row, "observable": cells.observable} for row in found]
 
 
-def learnt_residual(base: Base) -> tuple[Mapping[str, Any], ...]:
+def learnt_residual(base: Base) -> Sequence[Row]:
     """What a residual that is learnt gains on manoeuvres held out (P3 outlook).
 
     A Gaussian process over the angle, then over angle and speed, then over all conditions that
@@ -646,9 +654,6 @@ def learnt_residual(base: Base) -> tuple[Mapping[str, Any], ...]:
     the excess. Rows: `learns` (of what), the `weights`, `rmse_heldout`, `excess_removed` (a share;
     below zero if it harms), `sigmas` of the gain, `observable`. It never enters a name.
     """
-    if isinstance(base, JointBase):
-        each = [(part, row) for part in bases_by_observable(base) for row in learnt_residual(part)]
-        return tuple({**row, "learns": f"{row['learns']} of {p.cells.label}"} for p, row in each)
     # ten conditions take 300 MB of columns; twice as many cells take twice as much
     few = with_fewer_cells(base, 480)
     if few.cells.manoeuvres < 2 or min(base.excess, few.excess) <= 0.0:
@@ -685,7 +690,7 @@ def learnt_residual(base: Base) -> tuple[Mapping[str, Any], ...]:
                 "observable": base.cells.observable,
             }
         )
-    return tuple(rows)
+    return rows
 
 
 def _widened(square: FloatArray, precision: FloatArray, variance: float) -> float:
@@ -725,32 +730,28 @@ def _least_root(left: Callable[[float], float], freedom: float) -> float | None:
     return float(10.0 ** (0.5 * brentq(lambda power: left(10.0**power) - wanted, none, most)))
 
 
-@dataclass(frozen=True)
-class Suspect:
-    """A condition that would remove a `share` of the excess if it were `change` higher in a log."""
-
-    condition: str
-    log: int
-    change: float
-    share: float
-
-    @property
-    def said(self) -> str:
-        return (
-            f"a {self.condition} {100.0 * abs(self.change):.2g} % "
-            f"{'higher' if self.change > 0.0 else 'lower'} in log {self.log + 1} than its setup "
-            f"says would remove {100.0 * self.share:.0f} % of the excess"
-        )
-
-
-def suspects(base: Base) -> tuple[Suspect, ...]:
+def suspects(base: Base) -> tuple[Row, ...]:
     """Load, rolling radius and pressure of one log each that would explain much, the best first.
+
+    `share`: of the excess it would remove if it were `change` higher in the log.
+    """
+    return tuple(sorted(of_each(_suspects, base), key=lambda row: -row["share"]))
+
+
+def suspect_sentence(row: Mapping[str, Any]) -> str:
+    """What a suspect would have to be, and what that would explain."""
+    return (
+        f"a {row['condition']} {100.0 * abs(row['change']):.2g} % "
+        f"{'higher' if row['change'] > 0.0 else 'lower'} in log {row['log'] + 1} than its setup "
+        f"says would remove {100.0 * row['share']:.0f} % of the excess"
+    )
+
+
+def _suspects(base: Base) -> Sequence[Row]:
+    """The suspects of one observable.
 
     Of one log alone none: what a level does there is what the model's parameters do.
     """
-    if isinstance(base, JointBase):
-        each = [suspect for part in bases_by_observable(base) for suspect in suspects(part)]
-        return tuple(sorted(each, key=lambda s: -s.share))
     cells, logs = base.cells, np.unique(base.cells.log)
     if base.excess <= LEAST_SHARE_OF_FLOOR * base.floor.square or logs.size < 2:
         return ()
@@ -771,5 +772,6 @@ def suspects(base: Base) -> tuple[Suspect, ...]:
         if gain > GAIN_SIGMAS * error and share >= 0.3:
             left = taken.without(base.white(column)).ravel()
             change = float(left @ residual.ravel()) / max(float(left @ left), 1e-300)
-            found.append(Suspect(condition, log, change, min(share, 1.0)))
-    return tuple(sorted(found, key=lambda s: -s.share))
+            row = {"condition": condition, "log": log, "change": change, "share": min(share, 1.0)}
+            found.append(row)
+    return found

@@ -33,7 +33,7 @@ from tirelog.diagnosis.answer import (
 from tirelog.diagnosis.obstacles import TransientComparison
 from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
 from tirelog.errors import UsageError, refuse_unknown
-from tirelog.inference.base import Base, JointBase, bases_by_observable
+from tirelog.inference.base import Base, bases_by_observable
 from tirelog.inference.fit.cells import NULL, errors_of
 from tirelog.inference.metric import Offsets
 from tirelog.physics.model.model import Model
@@ -105,27 +105,6 @@ def _extra_row(own: Mapping[str, Any]) -> list[Any]:
         return [name, "no size does", ""]
     factor, unit = (100.0, "%") if of == "parameter" else shown(own["observable"], own["unit"])
     return [name, size * factor, unit]
-
-
-@dataclass(frozen=True)
-class Check:
-    """A number of the residual beside the range in which noise alone leaves it."""
-
-    name: str
-    measured: float
-    low: float
-    high: float
-    also: ClassVar = ("never",)
-
-    @property
-    def never(self) -> bool:
-        """Noise never leaves this."""
-        return not self.low <= self.measured <= self.high
-
-    @property
-    def noise_gives(self) -> str:
-        """The range of noise in words."""
-        return f"{self.low:.3g} to {self.high:.3g}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -206,7 +185,7 @@ class Comparison(AnswerRecord):
     obstacles: TransientComparison | None = None
     aside: tuple[str, ...] = ()
     extra_errors: tuple[Mapping[str, Any], ...] = ()
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Mapping[str, Any], ...] = ()
     ranking: tuple[Mapping[str, Any], ...] = ()
     learnt: tuple[Mapping[str, Any], ...] = ()
 
@@ -250,7 +229,9 @@ class Comparison(AnswerRecord):
             for r in self.ranking
         ]
         extra = [_extra_row(own) for own in self._worst_errors() if own["size"] != 0.0]
-        residuals = [[c.name, c.measured, c.noise_gives] for c in self.checks]
+        residuals = [
+            [c["name"], c["measured"], f"{c['low']:.3g} to {c['high']:.3g}"] for c in self.checks
+        ]
         learnt = [
             [r["learns"], in_unit(r["rmse_heldout"], shown(r["observable"], "")[0])]
             + [percent(r["excess_removed"]), r["sigmas"], r["weights"]]
@@ -661,7 +642,7 @@ class Contribution:
         return self.p <= ALARM_P and self.size > LEAST_SHARE_OF_FLOOR
 
 
-def contributions(base: JointBase) -> tuple[Contribution, ...]:
+def contributions(base: Base) -> tuple[Contribution, ...]:
     """What each observable of the base brings."""
     cells, fit = base.cells, base.fit
     if not fit.names:

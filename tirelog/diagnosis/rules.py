@@ -7,133 +7,122 @@ order in which they are tried. docs/verdicts.md is made of both.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
-
-@dataclass(frozen=True)
-class Threshold:
-    """A number that decides: its name in the code, value, unit, and what it is for."""
-
-    name: str
-    value: float
-    unit: str
-    reason: str
-
-
-THRESHOLDS: tuple[Threshold, ...] = (
+#: every number that decides, by its name in the code: value, unit, and what it is for
+THRESHOLDS: Mapping[str, tuple[float, str, str]] = {
     # ---- is anything there?
-    Threshold(
-        "ALARM_P", 0.01, "probability",
+    "ALARM_P": (
+        0.01, "probability",
         "family-wise p at most. It bounds the rate of false alarms over all candidates",
     ),
-    Threshold(
-        "GAIN_SIGMAS", 1.4, "standard errors",
+    "GAIN_SIGMAS": (
+        1.4, "standard errors",
         "held-out gain at least; manoeuvres share their training, which the error allows for. "
         "Effects of two squared floors gain two to six. Loads that wander gave a false effect "
         "0.7 and more",
     ),
-    Threshold(
-        "LEAST_SHARE_OF_FLOOR", 0.05, "squared floors",
+    "LEAST_SHARE_OF_FLOOR": (
+        0.05, "squared floors",
         "least size of what an effect removes. Smaller changes may repeat perfectly, and no "
         "p-value removes them",
     ),
-    Threshold(
-        "FEWEST_MANOEUVRES", 8, "manoeuvres",
+    "FEWEST_MANOEUVRES": (
+        8, "manoeuvres",
         "a two-sided p of ALARM_P needs so many",
     ),
-    Threshold(
-        "NUISANCE_SHARE", 0.4, "share of what chi-square is above its degrees of freedom",
+    "NUISANCE_SHARE": (
+        0.4, "share of what chi-square is above its degrees of freedom",
         "least share that a nuisance removes, and an effect whose size held-out errors do not "
         "show. Of two nuisances the larger removes half. Nuisances beside an unknown effect "
         "remove a third",
     ),
     # ---- which one is it?
-    Threshold(
-        "CONTENDER", 0.65, "share of the largest statistic",
+    "CONTENDER": (
+        0.65, "share of the largest statistic",
         "candidates from here on are refitted with the base free",
     ),
-    Threshold(
-        "MOST_CONTENDERS", 4, "candidates",
+    "MOST_CONTENDERS": (
+        4, "candidates",
         "and at most so many, for the time it takes",
     ),
-    Threshold(
-        "TWINS", 0.95, "cosine",
+    "TWINS": (
+        0.95, "cosine",
         "likeness from which on two effects are one to these data. Noise separates shapes "
         "that differ by 5 %; knowledge of tires does not",
     ),
-    Threshold(
-        "LIKE", 0.90, "cosine",
+    "LIKE": (
+        0.90, "cosine",
         "likeness from which on they are one if the worse leaves less than THIRD more",
     ),
-    Threshold(
-        "THIRD", 1.0 / 9.0, "squared floors",
+    "THIRD": (
+        1.0 / 9.0, "squared floors",
         "a third of the floor, as mean square",
     ),
-    Threshold(
-        "ESTABLISHED_SIGMAS", 2.0, "standard errors",
+    "ESTABLISHED_SIGMAS": (
+        2.0, "standard errors",
         "least distance of an effect's strengths from zero, per root of their number. Twice "
         "as much asks more than the test asks of an alarm",
     ),
-    Threshold(
-        "WORSE_SIGMAS", 2.1, "standard errors",
+    "WORSE_SIGMAS": (
+        2.1, "standard errors",
         "least distance of a clearly worse rival from one that is right to the floor. Twice "
         "as much leaves more sets of effects that are not separated",
     ),
     # ---- is there another?
-    Threshold(
-        "SECOND_LEAST", 0.5, "squared floors",
+    "SECOND_LEAST": (
+        0.5, "squared floors",
         "least size of a further effect beside free shapes of those before. A somewhat wrong "
         "form leaves 0.3 at most; true second effects keep 2 and more",
     ),
-    Threshold(
-        "NOT_FORM", 0.12, "share of the excess",
+    "NOT_FORM": (
+        0.12, "share of the excess",
         "a larger rest is left by no form of the first effect. Forms that are 20 to 40 % "
         "wrong leave 1 to 6 %",
     ),
-    Threshold(
-        "MOST_EFFECTS", 4, "effects",
+    "MOST_EFFECTS": (
+        4, "effects",
         "most effects that one diagnosis names",
     ),
     # ---- which sentences does it get?
-    Threshold(
-        "EXPLAINED", 0.9, "share of the excess that repeats",
+    "EXPLAINED": (
+        0.9, "share of the excess that repeats",
         "share that the named effects remove; below it something else is missing too",
     ),
-    Threshold(
-        "MOST", 0.7, "share of the excess that repeats",
+    "MOST": (
+        0.7, "share of the excess that repeats",
         "below this share a name is not claimed: false names explain less",
     ),
-    Threshold(
-        "TOGETHER", 0.85, "share of the excess that repeats",
+    "TOGETHER": (
+        0.85, "share of the excess that repeats",
         "share of several effects, if the first alone does not remove MOST. Two wrong names "
         "imitate more than one",
     ),
-    Threshold(
-        "REST_SHARE", 0.02, "share of the excess",
+    "REST_SHARE": (
+        0.02, "share of the excess",
         "from here on a rest is reported",
     ),
-    Threshold(
-        "BEYOND_DOUBT_P", 0.001, "probability",
+    "BEYOND_DOUBT_P": (
+        0.001, "probability",
         "family-wise p at most of a name beside a rest that does not repeat. With ALARM_P one "
         "null in a hundred that scatters would get a name",
     ),
-    Threshold(
-        "QUIET_FLOORS", 1.05, "floors",
+    "QUIET_FLOORS": (
+        1.05, "floors",
         "largest held-out error of a model that leaves only noise. Twice the margin would let "
         "a quarter of the floor's square pass",
     ),
-    Threshold(
-        "ERROR_SIGMAS", 2.0, "standard deviations",
+    "ERROR_SIGMAS": (
+        2.0, "standard deviations",
         "allowance for errors of parameters in a held-out error above that. It matters with "
         "few manoeuvres that scatter. Twice as much hides a scatter as large again",
     ),
-    Threshold(
-        "QUIET_CHI2", 1.2, "reduced chi-square",
+    "QUIET_CHI2": (
+        1.2, "reduced chi-square",
         "largest chi-square of a model that leaves only noise, beside ERROR_SIGMAS of what "
         "chance adds to it",
     ),
-)  # fmt: skip
-_VALUES = {threshold.name: threshold.value for threshold in THRESHOLDS}
+}  # fmt: skip
+_VALUES = {name: value for name, (value, _, _) in THRESHOLDS.items()}
 
 
 def __getattr__(name: str) -> float:
@@ -154,50 +143,41 @@ def __getattr__(name: str) -> float:
 Evidence = Mapping[str, float]
 
 
-@dataclass(frozen=True)
-class Rule:
-    """A verdict, when it is given, and that in words."""
-
-    verdict: str
-    given: Callable[[Evidence], object]
-    words: str
-
-
 _FEWEST, _MOST, _EXPLAINED, _FLOORS, _CHI2 = (
     _VALUES[name]
     for name in ("FEWEST_MANOEUVRES", "MOST", "EXPLAINED", "QUIET_FLOORS", "QUIET_CHI2")
 )
-#: tried from the top; the first that holds is the verdict
-RULES = (
-    Rule("too_few", lambda e: e["few"], f"fewer than {_FEWEST} manoeuvres: a ranking"),
-    Rule(
+#: verdicts, when each is given, and that in words; the first that holds is the verdict
+RULES: tuple[tuple[str, Callable[[Evidence], object], str], ...] = (
+    ("too_few", lambda e: e["few"], f"fewer than {_FEWEST} manoeuvres: a ranking"),
+    (
         "scatter",
         lambda e: not e["named"] and not e["repeats"] and not e["quiet"],
         "nothing is named, nothing repeats, and the rest is more than the floor",
     ),
-    Rule(
+    (
         "nothing_missing",
         lambda e: not e["named"] and not e["repeats"],
         "nothing is named, nothing repeats, and the rest is noise: held-out error at most "
         f"{_FLOORS:g} floors, reduced chi-square at most {_CHI2:g}, and what chance adds",
     ),
-    Rule(
+    (
         "unknown",
         lambda e: not e["named"] or e["share"] < _MOST,
         f"something repeats, and no effect removes {100 * _MOST:.0f} % of it",
     ),
-    Rule(
+    (
         "partial",
         lambda e: e["share"] < _EXPLAINED or e["rest"],
         f"the named effects remove {100 * _MOST:.0f} to {100 * _EXPLAINED:.0f} % of what repeats, "
         "or something of size repeats beside them",
     ),
-    Rule(
+    (
         "ambiguous",
         lambda e: e["alike"],
         "they remove it, and another effect or a nuisance would, too",
     ),
-    Rule("missing", lambda e: True, "the named effects remove what repeats"),
+    ("missing", lambda e: True, "the named effects remove what repeats"),
 )
 
 #: the verdicts that claim the named effects
@@ -206,4 +186,4 @@ CLAIMING = ("missing", "partial", "ambiguous")
 
 def verdict_of(evidence: Evidence) -> str:
     """The first verdict whose rule holds."""
-    return next(rule.verdict for rule in RULES if rule.given(evidence))
+    return next(verdict for verdict, given, _ in RULES if given(evidence))

@@ -6,11 +6,12 @@ Stack, Model -> cells -> fit in the cells' own metric -> scatter between manoeuv
 Several channels of one tire are fitted together: each has its metric, its scatter and its offsets,
 all have the parameters.
 
-Several observables in one question (`prepare_together`) are one `JointBase`: a list of blocks, each
-in its own unit with its own metric and floor, in one fit; and their cells under each other in
-floors (`cells.cells`), so that whatever works on a Base works on it: candidates, nuisances,
-held-out losses. `bases_by_observable` gives the base of each observable at the parameters of the
-fit to all. The errors of one observable, and what is left of it, are those of its base.
+Several observables in one question (`prepare_together`) are one Base of `channels`: a list of
+blocks, each in its own unit with its own metric and floor, in one fit. Their cells are under each
+other in floors (`cells.cells`), so that whatever works on one observable works on several:
+candidates, nuisances, held-out losses. `bases_by_observable` gives the base of each observable at
+the parameters of the fit to all. The errors of one observable, and what is left of it, are those of
+its base.
 """
 
 from __future__ import annotations
@@ -117,7 +118,8 @@ class Base:
     Metrics `white` (significance) and `plain` (size), the floor; `discrepancy` [unit^2], the mean
     square that the model misses; `raw`: the cells as the first fit centred them. `given`: the
     model before the fit, with its start values. `held`: losses by manoeuvre left out,
-    (M,) in each metric, if they are known from elsewhere.
+    (M,) in each metric, if they are known from elsewhere. `channels`: of several observables
+    together, in floors, each as it was fitted, in its unit.
     """
 
     cells: Cells
@@ -129,6 +131,7 @@ class Base:
     raw: Cells
     given: Model
     held: tuple[FloatArray, FloatArray] | None = None
+    channels: tuple[Base, ...] = ()
 
     @property
     def model(self) -> Model:
@@ -137,11 +140,13 @@ class Base:
     @property
     def blocks(self) -> tuple[Base, ...]:
         """What is fitted together, each in its unit: itself, of several observables each."""
-        return (self,)
+        return self.channels or (self,)
 
     @property
     def noise(self) -> Whitener:
         """The metric of noise and random effects alone, without what the model misses."""
+        if self.channels:
+            return whiteners_joined([one.noise for one in self.channels], self.cells)
         return _metric(self.cells, 0.0, scatter_columns(self.cells, self.fit), self.floor.scatter)
 
     @cached_property
@@ -234,17 +239,6 @@ class Base:
         )
         return joined_like(anew, self.cells)
 
-
-@dataclass(frozen=True)
-class JointBase(Base):
-    """Several observables fitted together, in floors; `channels` as fitted, each in its unit."""
-
-    channels: tuple[Base, ...] = ()
-
-    @property
-    def blocks(self) -> tuple[Base, ...]:
-        return self.channels
-
     @cached_property
     def held_alone(self) -> tuple[Base, ...]:
         """`bases_by_observable`, once: it is asked for whenever a rule looks at each observable."""
@@ -262,15 +256,10 @@ class JointBase(Base):
             found.append(replace(own, held=held))
         return tuple(found)
 
-    @property
-    def noise(self) -> Whitener:
-        """Of each observable its own."""
-        return whiteners_joined([one.noise for one in self.channels], self.cells)
-
 
 def prepare_together(
     cells: Sequence[Cells], drive: Sequence[IntArray], model: Model, *, several: bool = True
-) -> JointBase:
+) -> Base:
     """The base model fitted to several observables, each with its floor.
 
     drive  of each the manoeuvre of its rows, numbered through all observables
@@ -289,9 +278,7 @@ def joined_like(blocks: Sequence[Base], before: Cells) -> Base:
     return _joined(blocks, before.scales, drive)
 
 
-def _joined(
-    channels: Sequence[Base], scales: Sequence[float], drive: Sequence[IntArray]
-) -> JointBase:
+def _joined(channels: Sequence[Base], scales: Sequence[float], drive: Sequence[IntArray]) -> Base:
     """Fitted channels as one base."""
     cells = joined_cells([channel.cells for channel in channels], scales, drive)
     white = whiteners_joined([channel.white for channel in channels], cells)
@@ -300,7 +287,7 @@ def _joined(
     floor = _floor_of_all([channel.floor for channel in channels], scales, plain, cells.part)
     fit = _fit_of_all(cells, [channel.fit for channel in channels])
     own = cells, white, plain, floor, fit, missed / len(cells), cells, channels[0].given
-    return JointBase(*own, channels=tuple(channels))
+    return Base(*own, channels=tuple(channels))
 
 
 def _fit_of_all(cells: Cells, fits: Sequence[Fit]) -> Fit:
@@ -342,12 +329,12 @@ def bases_by_observable(base: Base, *, held_by_all: bool = False) -> tuple[Base,
     Held-out losses are those of each alone about the fit to all, or `held_by_all`: those that it
     has if the manoeuvre is left out of all observables.
     """
-    if not isinstance(base, JointBase):
+    if not base.channels:
         return (base,)
     return base.held_by_all if held_by_all else base.held_alone
 
 
-def _of_one(base: JointBase, number: int) -> Base:
+def _of_one(base: Base, number: int) -> Base:
     """The base of one observable, with the model as that sees it."""
     one = base.channels[number]
     own = one.cells.observable

@@ -26,7 +26,6 @@ from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells, model_of, predicted
 from tirelog.inference.fit.cells import Fit, priors
 from tirelog.inference.metric import (
-    RANK,
     LeaveOneOut,
     Normal,
     Offsets,
@@ -362,31 +361,35 @@ def _load_of_revolutions(cells: Cells, load: FloatArray) -> FloatArray:
 _SOME_CELLS = 64
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class UnweightedMetric(Whitener):
     """The metric of size.
 
     What is free in a cell (its shift) is removed; each cell is weighted by its revolutions, so that
-    sums of squares are mean squares times `weight`. `bias`: what noise leaves of them.
+    sums of squares are mean squares times `weight`. `noise` (C, m): what noise and the scatter of
+    revolutions leave of each square.
     """
 
-    weight: float = 0.0
-    bias: float = 0.0
+    noise: FloatArray
+    weight: float
 
     @classmethod
     def of(cls, cells: Cells) -> UnweightedMetric:
         good = np.isfinite(cells.values) & np.isfinite(cells.sd)
         number = np.maximum(good.sum(axis=1), 1)
         weights = np.where(good, np.sqrt(cells.revolutions / number)[:, None], 0.0)
-        free = np.where(good[..., None], cells.taken, 0.0)
-        direction, size, _ = np.linalg.svd(free, full_matrices=False)
-        direction *= (size > RANK * size.max(axis=1, initial=1e-300, keepdims=True))[:, None]
-        spread = np.einsum("cmi,cij,cmj->cm", cells.scattering, cells.random_cov, cells.scattering)
-        noise = np.where(good, cells.sd, 0.0) ** 2
-        taken = (direction**2).sum(axis=-1)
-        bias = (weights**2 * (noise + spread)).sum() - (weights**2 * noise * taken).sum()
+        shift = np.where(good, cells.shift, 0.0)
+        size = np.linalg.norm(shift, axis=1, keepdims=True)
+        direction = shift / np.where(size > 0.0, size, np.inf)
+        spread = np.einsum("cmi,cij,cmj->cm", cells.random, cells.random_cov, cells.random)
+        noise = weights**2 * (np.where(good, cells.sd, 0.0) ** 2 * (1.0 - direction**2) + spread)
         weight = float(cells.revolutions.sum())
-        return cls(weights, direction, np.ones(size.shape), weight=weight, bias=float(bias))
+        return cls(weights, direction[..., None], np.ones(size.shape), noise=noise, weight=weight)
+
+    @property
+    def bias(self) -> float:
+        """What noise leaves of a sum of squares."""
+        return float(self.noise.sum())
 
     @property
     def weights(self) -> FloatArray:
@@ -616,7 +619,7 @@ def _left_out_of(
                 normal = normal.beside(Normal.of(added, residual, manoeuvre), crossed)
             of_more.append(normal)
     drive = np.zeros(cells.manoeuvres, np.int64)
-    drive[cells.manoeuvre] = np.unique(cells.drive, return_inverse=True)[1]
+    drive[cells.manoeuvre] = np.unique(cells.log % len(cells.log_names), return_inverse=True)[1]
     normals = [Normal(*map(np.concatenate, zip(*parts, strict=True))) for parts in made]
     left = [normal.right.shape[1] - levels.shape[-1] - known.size for normal in normals]
     before = [

@@ -285,14 +285,8 @@ def whitener(
     )
     scale, vectors = np.linalg.eigh(cells.random_cov)
     root = vectors * np.sqrt(np.maximum(scale, 0.0))[:, None, :]
-    # prior sd of what is taken out of a cell. Shift [rad]: free against what the matched filter
-    # leaves. Amplitude, relative: gains differ by less; doubling it doubles the lever arm's error,
-    # and no other's. Offset, relative to the waveform's rms: anything; 1e8 would cost the others
-    # their digits
-    prior = np.array(
-        [{"shift": 0.05, "amplitude": 0.1, "offset": 1e4}[name] for name in cells.free]
-    )
-    columns = np.concatenate([cells.random @ root, prior * cells.taken], axis=-1)
+    # prior sd of the shift [rad]: free against what the matched filter leaves
+    columns = np.concatenate([cells.random @ root, 0.05 * cells.shift[..., None]], axis=-1)
     if scattered is not None:
         columns = np.concatenate([columns, scattered[..., None]], axis=-1)
     basis, size, _ = np.linalg.svd(np.nan_to_num(columns) * inverse[..., None], full_matrices=False)
@@ -352,10 +346,6 @@ class Offsets:
         # much takes for offsets what is seen to 0.06 % beside them
         left[..., np.linalg.norm(stacked(left), axis=0) <= 3e-4 * before] = 0.0
         return replace(self, spans=(*self.spans, (orthonormal(left), None)))
-
-    @property
-    def count(self) -> int:
-        return self.norm.size
 
     @property
     def taken(self) -> int:

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 
     from tirelog.diagnosis.diagnose import Diagnosis
     from tirelog.diagnosis.fitted import FitOfLogs, FormProfile, TireForm
-    from tirelog.diagnosis.obstacles import HitResult, TransientComparison
+    from tirelog.diagnosis.obstacles import Hit, TransientComparison
     from tirelog.diagnosis.propose.propose import Proposal
     from tirelog.diagnosis.results import Comparison, Ladder, Map
 
@@ -380,14 +380,14 @@ def draw_transient(result: TransientComparison, path: Path) -> None:
     write(picture(Page(rows, (11.0, 3.2 * len(rows) + 0.6))), path)
 
 
-def hit_panels(result: HitResult, observable: str, factor: float, unit: str) -> list[Panel]:
+def hit_panels(hit: Hit, observable: str, factor: float, unit: str) -> list[Panel]:
     """Panels of a hit: measured and predicted, and the change beside what of it is missed."""
-    hit, thin = result.hit, {"width": 0.9}
+    thin = {"width": 0.9}
     at = hit.since_s <= SHOWN_S
     time, since = 1e3 * hit.since_s[at], "time since the hit [ms]"
     title = (
-        f"{Path(result.log.log).name}, {hit.time_s:.3f} s, {hit.speed_m_s:.1f} m/s: "
-        f"{100 * result.row()['covered']:.0f} % covered"
+        f"{Path(hit.log.log).name}, {hit.time_s:.3f} s, {hit.speed_m_s:.1f} m/s: "
+        f"{100 * hit.row()['covered']:.0f} % covered"
     )
     return [
         Panel(

@@ -28,7 +28,7 @@ from tirelog.diagnosis.rules import (
     QUIET_FLOORS,
 )
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to
+from tirelog.inference.base import Base, bases_by_observable, change_to
 from tirelog.inference.cells.cells import Cells, embedded, lacking
 from tirelog.inference.floor import held_out_losses_with
 from tirelog.inference.metric import Offsets, per_group, side_by_side, stacked
@@ -201,7 +201,7 @@ def _moves_zeros_alone(cells: Cells, change: FloatArray) -> bool:
     moved = change.copy()
     for log in np.unique(cells.log):  # of several observables each numbers its logs apart
         own = cells.log == log
-        if cells.observables[cells.part[own][0]] in OWN_ZERO:
+        if cells.members[cells.part[own][0]].observable in OWN_ZERO:
             moved[own] -= np.nanmean(change[own])
     # what differs by less than this share of a change within a log is its zero; a tenth of it is
     # what a pressure moves while the tire warms in a minute, and twice as much decides nothing
@@ -249,7 +249,7 @@ def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
     A form that is somewhat wrong keeps its symmetry: if the effect's own contribution is even
     (or odd) about the patch centre, so are the shapes.
     """
-    if isinstance(base, JointBase):
+    if base.channels:
         parts = bases_by_observable(base)
         each = [
             embedded(base.cells, i, freedom_of_shape(part, effect_id))
@@ -375,7 +375,7 @@ def least_p(manoeuvres: int) -> float:
     return 0.5**manoeuvres if manoeuvres <= _EXACT else 1.0 / (_RANDOM + 1)
 
 
-def flip_signs(manoeuvres: int, seed: int = 0) -> FloatArray:
+def flip_signs(manoeuvres: int) -> FloatArray:
     """Sign patterns of the manoeuvres, (F, M) of +-1.
 
     All of them up to 13 manoeuvres, else random ones; the first is what was measured.
@@ -383,7 +383,7 @@ def flip_signs(manoeuvres: int, seed: int = 0) -> FloatArray:
     if manoeuvres <= _EXACT:
         bits = (np.arange(2**manoeuvres)[:, None] >> np.arange(manoeuvres)) & 1
         return np.asarray(1.0 - 2.0 * bits, dtype=np.float64)
-    random, signs = np.random.default_rng(seed), np.empty((_RANDOM + 1, manoeuvres))
+    random, signs = np.random.default_rng(0), np.empty((_RANDOM + 1, manoeuvres))
     for block in np.split(signs, (_RANDOM + 1) // _BLOCK):
         block[:] = random.integers(0, 2, block.shape) * 2.0 - 1.0
     signs[0] = 1.0
@@ -459,14 +459,9 @@ def beside_base(base: Base, more: FloatArray | None = None) -> tuple[Offsets, Fl
     return taken, taken.without(base.white(left))
 
 
-def assess(
-    base: Base, signatures: Sequence[Variant], more: FloatArray | None = None
-) -> tuple[list[Variant], dict[str, str]]:
-    """Every candidate's best variant, by falling statistic; and why some show nothing.
-
-    `more`: columns to project out besides.
-    """
-    kept, scores, reasons = scores_of(base, signatures, more)
+def assess(base: Base, signatures: Sequence[Variant]) -> tuple[list[Variant], dict[str, str]]:
+    """Every candidate's best variant, by falling statistic; and why some show nothing."""
+    kept, scores, reasons = scores_of(base, signatures)
     statistic, p = flip_test(scores, base.cells.manoeuvres)
     best, found = dict[str, int](), []
     for i, name in enumerate(signature.id for signature in kept):
@@ -540,7 +535,7 @@ def at_noise_floor(base: Base, floor_square: float) -> bool:
     logs in which nothing is missing. Of several observables each has to be at its own: the mean of
     three hides what one is above it.
     """
-    if isinstance(base, JointBase) and not all(
+    if base.channels and not all(
         at_noise_floor(part, part.floor.square)
         for part in bases_by_observable(base, held_by_all=True)
     ):

@@ -36,7 +36,6 @@ from tirelog.diagnosis.rules import (
 from tirelog.errors import ModelError
 from tirelog.inference.base import (
     Base,
-    JointBase,
     bases_by_observable,
     refit,
 )
@@ -211,7 +210,7 @@ def with_form_errors(base: Base, formed: Base | None = None) -> Model:
         return model
     if own[0] in base.fit.names:
         formed = base
-    elif formed is None and isinstance(base, Base) and quiet_waveforms(base):
+    elif formed is None and quiet_waveforms(base):
         found = refit(base, freed(model, [FORM]), several=True)
         formed = None if isinstance(found, ModelError) else found.with_scatter_estimated
     if formed is None:
@@ -497,7 +496,7 @@ def scatter_sentences(base: Base) -> list[str]:
         columns = scatter_columns(part.cells, part.fit)
         square = part.plain.weights**2 * np.nan_to_num(by_load.square(columns))
         if float(square.sum()) / part.plain.weight > 0.5 * part.floor.square:
-            of = f"Of {part.cells.label}: " if isinstance(base, JointBase) else ""
+            of = f"Of {part.cells.label}: " if base.channels else ""
             within = f" and by {wander:.2g} % within" if wander > 0.0 else ""
             said.append(
                 f"{of}Most of the noise floor is as if loads scattered by "
@@ -550,7 +549,7 @@ def _parted_by(nuisance: str, base: Base, effect: str = "") -> str:
     followed = BY_ID[effect].followed if effect in BY_ID else ()
     varied = [CONDITIONS[name].name for name, _ in followed] or ["speed", "load"]
     measured = bool(np.isfinite(base.cells.conditions.temperature_K).all())
-    several = isinstance(base, JointBase) and any(c.cells.member for c in base.channels)
+    several = any(c.cells.member for c in base.channels)
     another = "a further" if several else "a second"
     return {
         "wheel": f"{another} grating at another angle of the wheel",

@@ -28,7 +28,7 @@ from tirelog.diagnosis.candidates.assessment import (
 from tirelog.diagnosis.candidates.naming import Step
 from tirelog.diagnosis.candidates.search import SearchResult
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.base import Base, JointBase, bases_by_observable
+from tirelog.inference.base import Base, bases_by_observable
 from tirelog.inference.cells.cells import linearised, model_of, predicted
 from tirelog.inference.fit.cells import free_names
 from tirelog.inference.metric import Offsets, orthonormal, projected_out, stacked
@@ -146,7 +146,7 @@ def driven(base: Base, manoeuvre: CandidateManoeuvre) -> bool:
 
 @or_refusal
 def separations(base: Base, first: Model, second: Model) -> list[dict[str, Any]]:
-    """How far every allowed manoeuvre would part `first` from `second`, best first.
+    """How far every allowed manoeuvre that no log holds parts `first` from `second`, best first.
 
     `first` is taken as true, and parted from any refit of `second` beside the base's nuisances.
     What repeats on the wheel has one amplitude in the logs so far and on the planned stretch.
@@ -204,21 +204,22 @@ def separations(base: Base, first: Model, second: Model) -> list[dict[str, Any]]
         }  # fmt: skip
 
     floor = np.sqrt(base.floor.square)
-    rows = [row for row in map(row_of, ALLOWED) if isinstance(row, dict)]
+    asked = (row_of(manoeuvre) for manoeuvre in ALLOWED if not driven(base, manoeuvre))
+    rows = [row for row in asked if isinstance(row, dict)]
     known = [r for r in rows if np.isfinite(r["separation_sigma"]) and r["rest"] > floor / 9.0]
     return sorted(known, key=lambda row: -row["separation_sigma"])
 
 
 def first_waveform(base: Base) -> tuple[Base, Callable[[Model], Model]]:
     """The base of the observable that the list is searched in, and what makes a model one of it."""
-    if not isinstance(base, JointBase):
+    if not base.channels:
         return base, lambda model: model
     first = max(bases_by_observable(base), key=lambda part: part.cells.phi.shape[1])
     return first, partial(model_of, observable=first.cells.observable, member=first.cells.member)
 
 
 def advise(
-    base: Base, rivals: Sequence[tuple[str, Model]], most: int = 3
+    base: Base, rivals: Sequence[tuple[str, Model]]
 ) -> tuple[list[dict[str, Any]], list[str]]:
     """The best manoeuvres for the first rival against each other one, and notes.
 
@@ -237,13 +238,12 @@ def advise(
             notes.append(f"Not tested, what tells {name} from {other}: {found.what}.")
             continue
         useful = [row for row in found if row["separation_sigma"] >= 1.0]
-        new = [row for row in useful if not driven(base, row["plan"])]
-        if not new:
+        if not useful:
             notes.append(
                 f"no manoeuvre on the list that these logs do not hold separates {name} from "
                 f"{other}. Drive with another load, pressure, water depth or tread."
             )
-        for row in new[:most]:
+        for row in useful[:3]:
             plan, sigma = row["plan"], row["separation_sigma"]
             repeats = math.ceil((WANTED_SIGMA / sigma) ** 2)
             minutes = plan.minutes(base.cells.radius_m, repeats)
@@ -331,9 +331,8 @@ def drive_next(
     for rival in rivals[:4]:  # rivals that are asked about at most
         rows = separations(base, rival.first, rival.second)
         for row in [] if isinstance(rows, ModelError) else rows:
-            if not driven(base, row["plan"]):
-                _, pairs = parted.setdefault(row["manoeuvre"], (row["plan"], []))
-                pairs.append((rival, row["separation_sigma"]))
+            _, pairs = parted.setdefault(row["manoeuvre"], (row["plan"], []))
+            pairs.append((rival, row["separation_sigma"]))
     result: list[dict[str, Any]] = []
     for plan, pairs in parted.values():
         # so often that the likeliest rival is parted: what is driven in part settles nothing

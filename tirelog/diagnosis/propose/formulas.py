@@ -93,15 +93,6 @@ class Atom:
         return replace(self, numbers=own, law=replace(self.law, numbers=law))
 
 
-@dataclass(frozen=True)
-class Scanned:
-    """The best atom of each form and law by falling T, how many were tried, p of the best."""
-
-    atoms: tuple[Atom, ...]
-    tried: int
-    p: float
-
-
 def unit_columns(
     ground: Ground,
     form: Form,
@@ -139,8 +130,11 @@ def unit_columns(
     return np.stack(columns, axis=-1)
 
 
-def scan(ground: Ground) -> Scanned:
-    """Every atom of the grammar with its T; p of the largest by flips, over all of them."""
+def scan(ground: Ground) -> tuple[list[Atom], float, int]:
+    """The best atom of each form and law by falling T, p of the best by flips, how many were tried.
+
+    That p is over every atom of the grammar.
+    """
     given = laws(typical(ground.base))
     factors = np.stack([ground.law(law.text, law.numbers) for law in given])
     # patterns of signs that are tried: they tell p to 2.4e-4, and a p of 0.01 to 16 % of it; twice
@@ -171,7 +165,7 @@ def scan(ground: Ground) -> Scanned:
                     best[key] = Atom(form, at, law, float(own[j]))
     atoms = sorted(best.values(), key=lambda atom: -atom.statistic)
     p = float((largest >= atoms[0].statistic * (1.0 - 1e-6)).mean()) if atoms else 1.0
-    return Scanned(tuple(atoms), tried, p)
+    return atoms, p, tried
 
 
 def _turned(
@@ -285,13 +279,14 @@ class Draft:
 class Choice:
     """The drafts of a term: the chosen one, those as good, and all that were refitted.
 
-    `scanned`: the scan of the grammar that they come from.
+    `p`: of the best form by flips, over all that were `tried`.
     """
 
     chosen: Draft
     as_good: tuple[Draft, ...]
     refitted: tuple[Draft, ...]
-    scanned: Scanned
+    p: float = 1.0
+    tried: int = 0
 
 
 def entry_of(
@@ -373,7 +368,7 @@ def _without_needless_laws(atoms: Sequence[Atom], base: Base) -> list[Atom]:
     return [atom for atom in atoms if any(atom is one for one in kept)]
 
 
-def choose(full: Ground, scanned: Scanned, atoms: Sequence[Atom], name: str) -> Choice | None:
+def choose(full: Ground, atoms: Sequence[Atom], name: str) -> Choice | None:
     """The leading atoms refitted in the model, and the simplest of the best; None if all fail."""
     tried = [_held_out(full, atom) for atom in atoms]
     scored = sorted((a for a in tried if not isinstance(a, ModelError)), key=lambda a: a.left)
@@ -393,7 +388,7 @@ def choose(full: Ground, scanned: Scanned, atoms: Sequence[Atom], name: str) -> 
     # the same form under a law that holds the simpler one is no other answer; more than three make
     # a longer answer
     other = [d for d in good[1:] if d.atom.form_key != good[0].atom.form_key][:2]
-    return Choice(good[0], (good[0], *other), tuple(drafts), scanned)
+    return Choice(good[0], (good[0], *other), tuple(drafts))
 
 
 @or_refusal

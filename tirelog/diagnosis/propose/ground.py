@@ -147,7 +147,7 @@ class Ground:
         shape = self.residual.shape
         size = int(np.prod(shape))
         parts, own = [basis for basis, _ in self.taken.spans], self.taken
-        offsets = np.zeros((*shape, own.count))
+        offsets = np.zeros((*shape, own.norm.size))
         offsets[np.arange(shape[0]), :, own.log] = own.direction
         parts.append(offsets.reshape(size, -1))
         for rows, basis in zip(self._coupling.groups, self._coupling.group_basis, strict=True):
@@ -176,16 +176,8 @@ class Ground:
         return np.concatenate([taken, flat], axis=1).reshape(*shape, -1)
 
     def without(self, whitened: FloatArray) -> FloatArray:
-        """`coupled` of columns (C, m, k), as (N, k); of few cells by the low rank, which is quick.
-
-        That grows with cells times manoeuvres: of many logs it would not fit in memory.
-        """
-        if len(self.base.cells) > FEW_CELLS:
-            return self.coupled(whitened).reshape(-1, whitened.shape[-1])
-        basis, inner = self._low_rank
-        flat = whitened.reshape(basis.shape[0], -1)
-        along = basis.T @ flat
-        return np.asarray(flat - basis @ (along - inner @ along), dtype=np.float64)
+        """`coupled` of columns (C, m, k), as (N, k)."""
+        return stacked(self.coupled(whitened))
 
     def worth(self, columns: FloatArray, factors: FloatArray, together: int = 1) -> Worth:
         """What columns `of_cells` (C, m, S together) are worth under each law, factors (L, C).

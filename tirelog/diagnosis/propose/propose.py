@@ -44,7 +44,6 @@ from tirelog.diagnosis.diagnose import Diagnosis, conclude
 from tirelog.diagnosis.propose.formulas import (
     Choice,
     Draft,
-    Scanned,
     choose,
     polished,
     scan,
@@ -344,7 +343,8 @@ class _Climb:
     bases: list[Base]
     choices: list[Choice] = field(default_factory=list)
     shapes: list[MeasuredShape] = field(default_factory=list)
-    last: Scanned | None = None
+    p: float | None = None
+    tried: int = 0
     beside: list[str] = field(default_factory=list)
 
     @property
@@ -370,12 +370,13 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
             progress("measuring free shapes")
             climb.shapes = measured_shapes(full.few, full)
         progress(f"term {number}: trying every form of the grammar")
-        scanned = climb.last = scan(full.few)
+        atoms, p, climb.tried = scan(full.few)
+        climb.p = p
         choice = None
-        if scanned.p <= alarm:
+        if p <= alarm:
             name = _free_name(base, "proposed", number)
-            choice = choose(full, scanned, polished(full.few, scanned.atoms), name)
-        if choice and not worth_it(at, choice.chosen.base, scanned.p, held_out_only=True):
+            choice = choose(full, polished(full.few, atoms), name)
+        if choice and not worth_it(at, choice.chosen.base, p, held_out_only=True):
             choice = None
         quiet = at_noise_floor(at, at.floor.square)
         rival = None if quiet else best_nuisance(at, allowed_nuisances(at))
@@ -391,7 +392,7 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
         if number > 1 and at.square_held - chosen.base.square_held < REST_SHARE * first_excess:
             break
         progress(f"term {number}: {choice.chosen.atom.form.words}")
-        climb.choices.append(replace(choice, chosen=chosen))
+        climb.choices.append(replace(choice, chosen=chosen, p=p, tried=climb.tried))
         climb.bases.append(chosen.base)
     return _without_needless(_with_needed_nuisances(climb))
 
@@ -522,12 +523,12 @@ def _on_locked(base: Base, after: Base, locked: Sequence[Pieces]) -> dict[str, A
 
 def _doubt(climb: _Climb) -> str:
     """Why nothing is proposed although something repeats."""
-    if climb.beside or climb.last is None:
+    if climb.beside or climb.p is None:
         names = " and ".join(NUISANCES_SAID[name] for name in climb.beside)
         return f"what repeats goes with {names or 'what is named'} beside the model."
     return (
         "something repeats, but no form of the grammar and no free shape is beyond doubt "
-        f"(p = {climb.last.p:.2g} over {climb.last.tried} forms)."
+        f"(p = {climb.p:.2g} over {climb.tried} forms)."
     )
 
 
@@ -556,8 +557,8 @@ def _term(choice: Choice, model: Model) -> Term:
         formula=_formula_of(chosen, chosen.text),
         as_good=tuple(_formula_of(draft, draft.read) for draft in choice.as_good[1:]),
         numbers={n: {"value": p.value, "se": p.se, "unit": p.unit} for n, p in own.items()},
-        p=choice.scanned.p,
-        tried=choice.scanned.tried,
+        p=choice.p,
+        tried=choice.tried,
     )
 
 

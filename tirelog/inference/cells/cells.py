@@ -26,7 +26,6 @@ from scipy.special import digamma, polygamma
 from tirelog.data.recording import Conditions
 from tirelog.inference.cells.pieces import (
     ROW,
-    ComplexArray,
     Means,
     Pieces,
     binned,
@@ -203,19 +202,6 @@ def alikeness(pieces: Pieces) -> float:
 #: harmonics of the staircase: the others are 2 % of a step's variance without noise, and nothing
 #: with 0.1 steps of it
 _HARMONICS = np.arange(1.0, 9.0)
-#: variance of noise [step^2] from which on a mean moves with its value by half of it everywhere,
-#: and so tells its place between two steps: 0.26 steps of noise.  Doubling it takes the mean square
-#: over all places for what is known, half tells places that are not
-_PLACE_IS_TOLD = float(np.log(4.0)) / (2.0 * np.pi**2)
-#: variances below it that are tried, and as many above, between them by a line; rounds until the
-#: place is known to 3 % of the error; twice as many variances take twice as long, twice as many
-#: rounds tell the place to 0.1 %
-_TRIED = 12
-_ROUNDS = 5
-#: what can be taken out of each cell beyond what it scatters by; the columns of `random`, by the
-#: same names
-NUISANCES = ("offset", "amplitude", "shift")
-_RANDOM = ("amplitude", "width", "offset")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -235,7 +221,6 @@ class Cells(Means):
     part           (C,) the member of each row if they are of several (an observable, or one grating
                    of several);  parts: what each member is, as cells without rows;  scales: what
                    its values are divided by [its unit]
-    free           which NUISANCES are taken out of each cell
     shared         random effects that all manoeuvres share; none unless asked for
     """
 
@@ -246,7 +231,6 @@ class Cells(Means):
     within: FloatArray = field(metadata=binned(2, 0.0))
     moved: FloatArray = field(metadata=ROW)
     part: IntArray = field(metadata=ROW)
-    free: tuple[str, ...] = ("shift",)
     shared: SharedEffects | None = None
     parts: tuple[Cells, ...] = ()
     scales: tuple[float, ...] = (1.0,)
@@ -267,36 +251,15 @@ class Cells(Means):
         return self.parts or (self,)
 
     @property
-    def observables(self) -> tuple[str, ...]:
-        """The observable of each member."""
-        return tuple(one.observable for one in self.members)
-
-    @property
     def level(self) -> FloatArray:
         """Where an offset of its log is in a cell, (C, m): 1, of a number per revolution 0."""
         waves = np.array([one.phi.shape[1] > 1 for one in self.members])[self.part]
         return np.repeat(waves[:, None].astype(np.float64), self.phi.shape[1], axis=1)
 
     @property
-    def drive(self) -> IntArray:
-        """The log as a drive, (C,): the same for all observables that it has."""
-        return self.log % len(self.log_names)
-
-    @property
     def log_names(self) -> tuple[str, ...]:
-        """The logs, each once."""
+        """The drives, each once; `log` modulo their number is that of all their observables."""
         return self.logs[: len(self.logs) // len(self.members)]
-
-    @property
-    def taken(self) -> FloatArray:
-        """Columns of what is taken out of each cell, (C, m, k)."""
-        columns = np.concatenate([self.random, self.shift[..., None]], axis=-1)
-        return columns[..., [(*_RANDOM, "shift").index(name) for name in self.free]]
-
-    @property
-    def scattering(self) -> FloatArray:
-        """`random`, with zeros for what is taken out anyway."""
-        return np.where(np.isin(_RANDOM, self.free), 0.0, self.random)
 
     @cached_property
     def angles(self) -> Angles | None:
@@ -366,69 +329,29 @@ def _standing_error(pieces: Pieces, noise: FloatArray) -> FloatArray:
     return standing
 
 
-def _standing_steps(still: ComplexArray, count: FloatArray, noise: FloatArray) -> FloatArray:
-    """The same in steps, of means (P, m) of so many samples with this mean of exp(2 pi i y)."""
-    mean_place = np.angle(still) / (2.0 * np.pi)  # between two steps
+def _standing_steps(still: FloatArray, count: FloatArray, noise: FloatArray) -> FloatArray:
+    """The same in steps, of means (P, m) of so many samples, `still` the size of their mean
+    exp(2 pi i y).
+
+    Where between two steps a value lies is not asked: the square is the mean over all places.
+    """
     # of places at random, one over their number is left
-    share = np.clip((count * np.abs(still) ** 2 - 1.0) / np.maximum(count - 1.0, 1.0), 0.0, 1.0)
+    share = np.clip((count * still**2 - 1.0) / np.maximum(count - 1.0, 1.0), 0.0, 1.0)
     k = _HARMONICS[:, None, None]
-    # what the spread of the places leaves of each harmonic, signed
-    left = (-1.0) ** k * (share * (count > 1.0)) ** (0.5 * k**2)
+    # what the spread of the places leaves of each harmonic
+    left = (share * (count > 1.0)) ** (0.5 * k**2) / (np.pi * k)
 
-    def error(variance: FloatArray | float, place: FloatArray) -> FloatArray:
-        """Mean error of rounding values at `place` under noise of a `variance`."""
-        total = np.zeros(place.shape)
-        for harmonic, own in zip(_HARMONICS, left, strict=True):
-            damped = _damped(variance, harmonic)
-            # a wave of this size [steps] is none: its mean square is 1e-7 of a single rounding's
-            # 1/12
-            if damped.max() < 1e-4:
-                break
-            total += damped * own * np.sin(2.0 * np.pi * harmonic * place) / (np.pi * harmonic)
-        return total
+    def error(variance: FloatArray | float) -> FloatArray:
+        """Mean square error of rounding under noise of a `variance`."""
+        damped = np.exp(-2.0 * np.pi**2 * k**2 * np.asarray(variance))
+        return np.asarray(0.5 * ((damped * left) ** 2).sum(axis=0), dtype=np.float64)
 
-    def true_place(variance: FloatArray | float) -> FloatArray:
-        """Where the values are whose means stand at `mean_place` under noise of a `variance`."""
-        place = mean_place
-        for _ in range(_ROUNDS):
-            place = mean_place - error(variance, place)
-        return place
-
-    def anywhere(variance: FloatArray | float) -> FloatArray:
-        """Mean square of that error over all places."""
-        waves = [
-            (_damped(variance, harmonic) * own / (np.pi * harmonic)) ** 2
-            for harmonic, own in zip(_HARMONICS, left, strict=True)
-        ]
-        return np.asarray(0.5 * np.sum(waves, axis=0), dtype=np.float64)
-
-    def seen(variance: float) -> FloatArray:
-        """Variance of rounded samples about their mean, (m,), pooled over pieces and neighbours."""
-        whole = np.full(count.shape, variance + 1.0 / 12.0)
-        if variance > _PLACE_IS_TOLD:
-            place = true_place(variance)
-            for harmonic, own in zip(_HARMONICS[:3], left, strict=False):
-                cosine = _damped(variance, harmonic) * own * np.cos(2.0 * np.pi * harmonic * place)
-                whole += cosine * (4.0 * variance + 1.0 / (np.pi * harmonic) ** 2)
-            whole -= error(variance, place) ** 2
-        else:
-            whole -= anywhere(variance)
-        return _smoothed(count * whole) / _smoothed(count)
-
-    tried = np.append(
-        np.geomspace(1e-3, 0.9 * _PLACE_IS_TOLD, _TRIED),
-        np.geomspace(1.001 * _PLACE_IS_TOLD, 1.0, _TRIED),
-    )
-    after = np.stack([seen(float(variance)) for variance in tried])
-    after = np.minimum.accumulate(after[::-1], axis=0)[::-1]  # more noise shows as more
-    variance = np.array([np.interp(noise[j], after[:, j], tried) for j in range(noise.size)])
-    told = variance > _PLACE_IS_TOLD
-    return np.where(told, error(variance, true_place(variance)) ** 2, anywhere(variance))
-
-
-def _damped(variance: FloatArray | float, k: float) -> FloatArray:
-    """What noise of a `variance` [step^2] leaves of a harmonic, its shape."""
-    return np.asarray(np.exp(-2.0 * np.pi**2 * k**2 * np.asarray(variance)), dtype=np.float64)
+    # variances that are tried, between them by a line; twice as many take twice as long
+    tried = np.geomspace(1e-3, 1.0, 24)
+    # variance of rounded samples about their mean, pooled over pieces and neighbours
+    after = np.stack([_smoothed(count * (v + 1.0 / 12.0 - error(v))) for v in tried.tolist()])
+    after = np.minimum.accumulate(after[::-1], axis=0)[::-1] / _smoothed(count)
+    return error(np.array([np.interp(noise[j], after[:, j], tried) for j in range(noise.size)]))
 
 
 def _noise_profile(pieces: Pieces) -> FloatArray:
@@ -483,7 +406,7 @@ def _coefficient_covariance(pieces: Pieces) -> tuple[FloatArray, FloatArray]:
 #         values   over the observable's scale: "noise floors", so that sizes may be added up
 #
 # A question asked of all of them is asked of these; what is fitted, and what is each one's own, is
-# asked of the cells of each (`base.JointBase.channels`), which stay as they are.
+# asked of the cells of each (`base.Base.channels`), which stay as they are.
 #
 # What is one in physics is one here: the parameters, and the manoeuvre. A stretch of driving is one
 # replicate however many sensors saw it: leaving it out, or flipping its sign, is done to all of

@@ -52,8 +52,6 @@ def scatter_about_line(values: FloatArray) -> float:
     return float(np.sqrt((left @ left) / (values.size - (1 if short else 2))))
 
 
-ComplexArray = NDArray[np.complex128]
-
 #: fewest revolutions in a band: two would tell a scatter by one difference; twice as many make half
 #: as many bands of short manoeuvres, which average over more of the speed
 FEWEST = 3
@@ -123,9 +121,9 @@ class Pieces(Means):
     residual_ss, freedom (P, m)  what is left of single revolutions;  scatter (P, 1) their standard
                                  deviation, with one angle only
     step           (P,)  in which the channel's values come, 0 if it is not seen
-    still          (P, m)  mean of exp(2 pi i y) over the samples, y their values without noise in
-                   steps: of size 1 if all of them are rounded at one place between two steps, so
-                   that their errors do not average out; complex, 0 if it cannot matter
+    still          (P, m)  size of the mean of exp(2 pi i y) over the samples, y their values
+                   without noise in steps: 1 if all of them are rounded at one place between two
+                   steps, so that their errors do not average out; 0 if it cannot matter
     number         (P,)  revolutions;  coefficients (n, 3) of each, in the order of the pieces; with
                    one angle only the last is the number less its piece's mean
     """
@@ -135,7 +133,7 @@ class Pieces(Means):
     residual_ss: FloatArray = field(metadata=ROW)
     freedom: FloatArray = field(metadata=ROW)
     scatter: FloatArray = field(metadata=ROW)
-    still: ComplexArray = field(metadata=ROW)
+    still: FloatArray = field(metadata=ROW)
     step: FloatArray = field(metadata=ROW)
     number: IntArray = field(metadata=ROW)
     coefficients: FloatArray
@@ -233,7 +231,6 @@ def pieces_of(stack: Stack) -> Pieces:
             stack.count[one],
             stack.conditions.speed_m_s[one],
             step=stack.step,
-            step_from=stack.step_from,
         )
         if stack.phi_rad.size > 1
         else _one_number(stack.values[one])
@@ -326,14 +323,13 @@ def one_waveform(
     count: NDArray[Any],
     speed: FloatArray,
     step: float = 0.0,
-    step_from: float = 0.0,
 ) -> PieceRow:
     """The piece of k revolutions.
 
     From bin means, mean angles, variances and counts (k, m) and speeds (k,).
 
-    The coefficients of all revolutions together are zero in the mean. Their values are whole steps
-    from `step_from`, if the `step` is not 0.
+    The coefficients of all revolutions together are zero in the mean. Their values come in whole
+    steps, if the `step` is not 0.
     """
     count = np.where(np.isfinite(values), count, 0).astype(float)
     knots = _knots(count)
@@ -357,12 +353,12 @@ def one_waveform(
     residual = np.where(count > 0, excess - taken, 0.0)
     fitted = count * np.einsum("kmi,kij,kmj->km", columns, np.linalg.inv(gram), columns)
     residual_ss, freedom = _scatter(residual, count, speed, fitted)
-    still = np.zeros(mean.size, np.complex128)
+    still = np.zeros(mean.size)
     # noise of one sample, in steps, from which on rounding errors average out to 2e-8 steps^2; half
     # of it would leave 0.002
     if step > 0.0 and np.any(residual_ss < (0.6**2 + 1.0 / 12.0) * step**2 * freedom):
         still = _still(
-            np.where(count > 0, values - residual - step_from, 0.0),
+            np.where(count > 0, values - residual, 0.0),
             columns[..., 2] ** 2 * variance,
             count,
             step,
@@ -388,8 +384,8 @@ def one_waveform(
     }
 
 
-def _still(smooth: FloatArray, spread: FloatArray, count: FloatArray, step: float) -> ComplexArray:
-    """Mean of exp(2 pi i y / step) over the samples of each bin, (m,).
+def _still(smooth: FloatArray, spread: FloatArray, count: FloatArray, step: float) -> FloatArray:
+    """Size of the mean of exp(2 pi i y / step) over the samples of each bin, (m,).
 
     Values without noise `smooth` (k, m), and their variance within each revolution's bin `spread`
     (k, m).
@@ -398,7 +394,7 @@ def _still(smooth: FloatArray, spread: FloatArray, count: FloatArray, step: floa
         2.0j * np.pi * smooth / step - 2.0 * np.pi**2 * np.where(count > 0, spread, 0.0) / step**2
     )
     total = np.maximum(count.sum(axis=0), 1e-12)
-    return np.asarray((count * np.exp(turning)).sum(axis=0) / total, dtype=np.complex128)
+    return np.asarray(np.abs((count * np.exp(turning)).sum(axis=0)) / total, dtype=np.float64)
 
 
 def _columns(curve: CubicSpline, phi: FloatArray) -> FloatArray:

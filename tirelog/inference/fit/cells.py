@@ -437,7 +437,7 @@ def centred(cells: Cells, prediction: FloatArray) -> tuple[Cells, float]:
 
     Their angles are moved by the shift between measurement and prediction.
     """
-    if cells.phi.shape[1] == 1 or "shift" not in cells.free:
+    if cells.phi.shape[1] == 1:
         return cells, 0.0
     weight = np.where(np.isfinite(cells.values) & np.isfinite(cells.sd), cells.shift, 0.0)
     left = np.nan_to_num(cells.values - prediction)

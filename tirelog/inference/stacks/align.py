@@ -55,10 +55,10 @@ _FEWEST_VALUES, _OFF_STEP = 12, 0.01
 TurnChunk = tuple[slice, slice]
 
 
-def step_of(channel: Channel) -> tuple[float, float]:
-    """The step in which a channel's values come and one of them [SI].
+def step_of(channel: Channel) -> float:
+    """The step in which a channel's values come [SI]; 0.0 if none is seen.
 
-    A step of 0.0 if none is seen. A step that is fine against the noise leaves values of its own
+    A step that is fine against the noise leaves values of its own
     to few samples and is not seen; it does no harm either.
     """
     size = min(_LOOKED_AT // _RUNS, channel.size)
@@ -73,15 +73,15 @@ def step_of(channel: Channel) -> tuple[float, float]:
     apart = np.diff(values)
     apart = apart[apart > 1e-12 * np.abs(values).max(initial=0.0)]
     if apart.size + 1 < _FEWEST_VALUES:
-        return 0.0, 0.0
+        return 0.0
     step = float(apart.min())
     step = float(np.median(apart[apart < 1.5 * step]))
     # one ruler through all values: that of neighbours alone would slip over thousands of steps
     number = np.round((values - values[0]) / step)
     step = float(np.polyfit(number, values - values[0], 1)[0])
     if float(np.abs((values - values[0]) / step - number).max()) >= _OFF_STEP:
-        return 0.0, 0.0
-    return step, float(values[0])
+        return 0.0
+    return step
 
 
 class Samples:
@@ -418,9 +418,9 @@ def _bending(knots: int) -> FloatArray:
     return np.asarray(third.T @ third, dtype=np.float64)
 
 
-def template(phi: FloatArray, values: FloatArray, knots: int = _TEMPLATE_POINTS) -> CubicSpline:
+def template(phi: FloatArray, values: FloatArray) -> CubicSpline:
     """Mean waveform of samples (N,) at angles (N,)."""
-    return mean_waveform(angle_sums(phi, values), knots)
+    return mean_waveform(angle_sums(phi, values))
 
 
 def knots_of(samples: float) -> int:

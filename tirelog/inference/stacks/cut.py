@@ -43,6 +43,7 @@ from tirelog.inference.stacks.align import (
 )
 from tirelog.inference.stacks.hum import Line, lines_said, without_hum
 from tirelog.inference.stacks.manoeuvres import (
+    SHORTEST,
     accelerations,
     bends,
     conditions_of,
@@ -397,7 +398,6 @@ def _course(
     manoeuvre, regime = segment(regimes(acceleration), breaks)
     n = centre.size
     none = np.empty((n, 0))
-    step, step_from = step_of(channel)
     return Stack(
         observable=observable,
         channel=channel.name,
@@ -417,8 +417,7 @@ def _course(
         revolution=np.concatenate([ordinal[1:-1] for ordinal, _ in runs]),
         regime=regime,
         logs=(recording.log,),
-        step=step,
-        step_from=step_from,
+        step=step_of(channel),
     )
 
 
@@ -502,11 +501,6 @@ def _times(runs: Sequence[Run], rows: slice, phi: FloatArray) -> FloatArray:
 # Both pass the same patch, so that wind-up and whatever moves the patch's centre cancel.
 
 
-#: turns of an unbroken run that a spline is laid through; of two a bend is not known; twice as
-#: many leave shorter runs without places
-_LEAST_TURNS = 4
-
-
 def places_of(
     gratings: Mapping[str, Stacks], given: Mapping[str, float]
 ) -> tuple[tuple[float, ...], list[str]]:
@@ -584,7 +578,7 @@ def _behind(
 ) -> FloatArray:
     """Angle of the wheel at each passage of a grating since the first one's, [rad], (k,)."""
     time, spin, ordinal = first
-    if time.size < _LEAST_TURNS:
+    if time.size < SHORTEST:
         return np.zeros(0)
     step = np.diff(time)
     # a time between two passages that is farther than this share off what the speed says is no
@@ -594,7 +588,7 @@ def _behind(
     )
     found = []
     for run in np.split(np.arange(time.size), np.flatnonzero(~turn) + 1):
-        if run.size < _LEAST_TURNS:
+        if run.size < SHORTEST:
             continue
         within = own[0][(own[0] >= time[run[0]]) & (own[0] <= time[run[-1]])]
         course = CubicSpline(time[run], 2.0 * np.pi * np.arange(run.size))

@@ -21,6 +21,7 @@ from tirelog.diagnosis.candidates.search import removed_errors
 from tirelog.diagnosis.candidates.separation import drive_sentences
 from tirelog.diagnosis.diagnose import Diagnosis
 from tirelog.diagnosis.obstacles import TransientComparison
+from tirelog.diagnosis.residual_structure import suspect_sentence
 from tirelog.diagnosis.results import Comparison, steps_table
 from tirelog.physics.effects import Effect
 from tirelog.plots.answers import (
@@ -155,7 +156,7 @@ def _facts(
         ]
         facts.append(("How sure", " ".join([f"{found.certainty.count}.", *sure])))
         facts += [(effect.id, _physics(effect)) for effect in known]
-        facts.append(("Or the setup", "; ".join(s.said for s in found.suspects)))
+        facts.append(("Or the setup", "; ".join(map(suspect_sentence, found.suspects))))
     facts += [("Where it fails", where(first)), ("Mind", "; ".join(remarks[:_SHOWN]) + more)]
     return [(term, text) for term, text in facts if text]
 
