@@ -47,7 +47,6 @@ LINES, PARAMETERS = 120, 8
 #: functions that are longer, and that take more; none is added
 LONGER: set[str] = set()
 WIDER = {
-    "api/answers.py:write_report",
     "physics/model/model.py:linearised",
     "physics/model/model.py:predict",
     "strain/footprint/measure.py:find_edges",
