@@ -182,19 +182,19 @@ class DataLoss(TirelogError):
     exit_status = ExitStatus.INPUT_LOST
 
 
-def nearest(name: str, allowed: Iterable[str], *, most: int = 3) -> str:
+def nearest(name: str, allowed: Iterable[str]) -> str:
     """` (nearest: a, b)` for a misspelt `name`, or the empty string if nothing is near."""
-    close = difflib.get_close_matches(name, list(allowed), n=most, cutoff=0.5)
+    close = difflib.get_close_matches(name, list(allowed), cutoff=0.5)
     return f" (nearest: {', '.join(close)})" if close else ""
 
 
-def choices(name: object, allowed: Collection[str], *, short: int = 8) -> tuple[str, str]:
+def choices(name: object, allowed: Collection[str]) -> tuple[str, str]:
     """(the words near a misspelt `name` as `nearest` gives them, a clause with those allowed).
 
-    The clause is empty if words are near and the list is not `short`: it would fill the screen.
+    The clause is empty if words are near and the list is long: it would fill the screen.
     """
     near = nearest(str(name)[:80], allowed)
-    if near and len(allowed) > short:
+    if near and len(allowed) > 8:
         return near, ""
     return near, f"allowed are {', '.join(allowed) or 'none'}"
 

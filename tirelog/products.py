@@ -53,7 +53,8 @@ class Part:
     columns  by name, arrays of one length (or scalars, repeated)
     remarks  sentences on the channel or the log that were not in a part before
     found    what the rows were made of, for pictures and further tables: Passages of a grating
-             (speed), PhaseShiftFound, PassageRows (footprint, dissipation), InflationOfChannel
+             (speed), PassageRows (footprint, dissipation), InflationOfChannel; of phase shifts
+             EdgeTimes and the calibration that was applied to them, or None
     """
 
     table: str
@@ -378,14 +379,6 @@ def _phase_shift(recording: Recording, options: Options) -> Iterator[Part]:
     return phase_shift_parts(found, calibration)
 
 
-@dataclass(frozen=True)
-class PhaseShiftFound:
-    """Passages of accelerometers of one log, and the calibration that was applied to them."""
-
-    passages: tuple[EdgeTimes, ...]
-    calibration: Calibration | None
-
-
 def phase_shift_parts(
     found: Iterable[EdgeTimes], calibration: Calibration | None
 ) -> Iterator[Part]:
@@ -394,7 +387,7 @@ def phase_shift_parts(
 
     for p in found:
         columns = table(p, calibration)
-        yield Part("phase-shift", columns, p.said, PhaseShiftFound((p,), calibration))
+        yield Part("phase-shift", columns, p.said, (p, calibration))
 
 
 def _calibration(options: Options) -> Calibration | None:

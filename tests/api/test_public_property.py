@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import re
 import tomllib
 from pathlib import Path
 
@@ -110,6 +111,13 @@ def test_a_model_is_a_path_an_object_or_a_dict(folder):
     said = tirelog.write_report("log.csv", "r.html", model=tirelog.load_model("m.toml"))
     assert said[0].startswith("r.html")
     assert "--model m.toml" in (folder / "r.html").read_text()
+    (folder / "own.py").write_text(
+        "from tirelog.physics.effects import BY_ID\nfrom dataclasses import replace\n"
+        'mine = replace(BY_ID["sensor_lag"], id="mine")\n'
+    )
+    tirelog.write_report("log.csv", "r.html", model=tirelog.load_model("m.toml", effects="own.py"))
+    commands = (folder / "r.html").read_text().split("Commands that repeat it")[1]
+    assert re.search("tirelog report log.csv .*--effects own.py", commands)
 
 
 def test_dir_has_the_public_names_alone():

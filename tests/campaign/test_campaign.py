@@ -112,24 +112,19 @@ def test_models_that_come_later_change_no_table(manifest, tmp_path, capfd, in_th
     assert summary["rows"].notna().all()
 
 
-def test_each_log_is_left_out_in_turn(tmp_path, capfd, in_this_process):
+def test_a_model_is_diagnosed_over_all_logs(tmp_path, capfd, in_this_process):
     manifest = make_campaign(tmp_path, logs=2)
     model, setup = tmp_path / "lengths.toml", tmp_path / "setup.toml"
     new = ("model", "new", "--observable", "patch_length", "--setup", setup, "-o", model)
     assert call(*new, "--quiet") == 0
     asked = MANIFEST.split("[tables")[0]
     asked += '[[models]]\nfile = "lengths.toml"\ncommands = ["diagnose"]\n'
-    results = tmp_path / "results" / "models" / "lengths" / "diagnose.json"
-    manifest.write_text(f'{asked}each = "log"\n')
+    manifest.write_text(asked)
     assert call("campaign", "run", manifest) == 0
-    assert "Whether the verdict hangs on single logs is not known." in capfd.readouterr().err
+    results = tmp_path / "results" / "models" / "lengths" / "diagnose.json"
     found = json.loads(results.read_text())
-    names = [f"logs_run_{i}.csv" for i in range(2)]
-    assert [row["logs"] for row in found["stability"]["without"]] == [names[1:], names[:1]]
-    assert found["stability"]["sentence"] in found["note"]
-    manifest.write_text(f'{asked}each = "wheel"\n')
-    assert call("campaign", "run", manifest) == 2
-    assert "allowed are log, tire" in capfd.readouterr().err
+    assert (found["logs"], found["logs_used"]) == (2, 2)
+    assert f"diagnose.json: {found['verdict']}" in capfd.readouterr().err
 
 
 def test_status_and_dry_run_do_not_wait_for_a_run(manifest, tmp_path, capfd):

@@ -196,9 +196,6 @@ def test_the_rows_of_a_phase_shift_are_of_the_accelerometer(tirelog):
 # ---- a stretch of a log -------------------------------------------------------------------------
 
 
-SAMPLES = Path(__file__).parents[2] / "sample_data"
-
-
 def between(table, start, stop):
     inside = (table["time_s"] >= start) & (table["time_s"] < stop)
     return table[inside].reset_index(drop=True)

@@ -509,8 +509,6 @@ def write_report(
     model: ModelLike | None = None,
     ladder: Path | None = None,
     channel: str | None = None,
-    effects: Path | None = None,
-    progress: Progress = lambda text: None,
 ) -> tuple[str, ...]:
     """One offline page: the logs, their tables, and where a model fails.
 
@@ -528,12 +526,11 @@ def write_report(
         A campaign's output folder.
     model : Model, str, os.PathLike or dict, optional
         A model to compare with the logs. Commands on the page call one that is no path MODEL.toml.
+        One with effects of your own is read by `load_model`.
     ladder : str or os.PathLike, optional
         The JSON of a `ladder`.
-    channel, effects
-        As for `measure` and `load_model`.
-    progress : callable, optional
-        Called with a sentence on each step.
+    channel : str, optional
+        As for `measure`.
 
     Returns
     -------
@@ -551,7 +548,8 @@ def write_report(
     given: dict[str, Any] = {
         "setup": setup if isinstance(setup, str | os.PathLike) else None,
         "model": model if in_memory is None else "MODEL.toml",
-        "ladder": ladder, "campaign": campaign, "effects": effects,
+        "ladder": ladder, "campaign": campaign,
+        "effects": None if in_memory is None else in_memory.effects_file,
     }  # fmt: skip
     named = list(as_logs(logs))
     asked = ReportRequest(
@@ -566,4 +564,4 @@ def write_report(
             log if isinstance(log, Recording) else resources.enter_context(open_log(log, setup))
             for log in named
         ]
-        return make_report(opened, asked, page, progress, in_memory)
+        return make_report(opened, asked, page, model=in_memory)

@@ -210,7 +210,7 @@ def calibrated(parts: Iterable[Part], *, forces: bool = False) -> tuple[Calibrat
     """
     from tirelog.wheel.calibration import calibrate
 
-    found = [passages for part in parts for passages in part.found.passages]
+    found = [part.found[0] for part in parts]
     learnt = calibrate(found, forces)
     logs = dict.fromkeys(passages.log for passages in found)
     of_each = ([p for p in found if p.log == log] for log in logs)

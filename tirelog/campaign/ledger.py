@@ -211,7 +211,6 @@ class Entry:
     name: str
     key: str
     error: str = ""
-    exit_status: int = 0
     rows: dict[str, int] = field(default_factory=dict)
     quality: dict[str, dict[str, int]] = field(default_factory=dict)
     losses: list[str] = field(default_factory=list)
@@ -288,7 +287,6 @@ _ENTRY = {
     **dict.fromkeys(("log", "name", "key", "error", "fault"), str),
     "losses": [str],
     "remarks": [str],
-    "exit_status": int,
     "rows": {str: int},
     "quality": {str: {str: int}},
     "pieces": {str: str},

@@ -20,7 +20,6 @@ cutoff = "auto"                    # the command's own options
 [[models]]
 file = "beam.toml"
 commands = ["compare", "diagnose"]
-each = "tire"                      # optional: diagnose without each tire, or "log", in turn
 ```
 """
 
@@ -54,7 +53,6 @@ from tirelog.storage.schema import (
     FilePlace,
     OneOf,
     Table,
-    words,
 )
 from tirelog.storage.whole import open_input, refuse_address, toml_tables, toml_text
 
@@ -85,15 +83,11 @@ class LogTask:
 
 @dataclass(frozen=True)
 class CampaignModel:
-    """A model file, what it predicts, and what to do with it over all logs.
-
-    `each`: "log" or "tire" if each is to be diagnosed alone, and be left out, too.
-    """
+    """A model file, what it predicts, and what to do with it over all logs."""
 
     file: Path
     observable: str
     commands: tuple[str, ...]
-    each: str = ""
 
 
 @dataclass(frozen=True)
@@ -130,7 +124,6 @@ _MANIFEST = Table(
                 {
                     "file": _MODEL,
                     "commands": OneOf(("compare", "diagnose", "ladder"), several=True),
-                    "each": words("log", "tire"),
                 },
                 needed=("file",),
             )
@@ -372,7 +365,7 @@ def _condition(key: str, text: str) -> float | None:
 
 def _model(entry: Mapping[str, Any], place: FilePlace, base: Path) -> CampaignModel:
     """One [[models]] entry."""
-    name, each = entry["file"], entry.get("each", "")
+    name = entry["file"]
     commands = entry.get("commands", ("compare", "diagnose"))
     observable = _observable(base / name)
     place.refuse(
@@ -384,15 +377,8 @@ def _model(entry: Mapping[str, Any], place: FilePlace, base: Path) -> CampaignMo
             "allowed is a model of one observable",
             "make a model of each, or take `tirelog diagnose LOG... --model`",
         ),
-        (
-            each and "diagnose" not in commands,
-            "each",
-            f"{place.table}: each without diagnose among its commands",
-            "each log or tire is diagnosed",
-            'add "diagnose", or remove each',
-        ),
     )
-    return CampaignModel(base / name, str(observable), commands, each)
+    return CampaignModel(base / name, str(observable), commands)
 
 
 def _observable(path: Path) -> Any:

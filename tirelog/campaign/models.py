@@ -20,7 +20,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -79,8 +79,7 @@ def _run(
             "the model against"
         )
     read, text = load_model(model.file), model.file.read_text("utf-8")
-    own = [f"each {model.each}"] if model.each else []
-    key = _digest(json.dumps([[t.key for t in measured], text, __version__, _FORM, *own]).encode())
+    key = _digest(json.dumps([[t.key for t in measured], text, __version__, _FORM]).encode())
     folder = f"models/{model.file.stem}"
     waiting = [
         name
@@ -90,7 +89,7 @@ def _run(
     if not waiting:
         return
     from tirelog.diagnosis.compare import compare
-    from tirelog.diagnosis.diagnose import diagnose, with_groups
+    from tirelog.diagnosis.diagnose import diagnose
     from tirelog.diagnosis.ladder import ladder
 
     candidates = own_effects()
@@ -103,21 +102,6 @@ def _run(
     results = {}
     for name in model.commands:
         results[name] = commands[name](pieces, read)
-        if name == "diagnose" and model.each:
-
-            def some(names: Sequence[str]) -> Pieces:
-                chosen = [task for task in measured if task.name in names]
-                return _pieces(chosen, model.observable, ledger)[0]
-
-            groups = _groups(measured, model.each)
-            if len(groups) < 2:
-                alone = f"There is one {model.each} alone: nothing is to be held against it."
-                results[name] = replace(results[name], notes=(*results[name].notes, alone))
-            else:
-                results[name] = with_groups(
-                    results[name], groups, some, read, by=model.each, effects=candidates
-                )
-            said(results[name].notes[-1])
         found = [getattr(results[name], "verdict", ""), *getattr(results[name], "selected", ())]
         outcome = f": {found[0]}" if found[0] else ""
         outcome += f", {' '.join(found[1:])}" if found[1:] else ""
@@ -128,16 +112,6 @@ def _run(
         ledger.folder.write(
             f"{folder}/{name}.json", json_bytes({"key": key, **about, **result.to_json()})
         )
-
-
-def _groups(tasks: list[LogTask], by: str) -> dict[str, list[str]]:
-    """The names of the logs by their tire, as the setups call it, or each log by itself."""
-    groups: dict[str, list[str]] = {}
-    for task in tasks:
-        tire = task.setup.tire.name if task.setup is not None else ""
-        name = task.name if by == "log" else tire or "the tire without a name"
-        groups.setdefault(name, []).append(task.name)
-    return groups
 
 
 def _page(results: Mapping[str, Any], manifest: str) -> dict[str, Any]:

@@ -30,7 +30,6 @@ from tirelog.campaign.ledger import HIDDEN, Entry, Folder, Ledger, key_of, log_o
 from tirelog.campaign.manifest import Campaign, LogTask
 from tirelog.data.recording import Recording
 from tirelog.errors import (
-    ExitStatus,
     OutputError,
     TirelogError,
     UsageError,
@@ -86,11 +85,9 @@ def make_tables(task: LogTask) -> Entry:
             _make(suited, recording, task, entry)
             _keep_pieces(recording, task, entry)
             entry.losses = list(recording.losses)
-        entry.exit_status = int(ExitStatus.INPUT_LOST if entry.losses else ExitStatus.DONE)
     # one log's failure, also a defect of our own, must not stop the campaign
     except Exception as problem:
         outside = is_outside_log(problem)
-        entry.exit_status = int(getattr(problem, "exit_status", ExitStatus.DEFECT))
         entry.fault = "machine" if outside else "log"
         if isinstance(problem, OutputError):
             entry.fault = "output"
@@ -345,7 +342,6 @@ def _on_processes(tasks: list[LogTask], workers: int) -> Generator[Entry, None, 
                 suspect.key,
                 f"{suspect.log}: its worker died twice (out of memory, or killed); free memory or "
                 "use fewer workers",
-                int(ExitStatus.DEFECT),
                 fault="machine",
             )
 

@@ -539,10 +539,10 @@ def coloured(map_: Map, values: Any, unit: str, small: float, largest: float) ->
     return heat(np.rad2deg(map_.phi_rad), map_.axis, values, unit, "signed", small, largest)
 
 
-def edges(edge: float, per_degree: float = 1.0) -> list[Mark]:
-    """The patch's edges [rad] as lines, of degrees or of `per_degree` of something; 0: none."""
+def edges(edge: float) -> list[Mark]:
+    """The patch's edges [rad] as lines over the angle [deg]; 0: none."""
     sides = (-edge, edge) if edge > 0.0 else ()
-    return upright([per_degree * np.rad2deg(side) for side in sides], dash="dash")
+    return upright(np.rad2deg(sides), dash="dash")
 
 
 # ---- The picture of `diagnose`: what the model leaves before and after, at one scale, and the

@@ -551,8 +551,8 @@ def _ramps(recording: Recording, found: InflationOfChannel) -> Panel:
 
 def phase_shift_picture(kept: Sequence[tuple[Recording, Part]]) -> Figure:
     """Shift and width over time and over speed, raw and cleaned, and fronts."""
-    calibration, parts = kept[0][1].found.calibration, [part.columns for _, part in kept]
-    panels = [_fronts([part.found.passages[0] for _, part in kept])]
+    calibration, parts = kept[0][1].found[1], [part.columns for _, part in kept]
+    panels = [_fronts([part.found[0] for _, part in kept])]
     for quantity, x, panel in table_panels(rows_of_parts(parts)):
         mapped = calibration is not None and x == "speed_m_s"
         maps = [_map(calibration, width=quantity.name == "patch width")] if mapped else []

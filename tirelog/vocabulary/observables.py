@@ -8,6 +8,7 @@ docs/observables.md are made from this register.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -48,8 +49,7 @@ class Observable:
 
 
 STRAIN, ACCELERATION, WIDTH = "strain", "radial_acceleration", "patch_width"
-#: degrees in a radian
-_DEGREES = 57.29577951308232
+_DEGREES = math.degrees(1.0)
 _WAVE = ("load", "contact_pressure", "structure", "sensor")
 _ALL = (
     Observable(
