@@ -115,22 +115,6 @@ def test_a_calibration_is_written_and_applied(logs, tmp_path, command):
     assert abs(table["phase_shift_deg"].mean() - 0.2) < 0.02
 
 
-@pytest.mark.parametrize(
-    ("options", "told"),
-    [
-        (("--calibration", "a", "--calibrate", "b"), "give one of them"),
-        (("--fit-forces",), "--calibrate"),
-        (("--zero", "slow"), "--zero"),
-        (("--calibration", "none.toml"), "cannot be read"),
-    ],
-)
-def test_what_cannot_be_carried_out_is_status_2(logs, options, told, command):
-    status, _, err = command(logs[1], *options)
-    assert status == 2
-    assert told in err
-    assert "Traceback" not in err
-
-
 def test_a_log_without_teeth_is_lost_and_the_rest_goes_on(logs, tmp_path, command):
     dead = write(tmp_path, "dead", ((0, 20), (10, 10)), Tread())
     with h5py.File(dead, "r+") as file:
