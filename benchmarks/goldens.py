@@ -222,7 +222,10 @@ footprint inflation.csv.gz
 dissipation inflation.csv.gz
 dissipation drive.csv.gz --steady-step 0
 dissipation drive.csv.gz --fit --from 1
-dissipation drive.csv.gz --from 1 --plot page.png""".splitlines()
+dissipation drive.csv.gz --from 1 --plot page.png
+footprint drive.csv.gz --friction-ratio 3
+speed drive.csv.gz --calibrate-radius
+slip encoder.h5 --fit""".splitlines()
 #: a list of more numbers than these is kept as its count, mean, root mean square, first and last
 LONG = 12
 #: relative, of a number of an answer; below the second it counts as zero
