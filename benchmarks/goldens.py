@@ -206,7 +206,26 @@ report
 report drive.csv.gz -o report.pdf
 report drive.csv.gz --model none.toml -o report.html
 campaign run campaign.toml
-campaign run none.toml""".splitlines()
+campaign run none.toml
+speed s3://me:s3cr3t@b/l.csv?X-Signature=s3cr3t --setup drive.toml
+info https://host/l.csv
+report file:///tmp/l.csv -o page.html
+speed drive.csv.gz --setup gs://b/s.toml
+speed drive.csv.gz -o s3://b/t.csv
+tables drive.csv.gz -o s3://b/tables
+phase-shift encoder.h5 --calibration a --calibrate b
+phase-shift encoder.h5 --fit-forces
+phase-shift encoder.h5 --zero slow
+phase-shift encoder.h5 --calibration none.toml
+footprint drive.csv.gz --cutoff fast
+footprint inflation.csv.gz
+dissipation inflation.csv.gz
+dissipation drive.csv.gz --steady-step 0
+dissipation drive.csv.gz --fit --from 1
+dissipation drive.csv.gz --from 1 --plot page.png
+footprint drive.csv.gz --friction-ratio 3
+speed drive.csv.gz --calibrate-radius
+slip encoder.h5 --fit""".splitlines()
 #: a list of more numbers than these is kept as its count, mean, root mean square, first and last
 LONG = 12
 #: relative, of a number of an answer; below the second it counts as zero
@@ -370,18 +389,20 @@ def keep(names: list[str]) -> None:
 
 
 def wrong_uses(folder: Path) -> str:
-    """What each wrong use is told, with its status."""
+    """What each wrong use is told, with its status; none leaves a file behind."""
     (folder / "log.csv").write_bytes(b"time_s,CH1\n" + b"0.0,1550.0\n" * 3)
-    for log in ("drive", "unknown_1"):
-        shutil.copy(SAMPLES / f"{log}.csv.gz", folder)
-        shutil.copy(SAMPLES / f"{log}.toml", folder)
+    for log in ("drive.csv.gz", "unknown_1.csv.gz", "inflation.csv.gz", "encoder.h5"):
+        shutil.copy(SAMPLES / log, folder)
+        shutil.copy(SAMPLES / f"{log.partition('.')[0]}.toml", folder)
     tirelog(folder, "model", "new", "--setup", "drive.toml", "-o", "model.toml", "--quiet")
     for file, text in WRONG_FILES.items():
         (folder / file).write_text(text)
     told = []
     for line in WRONG_USES:
+        before = sorted(folder.iterdir())
         done = tirelog(folder, *line.split())
-        told.append(f"$ tirelog {line}\n{done.status}\n{done.out[:300]}{done.err}")
+        left = "" if sorted(folder.iterdir()) == before else "a file is left behind\n"
+        told.append(f"$ tirelog {line}\n{done.status}\n{done.out[:300]}{done.err}{left}")
     return "\n".join(told)
 
 

@@ -1,4 +1,4 @@
-"""Faults: error codes in a channel beside the sensor move no number."""
+"""Faults: error codes beside the sensor, and values beyond reason, move no number."""
 
 import shutil
 from dataclasses import replace
@@ -10,7 +10,9 @@ import pytest
 
 import tirelog
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, TimeAxis
+from tirelog.dsp.filters import sliding_mean
 from tirelog.runs.in_memory import without_codes, without_spikes
+from tirelog.strain.passages.passage_flags import may_have_stopped
 from tirelog.vocabulary.quality import Quality
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
@@ -157,3 +159,27 @@ def test_what_is_infinite_is_lost(tmp_path):
         read = log.channels["x"].read()
     assert np.flatnonzero(np.isnan(read)).tolist() == [7, 80]
     assert np.isfinite(np.delete(read, [7, 80])).all()
+
+
+quiet = pytest.mark.filterwarnings("error::RuntimeWarning")
+
+
+@quiet
+def test_a_clock_beyond_all_time():
+    axis = TimeAxis(10, 1.0, np.zeros(1, np.int64), np.array([1e308]), np.array([1e308]))
+    assert axis.at(9.0) == np.inf
+    still = TimeAxis(10, 1.0, np.zeros(1, np.int64), np.zeros(1), np.zeros(1))
+    assert still.index(np.array([1.0])) == 9.0
+
+
+@quiet
+def test_stamps_that_repeat_are_no_stop():
+    assert may_have_stopped(np.zeros(9)).tolist() == [False] * 8
+    assert not may_have_stopped(0.125 * np.arange(12.0)).any()  # exactly one speed
+    assert may_have_stopped(np.repeat([0.0, 1.0, 1.5], 4)).shape == (11,)
+
+
+@quiet
+def test_a_mean_of_values_beyond_all_sums():
+    assert not np.isfinite(sliding_mean(np.full(9, 1e308), 3)).any()
+    np.testing.assert_allclose(sliding_mean(np.full(9, 1e300), 3), 1e300)

@@ -80,31 +80,6 @@ def test_a_ladder_of_other_types_is_none(tmp_path, capfd, where, value, said):
     refused(["--ladder", str(path)], 2, said, capfd, tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        ("speed s3://me:s3cr3t@b/l.csv?X-Signature=s3cr3t --setup SETUP", "| tirelog speed - "),
-        ("info https://host/l.csv", "| tirelog speed - "),
-        ("report file:///tmp/l.csv -o page.html", "| tirelog speed - "),
-        ("speed LOG --setup gs://b/s.toml", "| tirelog speed - "),
-        ("speed LOG -o s3://b/t.csv", "copy it then"),
-        ("tables LOG -o s3://b/tables", "copy it then"),
-    ],
-)
-def test_an_address_is_refused_with_the_pipe_that_reads_it(
-    tmp_path, monkeypatch, capfd, words, told
-):
-    monkeypatch.chdir(tmp_path)
-    setup = str(SAMPLES / "drive.toml")
-    assert run([{"LOG": LOG, "SETUP": setup}.get(word, word) for word in words.split()]) == 2
-    said = capfd.readouterr().err
-    assert "is an address; allowed is a path; " in said
-    assert told in said
-    assert "s3cr3t" not in said
-    assert said.count("\n") == 1
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_setup_with_any_line_ends_is_read(tmp_path):
     lines = (SAMPLES / "drive.toml").read_text().split("\n")
     ends = ("\n", "\r\n", "\r")

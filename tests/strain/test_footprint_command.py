@@ -1,4 +1,4 @@
-"""Property: the commands `footprint`, `dissipation` and `inflation`, and their refusals."""
+"""Property: the commands `footprint` and `dissipation`."""
 
 import numpy as np
 import pytest
@@ -36,14 +36,6 @@ def log_of(knots, speeds, truth, **more):
 @pytest.fixture(scope="module")
 def rolling():
     return log_of([0, 6, 9, 15], [8, 8, 14, 14], Beam(), seed=1900)
-
-
-@pytest.fixture(scope="module")
-def resting():
-    time = np.arange(0, 6, 1e-3)
-    pressure = np.interp(time, [0, 1, 4, 6], [1.7, 1.7, 2.3, 2.3])
-    strain = 2.4e-4 * (pressure - 1.7) + np.random.default_rng(1901).normal(0, 5e-7, time.size)
-    return {"time_s": time, "grating": strain, "pressure": pressure}
 
 
 @pytest.mark.parametrize("speed", [0.4, 0.25])
@@ -128,27 +120,3 @@ def test_dissipation_and_its_lines(command, rolling):
     status, lines, _ = command(rolling, SETUP, "dissipation", "--fit")
     assert status == 0
     assert lines["quantity"].tolist() == ["dissipation_factor_1_m", "specific_power_m3_s2"]
-
-
-@pytest.mark.parametrize(
-    ("name", "arguments", "says"),
-    [
-        ("footprint", ["--cutoff", "fast"], "400Hz"),
-        ("dissipation", ["--steady-step", "0"], "--steady-step"),
-        ("dissipation", ["--fit", "--from", "1"], "of the whole log"),
-        ("dissipation", ["--from", "1", "--plot", "page.png"], "of the whole log"),
-    ],
-)
-def test_what_cannot_be_done_is_refused(command, rolling, name, arguments, says):
-    status, _, err = command(rolling, SETUP, name, *arguments)
-    assert status == 2
-    assert "tirelog: error:" in err
-    assert says in err
-
-
-@pytest.mark.parametrize("name", ["footprint", "dissipation"])
-def test_a_wheel_at_rest_is_refused_with_advice(command, resting, name):
-    status, _, err = command(resting, SETUP, name)
-    assert status == 2
-    assert "does not turn" in err
-    assert "tirelog inflation" in err

@@ -84,7 +84,3 @@ def test_a_log_tells_the_slope_of_its_tire(tmp_path, monkeypatch, capsys):
     (row,) = json.loads(capsys.readouterr().out)
     off = row["slip_slope"] - 80000.0 / 3434.0
     assert abs(off) < 2.5 * row["slip_slope_se"] < 0.25 * row["slip_slope"]
-    setup = Path("log.toml")
-    setup.write_text(setup.read_text().partition("[channels.fx]")[0])
-    assert run(["slip", "log.h5", "--fit"]) == 2
-    assert "longitudinal force" in capsys.readouterr().err

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import tirelog
 from tests.wheel.phase_truth import DYNAMIC, RAMP, Drive, Encoder, Tread, write_hdf5
 from tirelog.cli import run
 
@@ -114,22 +115,6 @@ def test_a_calibration_is_written_and_applied(logs, tmp_path, command):
     assert abs(table["phase_shift_deg"].mean() - 0.2) < 0.02
 
 
-@pytest.mark.parametrize(
-    ("options", "told"),
-    [
-        (("--calibration", "a", "--calibrate", "b"), "give one of them"),
-        (("--fit-forces",), "--calibrate"),
-        (("--zero", "slow"), "--zero"),
-        (("--calibration", "none.toml"), "cannot be read"),
-    ],
-)
-def test_what_cannot_be_carried_out_is_status_2(logs, options, told, command):
-    status, _, err = command(logs[1], *options)
-    assert status == 2
-    assert told in err
-    assert "Traceback" not in err
-
-
 def test_a_log_without_teeth_is_lost_and_the_rest_goes_on(logs, tmp_path, command):
     dead = write(tmp_path, "dead", ((0, 20), (10, 10)), Tread())
     with h5py.File(dead, "r+") as file:
@@ -218,3 +203,35 @@ def test_speeds_that_give_no_map_are_refused(corners, told, tmp_path, command):
     assert status == 2
     assert told in err
     assert not (tmp_path / "maps.toml").exists()
+
+
+@pytest.fixture(scope="module")
+def encoder_rows():
+    return tirelog.phase_shift(SAMPLE.with_name("encoder.h5"))
+
+
+@pytest.mark.parametrize("degrees", [25.0, 65.0, 100.0, 140.0])
+def test_the_last_passage_of_a_log_that_ends_beside_it(encoder_rows, tmp_path, degrees):
+    """Its level is from both sides of the patch: with one of them short, widths came out 1 degree
+    off.
+    """
+    known, turn_s = encoder_rows.iloc[-2], np.diff(encoder_rows.time_s)[-1]
+    end_s = known.time_s + degrees / 360.0 * turn_s
+    whole = SAMPLE.with_name("encoder.h5")
+    with h5py.File(whole) as log, h5py.File(tmp_path / "log.h5", "w") as cut:
+
+        def copy(name, item):
+            if isinstance(item, h5py.Dataset):
+                rate_Hz = item.attrs.get("sampling_rate_Hz")
+                data = item[: int(end_s * rate_Hz)] if rate_Hz is not None else item[()]
+                cut.create_dataset(name, data=data).attrs.update(item.attrs)
+
+        log.visititems(copy)
+    shutil.copy(SAMPLE.with_name("encoder.toml"), tmp_path / "log.toml")
+    last = tirelog.phase_shift(tmp_path / "log.h5").iloc[-1]
+    assert last.time_s == pytest.approx(known.time_s, abs=1e-3)
+    assert last.quality == ("ok" if degrees == 140.0 else "edge_of_log")
+    if last.quality == "ok":
+        assert last.patch_width_deg == pytest.approx(
+            known.patch_width_deg, abs=known.patch_width_se_deg
+        )
