@@ -23,6 +23,7 @@ import numpy as np
 import pytest
 
 from tests.simulation.rolls import belt, orders, rolling, strain_rider
+from tests.strain.strain_truth import windows_of
 from tests.wheel.phase_truth import Drive, Encoder, Tread, write_hdf5
 from tirelog import cli
 from tirelog.inference.stacks.hum import along_rises
@@ -139,7 +140,9 @@ def roll() -> None:
 def call_the_rest() -> None:
     """Kernels that commands call for longer logs only."""
     rng, four = np.random.default_rng(1000), np.ones(4)
-    along_tread(rng.normal(size=(4, 64)), 2500.0, 32 * four, 9 * four, -2 * four, 400 * four)
+    motion = {"speed_m_s": 9 * four, "acceleration_m_s2": -2 * four}
+    windows = windows_of(rng.normal(size=(4, 64)), 2500.0, centre=32 * four, **motion)
+    along_tread(windows, 400 * four, 2)
     Angles(rng.uniform(-1, 1, (4, 30))).evaluate(rng.normal(size=(4, MODES)).astype(complex))
     turning, left = np.exp(1j * rng.normal(size=(6, 9))), rng.uniform(size=(6, 9))
     weighted, weight, first = *rng.uniform(size=(2, 4, 9)), np.array([0, 1, 3, 4])

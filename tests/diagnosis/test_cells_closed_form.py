@@ -129,7 +129,7 @@ def test_speeds_at_either_side_of_a_bin_leave_the_waveform_of_the_mean_speed():
     values = model.predict(driven, phi)
     seen, at = (np.where(count > 0, x, np.nan) for x in (values, phi))
     cells = make_cells(replace(made, values=seen, phi_mean=at, count=count, conditions=driven))
-    prediction = model.predict(cells.conditions, surface=cells.surface, **cells.angles)
+    prediction = model.predict(cells.conditions, cells.angles, surface=cells.surface)
     fit = SimpleNamespace(model=model, prediction=prediction)
     left = at_mean_speed(cells, fit).values - prediction  # type: ignore[arg-type]
     columns = np.concatenate([cells.random, cells.shift[..., None]], axis=-1)[0]

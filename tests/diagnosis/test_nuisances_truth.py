@@ -168,8 +168,8 @@ def test_a_tire_that_drifts_far_on_a_wrong_radius_is_found_as_it_drifted(wheel_n
         moved = model.with_values({name: model.values[name] * x for name, x in factors.items()})
         values[c] += moved.predict(
             replace(cell.conditions, speed_m_s=speed[c : c + 1] * grown),
+            cell.angles,
             surface=cell.surface,
-            **cell.angles,
         )[0]
     known = MODEL.with_nuisance("rolling", "on").with_nuisance("drift", "on")
     found = prepare(replace(raw, values=values), known)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from tests.strain.strain_truth import Beam
+from tests.strain.strain_truth import Beam, windows_of
 from tirelog.strain.footprint.measure import find_edges
 
 TABLE_1 = {
@@ -23,9 +23,10 @@ def read_off(speed, cutoff_Hz, half_length=0.063):
     centre = reach + np.linspace(-0.5, 0.5, 41)
     time = (np.arange(2 * reach + 1) - centre[:, None]) / RATE_HZ
     one = np.ones(centre.size)
-    known = (speed, 0.0, cutoff_Hz, half_length)
     waves = CubicSpline(xi, strain)(time * speed)
-    edges = find_edges(waves, RATE_HZ, centre, *(one * value for value in known), 1e-9)
+    motion = {"speed_m_s": speed * one, "acceleration_m_s2": 0.0 * one}
+    windows = windows_of(waves, RATE_HZ, centre=centre, **motion)
+    edges = find_edges(windows, cutoff_Hz * one, half_length * one, 1e-9, 2)
     return np.median(edges["length_d2_m"]), np.median(edges["length_d1_m"])
 
 

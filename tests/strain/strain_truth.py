@@ -11,8 +11,18 @@ import scipy.sparse.linalg as sla
 from scipy.interpolate import CubicSpline, RectBivariateSpline
 from scipy.linalg import solve_banded
 
+from tirelog.strain.footprint.kernels import MOTION
+from tirelog.strain.footprint.learn import PatchWindows
+from tirelog.vocabulary.arrays import records
+
 STEP_M = 2.5e-4
 Traction = Callable[[np.ndarray], np.ndarray]
+
+
+def windows_of(values, rate_Hz, **motion) -> PatchWindows:
+    """Windows (n, m) of strain, patch downward: `centre` [columns], speed and acceleration."""
+    moving = records(MOTION, rate_Hz=np.full(len(values), rate_Hz), **motion)
+    return PatchWindows(np.arange(len(values)), values, moving)
 
 
 @dataclass(frozen=True)

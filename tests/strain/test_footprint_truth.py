@@ -7,14 +7,11 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from tests.strain.conftest import lopsided, make_drive, shoulders, trapezium
-from tests.strain.strain_truth import Beam, Ring
+from tests.strain.strain_truth import Beam, Ring, windows_of
 from tirelog.dsp.filters import Cutoff
 from tirelog.strain.footprint.footprint import _told, footprint
-from tirelog.strain.footprint.kernels import MOTION
-from tirelog.strain.footprint.learn import PatchWindows
 from tirelog.strain.footprint.measure import along_tread, find_edges
 from tirelog.strain.passages.find import find_passages
-from tirelog.vocabulary.arrays import records
 from tirelog.vocabulary.quality import Quality, good, having
 
 CALM = {"height": 1.0, "drift": 0.0}
@@ -130,10 +127,8 @@ def test_edges_stand_at_the_same_abscissae_when_the_wheel_brakes():
     for acceleration in (0.0, -8.0):
         time = (np.arange(400) - 200.0) / 2500.0
         values = wave(time * (3.0 + 0.5 * acceleration * time))[None, :]
-        moving = records(
-            MOTION, centre=200.0, rate_Hz=2500.0, speed_m_s=3.0, acceleration_m_s2=acceleration
-        )
-        windows = PatchWindows(np.zeros(1, np.int64), values, moving)
+        motion = {"speed_m_s": 3.0 * one, "acceleration_m_s2": acceleration * one}
+        windows = windows_of(values, 2500.0, centre=200.0 * one, **motion)
         edges = find_edges(windows, 400.0 * one, 0.055 * one, 1e-9, 4)[0]
         xi, _, bend, _ = (some[0] for some in along_tread(windows, 400.0 * one, 4))
         sides = [xi[np.argmin(np.where(side * xi > 0, bend, np.inf))] for side in (-1, 1)]
