@@ -56,12 +56,12 @@ beam colour sensor_lag 0.7,
 beam scatter_1+warming load_transfer 0.7, ring control edge_impact 0.7"""
 #: carcass, form and effect
 FORM = """\
-beam flat none, beam saddle none, beam shear_layer none, beam shifted none, ring flat none,
+beam flat none, beam saddle none, beam shear_layer none, beam shifted none, beam smooth none,
 beam flat water_film, beam flat aero_load, beam flat edge_impact, beam saddle hysteresis,
 beam saddle load_transfer, beam saddle sensor_lag, beam shear_layer water_film,
 beam shear_layer aero_load, beam shifted edge_impact, beam shifted pressure_offset,
 beam flat_shear viscous_damping, beam trapezoid load_transfer, beam soft_sector wear,
-ring shear_layer edge_impact, ring shifted sensor_lag"""
+beam trapezoid edge_impact, beam blocks none"""
 #: first seeds, and the tire of the forms
 SEEDS = {"hidden": 800, "nuisances": 40}
 TIRE = 9
