@@ -60,8 +60,8 @@ beam flat none, beam saddle none, beam shear_layer none, beam shifted none, beam
 beam flat water_film, beam flat aero_load, beam flat edge_impact, beam saddle hysteresis,
 beam saddle load_transfer, beam saddle sensor_lag, beam shear_layer water_film,
 beam shear_layer aero_load, beam shifted edge_impact, beam shifted pressure_offset,
-beam flat_shear viscous_damping, beam trapezoid load_transfer, beam soft_sector wear,
-beam trapezoid edge_impact, beam blocks none"""
+beam smooth viscous_damping, beam trapezoid load_transfer, beam trapezoid wear,
+beam trapezoid edge_impact, beam parabola none"""
 #: first seeds, and the tire of the forms
 SEEDS = {"hidden": 800, "nuisances": 40}
 TIRE = 9
