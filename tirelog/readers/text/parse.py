@@ -234,14 +234,11 @@ def single_blanks(block: bytes) -> bytes:
 
     At the ends of lines there is none.
     """
-    data = bytes_of(block)
-    blank = (data == 32) | (data == 9)
-    edges = np.flatnonzero(np.diff(blank.view(np.int8), prepend=0, append=0))
-    firsts, behind = edges[::2], edges[1::2]
-    at_end = (data[behind] == 10) | ((data[behind] == 13) & (data[(behind + 1) % data.size] == 10))
-    kept = ~blank
-    kept[firsts[(firsts > 0) & (data[firsts - 1] != 10) & ~at_end]] = True
-    return bytes(np.where(blank, np.uint8(32), data)[kept])
+    block = block.replace(b"\t", b" ")
+    while b"  " in block:
+        block = block.replace(b"  ", b" ")
+    block = block.replace(b" \r\n", b"\r\n").replace(b" \n", b"\n")
+    return block.replace(b"\n ", b"\n").removeprefix(b" ")
 
 
 def stamps_ns(
