@@ -96,7 +96,7 @@ def open_text(source: Path | str | BinaryIO, setup: Setup, log_name: str) -> Tex
     try:
         return TextReader(opened, setup, log_name)
     except (ReadError, SetupError) as problem:
-        damage = opened.damage()
+        damage = opened.problem
         opened.close()
         if not damage or damage in problem.message:
             raise
@@ -345,9 +345,12 @@ class TextReader:
                 "; ".join(report.losses or ["holds no rows"]) + "; check the recording",
                 file=self.name,
             )
+        listed = self._plan.listed(max(map(len, self.layout.rows)))
+        peaks = [peak for k in listed for peak in numbers_of(self.layout, k)]
         for channel in self.columns.peaks:
             if self._tracker and channel not in self._seen:
-                report.losses.append(f"channel {channel}: {self._tracker.why_silent(channel)}")
+                why = self._tracker.why_silent(channel, peaks)
+                report.losses.append(f"channel {channel}: {why}")
 
 
 def _about_names(layout: Layout, columns: Columns) -> list[str]:
