@@ -407,8 +407,8 @@ def likely_surface(known: FloatArray) -> str:
 
 #: the word that marks a guess, which `tirelog setup check` looks for
 MARK = "guessed"
-#: series without a likely kind that are listed as comments
-_MOST_UNKNOWN = 60
+#: series that are named, of those without a likely kind and of those that are unused
+_MOST_NAMED = 20
 
 _HEAD = """\
 # Setup of {log}, drafted by `tirelog setup new`.
@@ -485,7 +485,7 @@ def _text(inside: Contents, chosen: dict[str, FoundSeries], check: str) -> str:
     if unknown:
         parts.append('# Of these nothing says what they are; kind = "signal" takes any:\n')
         parts += [
-            f"#   {_shown(one.series.source)}{_range(one)}\n" for one in unknown[:_MOST_UNKNOWN]
+            f"#   {_shown(one.series.source)}{_range(one)}\n" for one in unknown[:_MOST_NAMED]
         ]
     return "".join(parts)
 
@@ -564,10 +564,6 @@ def _key(name: str) -> str:
 
 
 # ---- What is left to do about a setup: implausible, missing, unused, guessed.
-
-
-#: unused series that are named
-_MOST_UNUSED = 20
 
 
 @dataclass(frozen=True)
@@ -680,5 +676,5 @@ def _unused(setup: Setup, inside: Contents) -> list[Finding]:
             rest.append(one.series.source)
     if not rest:
         return []
-    some = ", ".join(rest[:_MOST_UNUSED]) + (", ..." if len(rest) > _MOST_UNUSED else "")
+    some = ", ".join(rest[:_MOST_NAMED]) + (", ..." if len(rest) > _MOST_NAMED else "")
     return [Finding("unused", f"{len(rest)} series of the log: {some}")]

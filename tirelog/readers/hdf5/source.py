@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from tirelog.errors import ReadError, nearest
 from tirelog.readers.base import RATES, rate_Hz
 
-#: bytes of one dataset read at once
+#: bytes of one dataset read at once; an element, all fields of a compound together, has no more
 SLAB_BYTES = 1 << 24
 
 
@@ -98,8 +98,6 @@ LARGEST_CHUNK_BYTES = 1 << 26
 #: declared / stored bytes: deflate shrinks by 1032 at most, a dataset made larger than what was
 #: recorded by some more
 LARGEST_RATIO = 1 << 16
-#: bytes of one element of a dataset, all fields of a compound together: larger ones are refused
-LARGEST_ROW_BYTES = 1 << 22
 #: values looked at together for the first that is there
 FIRST_VALUES = 1 << 12
 #: soft links followed one after the other; more count as a circle
@@ -471,9 +469,9 @@ def check_shape(found: SourceColumn) -> None:
                 f"h5repack -l {path}:CHUNK=65536",
             ),
             (
-                size > LARGEST_ROW_BYTES,
+                size > SLAB_BYTES,
                 f"has rows of {size} bytes",
-                f"{LARGEST_ROW_BYTES} bytes",
+                f"{SLAB_BYTES} bytes",
                 "store fewer columns",
             ),
         ),

@@ -120,7 +120,7 @@ class OrderedGroup:
 
 HEAD = struct.Struct("<BQ")
 #: opcode, length; channel, sequence, log time, publish time
-MESSAGE_HEAD_BYTES = 9 + 22
+MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 #: the descriptors of the largest robots are some hundred kilobytes
 LARGEST_DEFINITION_BYTES = 1 << 22
 #: records of one chunk: writers close one at some megabytes, which is below 100,000 messages.  A
@@ -427,7 +427,7 @@ class Records:
                 "record; copy the log again"
             )
         starts = starts[opcodes == Opcode.MESSAGE]
-        sizes = gather(data, starts + 1, "<u8").astype(np.int64) - 22
+        sizes = gather(data, starts + 1, "<u8").astype(np.int64) + HEAD.size - MESSAGE_HEAD.size
         starts, sizes = starts[sizes >= 0], sizes[sizes >= 0]
         ids = gather(data, starts + 9, "<u2")
         times = np.minimum(gather(data, starts + 15, "<u8"), np.uint64(2**63 - 1)).astype(np.int64)
@@ -435,7 +435,7 @@ class Records:
         for channel in np.unique(ids).tolist():
             which = ids == channel
             tables[channel] = MessageTable(
-                data, starts[which] + MESSAGE_HEAD_BYTES, sizes[which], times[which]
+                data, starts[which] + MESSAGE_HEAD.size, sizes[which], times[which]
             )
         return tables
 

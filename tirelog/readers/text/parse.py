@@ -94,10 +94,6 @@ def concatenated_rows(parts: list[Parsed]) -> Parsed:
     )
 
 
-#: peaks of a row that are read as others are beyond those of the widest row of the sample
-_MORE_PEAKS = 8
-
-
 @dataclass(frozen=True)
 class RowPlan:
     """What to take out of every block.
@@ -131,9 +127,9 @@ class RowPlan:
 
     @property
     def across(self) -> int:
-        """Columns that are looked at; in a list of peaks there may be more than in other rows."""
+        """Columns that are looked at; in a list of peaks those of the widest row of the sample."""
         if self.columns.peaks:
-            return len(self.layout.kinds) + _MORE_PEAKS
+            return len(self.layout.kinds)
         return max(self._wanted) + 1 if self.layout.ragged else self.layout.width
 
     @property

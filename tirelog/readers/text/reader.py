@@ -25,7 +25,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from tirelog.data.setup import Setup
+from tirelog.data.setup import PLAUSIBLE, Setup
 from tirelog.errors import ReadError, SetupError
 from tirelog.readers.base import (
     MOST_SERIES,
@@ -476,8 +476,6 @@ def _plan(layout: Layout, columns: Columns) -> RowPlan:
 _APART_NM = 1.0
 #: share of the rows in which a grating has its peak
 _OFTEN = 0.3
-#: wavelengths that gratings are written at [nm]
-_WAVELENGTHS_NM = (600.0, 2500.0)
 
 
 def columns(source: ByteSource, log: str) -> SeriesList:
@@ -507,8 +505,8 @@ def _gratings(layout: Layout, begin: int, taken: set[int]) -> tuple[Series, ...]
     """The gratings whose peaks stand in the sample rows, by wavelength."""
     widest = max(map(len, layout.rows))
     listed = [numbers_of(layout, k) for k in range(begin, widest) if k not in taken]
-    low, high = _WAVELENGTHS_NM
-    values = np.sort([peak for column in listed for peak in column if low < peak < high])
+    written = PLAUSIBLE["reference_wavelength_nm"]
+    values = np.sort([peak for column in listed for peak in column if written.holds(peak)])
     if not values.size:
         return ()
     groups = np.split(values, np.flatnonzero(np.diff(values) > _APART_NM) + 1)
