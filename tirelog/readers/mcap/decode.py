@@ -47,7 +47,6 @@ class ChannelDecoder:
     def __init__(self, topic: str, encoding: str, schema: Any) -> None:
         self.topic, self.encoding = topic, encoding
         self.faults: Counter[str] = Counter()  # messages that gave no number, by what was wrong
-        self.refused_size = False
         try:
             decoder = _decoder(encoding, schema)
         except DECODE_ERRORS as problem:
@@ -88,7 +87,6 @@ class ChannelDecoder:
         small = table.sizes <= LARGEST_MESSAGE_BYTES
         if small.all():
             return table
-        self.refused_size = True
         if count:
             self._add_fault(
                 f"larger than {LARGEST_MESSAGE_BYTES >> 20} MB; record fewer samples per message",

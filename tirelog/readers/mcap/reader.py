@@ -502,18 +502,9 @@ class McapLog:
                 continue
             names = ", ".join(topic.wants)
             has = f"; the log has {', '.join(known[:20])}" if known else ""
-            large = any(
-                decoder.refused_size
-                for decoder in self.decoders.values()
-                if decoder and decoder.topic == topic.name
-            )
-            decodes = (
-                "has no message that "
-                f"decodes{f' and is at most {LARGEST_MESSAGE_BYTES >> 20} MB' if large else ''}"
-            )
-            state = (
-                decodes if topic.name in known else f"is not in the log{nearest(topic.name, known)}"
-            )
+            state = f"is not in the log{nearest(topic.name, known)}"
+            if topic.name in known:
+                state = f"has no message of at most {LARGEST_MESSAGE_BYTES >> 20} MB that decodes"
             self.report.losses.append(
                 f"channel {names}: topic {topic.name!r} {state}{has}; mend source"
             )
