@@ -131,7 +131,8 @@ def mcap(folder: Path, sizes: Sizes) -> None:
 
     from tests.readers.logs import setup_of
     from tests.readers.mcap_files import MULTI_ARRAY, START_NS, write_ros2
-    from tirelog.readers.mcap.reader import open_mcap
+    from tirelog.data.setup import Setup
+    from tirelog.readers.mcap.reader import McapLog
 
     log, messages = folder / "log.mcap", 60_000
     for width in (16, 1):
@@ -151,10 +152,13 @@ def mcap(folder: Path, sizes: Sizes) -> None:
                 for *_, message in made.iter_decoded_messages():
                     list(message.data)
 
+        def ours(setup: Setup = setup) -> None:
+            with log.open("rb") as stream:
+                list(McapLog(stream, setup, "log").blocks())
+
         theirs = say(f"{width} values a message, library", cpu(library))
-        ours = cpu(lambda setup=setup: list(open_mcap(log, setup, "log").blocks()), 3)
-        say(f"{width} values a message, tirelog", ours)
-        print(f"library / tirelog: {theirs / ours:.1f} x cpu (goal: 10)")
+        own = say(f"{width} values a message, tirelog", cpu(ours, 3))
+        print(f"library / tirelog: {theirs / own:.1f} x cpu (goal: 10)")
 
 
 def encoder(folder: Path, sizes: Sizes) -> None:

@@ -113,8 +113,8 @@ with h5py.File("l.h5", "w", libver="latest") as file:
 """
 
 
-@pytest.mark.parametrize(("mode", "status"), [("swmr", 3), ("locked", 4)])
-def test_a_log_that_is_being_recorded(tmp_path, monkeypatch, capfd, mode, status):
+@pytest.mark.parametrize("mode", ["swmr", "locked"])
+def test_a_log_that_is_being_recorded(tmp_path, monkeypatch, capfd, mode):
     monkeypatch.chdir(tmp_path)
     text = (SAMPLES / "drive.toml").read_text().split("[channels.temp_1]")[0]
     text = text.replace("CH1_FBG1", "/wl").replace('temperature_channel = "temp_1"\n', "")
@@ -122,7 +122,7 @@ def test_a_log_that_is_being_recorded(tmp_path, monkeypatch, capfd, mode, status
     command = [sys.executable, "-c", RECORDER, mode]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as recorder:
         recorder.stdout.readline()
-        assert run(["ingest", "l.h5", "-o", "run.h5"]) == status
+        assert run(["ingest", "l.h5", "-o", "run.h5"]) == 4
         recorder.stdin.close()
     said = capfd.readouterr().err
     assert "is still being recorded" in said

@@ -1,13 +1,14 @@
 """MCAP logs for the tests, written by the library's own writers."""
 
 import json
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
 
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.writer import CompressionType, Writer
 
 from tests.readers.logs import setup_of, whole
-from tirelog.readers.mcap.reader import open_mcap
+from tirelog.readers.mcap.reader import McapLog
 
 START_NS = 1_700_000_000_000_000_000
 MULTI_ARRAY = """std_msgs/MultiArrayLayout layout
@@ -51,8 +52,11 @@ NONE, LZ4, ZSTD = CompressionType.NONE, CompressionType.LZ4, CompressionType.ZST
 def read(source, sources, log="", **keys):
     """(values per channel, stamps per group, the reader) of a whole log."""
     setup = setup_of(sources, log, **{"kind": "temperature", **keys})
-    reader = open_mcap(source, setup, "log.mcap")
-    values, stamps, _ = whole(reader)
+    with ExitStack() as leaving:
+        path = Path(source) if isinstance(source, str | Path) else None
+        stream = source if path is None else leaving.enter_context(path.open("rb"))
+        reader = McapLog(stream, setup, "log.mcap", path)
+        values, stamps, _ = whole(reader)
     return values, stamps, reader
 
 

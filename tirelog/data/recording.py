@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.data.setup import Setup, si_of_counts
+from tirelog.data.setup import Setup
 from tirelog.vocabulary.arrays import ColumnSet, FloatArray, IntArray
 from tirelog.vocabulary.conditions import ConditionValues
 from tirelog.vocabulary.quality import Doubt
@@ -157,14 +157,10 @@ class Scaled:
 
     def __call__(self, start: int, stop: int) -> FloatArray:
         raw = self.raw(start, stop)
-        values = np.empty(raw.size)
-        if self.lost is not None and raw.dtype == np.int32:
-            si_of_counts(raw, self.scale, self.offset, self.lost, values)
-            return values
         with np.errstate(
             over="ignore", invalid="ignore"
         ):  # a cell of 1e308 leaves the range of floats, as its channel's unit may
-            np.multiply(raw, self.scale, out=values, dtype=np.float64)
+            values: FloatArray = np.multiply(raw, self.scale, dtype=np.float64)
             values += self.offset
         if self.lost is not None:
             values[raw == self.lost] = np.nan

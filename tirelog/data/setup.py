@@ -15,11 +15,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from tirelog.errors import SetupError, nearest
-from tirelog.kernels import compiled
 from tirelog.storage.schema import (
     FLAG,
     TEXT,
@@ -36,7 +32,6 @@ from tirelog.storage.schema import (
     words,
 )
 from tirelog.storage.whole import toml_text
-from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2, UNITS, canonical
@@ -203,21 +198,6 @@ def share_of_degree(n: int) -> float:
     # degree from which on a shape of the pressure is ordinarily smaller, as one over its degree;
     # from twice that on none would be
     return min(1.0, 7.0 / n)
-
-
-# ---- Stored counts to values in SI, in one pass: numpy takes four, with an array for each.
-
-
-@compiled
-def si_of_counts(
-    counts: NDArray[np.int32], scale: float, offset: float, lost: int, values: FloatArray
-) -> None:
-    """Fills `values` (n,) with counts x scale + offset, NaN where a count is `lost`.
-
-    `scale` and `offset` in the channel's SI unit.
-    """
-    for i in range(counts.size):
-        values[i] = np.nan if counts[i] == lost else counts[i] * scale + offset
 
 
 SURFACES = ("outer", "inner")

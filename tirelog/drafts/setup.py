@@ -2,7 +2,7 @@
 
 log --listed--> series --the readers' own blocks--> samples from its begin
     --clock--> rates --guess--> kinds: Contents
-Contents --channels, twins, references--> TOML --read back with the log--> surfaces filled in
+Contents --channels, twins, references, surfaces--> TOML
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.plausibility import check_recording
-from tirelog.data.recording import Channel, Recording
-from tirelog.data.setup import ChannelSetup, Setup, names_beside, parse_setup
-from tirelog.errors import DataLoss, ReadError, SetupError, TirelogError, UsageError
+from tirelog.data.recording import Recording
+from tirelog.data.setup import ChannelSetup, Setup, names_beside
+from tirelog.errors import DataLoss, ReadError, SetupError, UsageError
 from tirelog.readers.base import LogReader, Series, SeriesList
 from tirelog.runs.ingest import (
     LogStream,
@@ -30,7 +30,6 @@ from tirelog.runs.ingest import (
     is_file,
     local_file,
     open_log_bytes,
-    open_recording,
     opened_log,
     read_head,
     reader_of,
@@ -392,14 +391,14 @@ _LOW, _HIGH = 0.01, 0.99
 _PLAIN = 1.5
 
 
-def likely_surface(channel: Channel) -> str:
-    """'outer' (the patch is a minimum), 'inner' (a maximum), or '' if neither side is plain."""
-    start = max((channel.size - _MOST_SAMPLES) // 2, 0)
-    some = channel.read(start, start + _MOST_SAMPLES)
-    some = some[np.isfinite(some)]
-    if some.size < 100:
+def likely_surface(known: FloatArray) -> str:
+    """'outer' (the patch is a minimum), 'inner' (a maximum), or '' if neither side is plain.
+
+    By samples (n,) of strain, or of the wavelength that it moves.
+    """
+    if known.size < 100:
         return ""
-    low, middle, high = np.quantile(some, [_LOW, 0.5, _HIGH])
+    low, middle, high = np.quantile(known, [_LOW, 0.5, _HIGH])
     below, above = middle - low, high - middle
     if below > _PLAIN * above:
         return "outer"
@@ -408,8 +407,8 @@ def likely_surface(channel: Channel) -> str:
 
 #: the word that marks a guess, which `tirelog setup check` looks for
 MARK = "guessed"
-#: series without a likely kind that are listed as comments
-_MOST_UNKNOWN = 60
+#: series that are named, of those without a likely kind and of those that are unused
+_MOST_NAMED = 20
 
 _HEAD = """\
 # Setup of {log}, drafted by `tirelog setup new`.
@@ -449,9 +448,7 @@ def draft(log: str, output: str | None = None) -> SetupDraft:
     chosen = _channels(inside)
     place = ["--setup", output] if output and Path(output) not in names_beside(log) else []
     check = _shown(shlex.join(["tirelog", "setup", "check", inside.log, *place]))
-    text = _text(inside, chosen, {}, check)
-    if is_file(log):
-        text = _text(inside, chosen, _surfaces(log, text), check)
+    text = _text(inside, chosen, check)
     return SetupDraft(text, len(chosen), len(marks(text)))
 
 
@@ -478,37 +475,22 @@ def _channels(inside: Contents) -> dict[str, FoundSeries]:
     return named
 
 
-def _surfaces(log: str, text: str) -> dict[str, str]:
-    """The likely surface of each strain channel, as far as the log shows it."""
-    try:
-        setup = parse_setup(text, "the draft")
-        with open_recording(log, setup, blocks=_BLOCKS, check=False) as recording:
-            return {
-                channel.name: likely_surface(channel)
-                for channel in recording.of_kind(*STRAIN_KINDS)
-            }
-    except TirelogError:
-        return {}
-
-
-def _text(
-    inside: Contents, chosen: dict[str, FoundSeries], surfaces: dict[str, str], check: str
-) -> str:
+def _text(inside: Contents, chosen: dict[str, FoundSeries], check: str) -> str:
     parts = [_HEAD.format(log=_shown(inside.log), mark=MARK, check=check)]
     twins = {n: one for n, one in chosen.items() if one.guess.kind == "fbg_temperature"}
     for name, one in chosen.items():
-        parts.append(_channel(name, one, twins, surfaces.get(name, "")))
+        parts.append(_channel(name, one, twins))
     parts.append(_log(inside))
     unknown = [one for one in inside.found if one not in chosen.values()]
     if unknown:
         parts.append('# Of these nothing says what they are; kind = "signal" takes any:\n')
         parts += [
-            f"#   {_shown(one.series.source)}{_range(one)}\n" for one in unknown[:_MOST_UNKNOWN]
+            f"#   {_shown(one.series.source)}{_range(one)}\n" for one in unknown[:_MOST_NAMED]
         ]
     return "".join(parts)
 
 
-def _channel(name: str, one: FoundSeries, twins: dict[str, FoundSeries], surface: str) -> str:
+def _channel(name: str, one: FoundSeries, twins: dict[str, FoundSeries]) -> str:
     kind, unit = one.guess.kind, one.guess.unit
     why, mark = (f"{MARK}: {one.guess.reason}", MARK) if kind != "signal" else ("", "")
     of_log = bool(one.unit) and units.canonical(one.unit) == unit
@@ -532,6 +514,7 @@ def _channel(name: str, one: FoundSeries, twins: dict[str, FoundSeries], surface
             told = f"{MARK}: the nearest grating that hardly moves"
             lines.append(_line("temperature_channel", json.dumps(near[0]), told))
     if kind in STRAIN_KINDS:
+        surface = likely_surface(one.known)
         side = {"outer": "down", "inner": "up"}.get(surface)
         told = f"{MARK}: the patch takes the strain {side}"
         unknown = '# surface = "outer"   # outer: a minimum in the patch; inner: a maximum'
@@ -583,10 +566,6 @@ def _key(name: str) -> str:
 # ---- What is left to do about a setup: implausible, missing, unused, guessed.
 
 
-#: unused series that are named
-_MOST_UNUSED = 20
-
-
 @dataclass(frozen=True)
 class Finding:
     """A sentence, and what it is about: implausible, missing, unused, guessed or noted."""
@@ -610,7 +589,9 @@ def findings(recording: Recording, log: str) -> list[Finding]:
         except SetupError as problem:
             out.append(Finding("implausible", problem.message))
     for channel in recording.of_kind(*STRAIN_KINDS):
-        likely = likely_surface(channel)
+        start = max((channel.size - _MOST_SAMPLES) // 2, 0)
+        samples = channel.read(start, start + _MOST_SAMPLES)
+        likely = likely_surface(samples[np.isfinite(samples)])
         if likely and likely != channel.surface:  # the patch lies on the other side
             side = "down" if likely == "outer" else "up"
             said = f'the patch takes the strain {side}, and surface = "{channel.surface}"'
@@ -695,5 +676,5 @@ def _unused(setup: Setup, inside: Contents) -> list[Finding]:
             rest.append(one.series.source)
     if not rest:
         return []
-    some = ", ".join(rest[:_MOST_UNUSED]) + (", ..." if len(rest) > _MOST_UNUSED else "")
+    some = ", ".join(rest[:_MOST_NAMED]) + (", ..." if len(rest) > _MOST_NAMED else "")
     return [Finding("unused", f"{len(rest)} series of the log: {some}")]

@@ -46,7 +46,7 @@ from tirelog.version import __version__
 #: what opens a log by its format; text is of none
 _READERS = {
     "HDF5": "tirelog.readers.hdf5.reader:Hdf5Log",
-    "MCAP": "tirelog.readers.mcap.reader:open_mcap",
+    "MCAP": "tirelog.readers.mcap.reader:McapLog",
 }
 _TEXT = "tirelog.readers.text.reader:open_text"
 #: what makes a file that is read of one of FORMATS

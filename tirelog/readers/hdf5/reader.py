@@ -517,15 +517,17 @@ def refuse_damaged(path: Path, log_name: str) -> None:
 
 
 def opened(path: Path, log_name: str) -> h5py.File:
-    """The file; one that is being written by SWMR is open in that mode.
-
-    ReadError: it cannot be opened.
-    """
+    """The open file.  ReadError: it cannot be opened."""
     try:
         return h5py.File(path, "r", rdcc_nbytes=CACHE_BYTES)
     except LIBRARY_ERRORS as problem:
         if _BEING_WRITTEN.search(str(problem)):
-            return _being_written(path, log_name)
+            raise ReadError(
+                "is still being recorded, or its writer ended without closing it",
+                allowed="allowed is a file that is closed",
+                do="wait until the recording has ended",
+                file=log_name,
+            ) from None
         whole = _CUT_OFF.search(str(problem))
         if whole is None:
             raise _unreadable(problem, log_name) from None
@@ -533,19 +535,6 @@ def opened(path: Path, log_name: str) -> h5py.File:
             f"is cut off at {path.stat().st_size} of {whole[1]} bytes",
             allowed="allowed is a whole file",
             do="copy it again",
-            file=log_name,
-        ) from None
-
-
-def _being_written(path: Path, log_name: str) -> h5py.File:
-    """The file that a writer has open, as far as it is written.  ReadError: it is locked."""
-    try:
-        return h5py.File(path, "r", swmr=True, rdcc_nbytes=CACHE_BYTES)
-    except LIBRARY_ERRORS:
-        raise ReadError(
-            "is still being recorded, or its writer ended without closing it",
-            allowed="allowed is a file that is closed, or written in SWMR mode",
-            do="wait until the recording has ended",
             file=log_name,
         ) from None
 
@@ -567,11 +556,6 @@ class Hdf5Log:
         self.log_name, self.setup = log_name, setup
         self.stated: dict[str, str] = {}  # units, by channel, as the file spells them
         self.file = opened(path, log_name)
-        if self.file.swmr_mode:
-            self.report.losses.append(
-                "the file is still being recorded; samples written from now on are not read; read "
-                "it again when the recording has ended"
-            )
         try:
             self.clocks = self._clocks(self._channels())
         except LIBRARY_ERRORS as problem:

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from tirelog.errors import ReadError, nearest
 from tirelog.readers.base import RATES, rate_Hz
 
-#: bytes of one dataset read at once
+#: bytes of one dataset read at once; an element, all fields of a compound together, has no more
 SLAB_BYTES = 1 << 24
 
 
@@ -98,8 +98,6 @@ LARGEST_CHUNK_BYTES = 1 << 26
 #: declared / stored bytes: deflate shrinks by 1032 at most, a dataset made larger than what was
 #: recorded by some more
 LARGEST_RATIO = 1 << 16
-#: bytes of one element of a dataset, all fields of a compound together: larger ones are refused
-LARGEST_ROW_BYTES = 1 << 22
 #: values looked at together for the first that is there
 FIRST_VALUES = 1 << 12
 #: soft links followed one after the other; more count as a circle
@@ -348,14 +346,7 @@ def check_storage(path: str, dataset: h5py.Dataset) -> None:
             "run h5repack on it",
         )
     if dataset.is_virtual:
-        for source in dataset.virtual_sources():
-            what = f"is virtual and points to {source.file_name!r}"
-            if source.file_name == ".":
-                target = walk(dataset.file, source.dset_name)
-                if isinstance(target, h5py.Dataset) and not (target.is_virtual or target.external):
-                    continue
-                what = "is virtual over something that is no plain dataset"
-            raise refuse(path, what, "data inside the log", "run h5repack on it")
+        raise refuse(path, "is virtual", "a dataset that holds its data", "run h5repack on it")
     creation = dataset.id.get_create_plist()
     for which in range(creation.get_nfilters()):
         code, _, _, name = creation.get_filter(which)
@@ -466,7 +457,7 @@ def check_shape(found: SourceColumn) -> None:
                 "name another dataset in source",
             ),
             (
-                not dataset.is_virtual and (stored == 0 or declared > stored * LARGEST_RATIO),
+                stored == 0 or declared > stored * LARGEST_RATIO,
                 f"declares {'x'.join(map(str, dataset.shape))} values and stores {stored} bytes",
                 "what the file really holds",
                 "repair the file where it was written",
@@ -478,9 +469,9 @@ def check_shape(found: SourceColumn) -> None:
                 f"h5repack -l {path}:CHUNK=65536",
             ),
             (
-                size > LARGEST_ROW_BYTES,
+                size > SLAB_BYTES,
                 f"has rows of {size} bytes",
-                f"{LARGEST_ROW_BYTES} bytes",
+                f"{SLAB_BYTES} bytes",
                 "store fewer columns",
             ),
         ),
@@ -515,7 +506,7 @@ def first_stored(found: SourceColumn) -> NDArray[Any]:
 def unstored(found: SourceColumn, start: int, stop: int) -> NDArray[np.bool_]:
     """True for the samples in [start, stop) that were never written, shape (stop - start,)."""
     dataset, lost = found.dataset, np.zeros(stop - start, bool)
-    if not dataset.chunks or dataset.is_virtual:
+    if not dataset.chunks:
         return lost
     each = zip(dataset.shape, dataset.chunks, strict=True)
     if dataset.id.get_num_chunks() >= math.prod(math.ceil(n / c) for n, c in each):
@@ -696,22 +687,19 @@ def rate_of(column: SourceColumn) -> float | None:
     """The sampling rate [Hz] that the file states for the column, or None."""
     for item in (column.dataset, *above(column)):
         attributes = Attributes(item)
+        stored = {} if item is column.dataset else {name.lower(): name for name in item}
         for name, is_period in RATES.items():
-            if (rate := rate_Hz(attributes.number(name), is_period)) is not None:
-                return rate
-    for group in above(column):
-        stored = {name.lower(): name for name in group}
-        for name, is_period in RATES.items():
-            if (
-                rate := rate_Hz(_stored_number(group, stored.get(name.lower())), is_period)
-            ) is not None:
+            number = attributes.number(name)
+            if number is None and name.lower() in stored:
+                number = _stored_number(item, stored[name.lower()])
+            if (rate := rate_Hz(number, is_period)) is not None:
                 return rate
     return None
 
 
-def _stored_number(group: h5py.Group, name: str | None) -> float | None:
+def _stored_number(group: h5py.Group, name: str) -> float | None:
     """The one number in the dataset `name` of `group`."""
-    if name is None or not isinstance(group.get(name, getlink=True), h5py.HardLink):
+    if not isinstance(group.get(name, getlink=True), h5py.HardLink):
         return None
     item = group[name]
     if (

@@ -31,12 +31,9 @@ BUILTIN_TIME = dict.fromkeys(
 )
 #: bytes before a message's own: byte order and options
 ENCAPSULATION = 4
-#: elements of a list in a message; one with a longer list has no layout that is kept
-LONGEST_LIST = 1 << 20
-#: structures and texts of one message: the library makes a Python object of each
+#: structures and texts of one message: the library makes a Python object of each; bytes that fix a
+#: layout: comparing more is no faster than decoding
 MOST_PARTS = 1 << 15
-#: bytes that fix a layout; comparing more is no faster than decoding
-MOST_FIXED = 1 << 14
 _MOST_DEPTH = 32
 FIELD = re.compile(r"^\s*([\w/]+)(?:<=\d+)?(\[(?:<=)?\d*\])?\s+([A-Za-z]\w*)\b\s*(.*)$")
 #: number of a wanted path, and the tokens of it that are left
@@ -155,8 +152,6 @@ class CdrLayout:
                 self._value(member.type, below, depth)
                 continue
             length = member.length if member.length >= 0 else self._length()
-            if length > LONGEST_LIST:
-                raise ValueError
             if member.type in PRIMITIVES:
                 self._numbers(PRIMITIVES[member.type], length, below)
                 continue
@@ -205,7 +200,7 @@ class CdrLayout:
         self._align(4)
         length = int(struct.unpack_from(self.order + "I", self.data, self.at)[0])
         self.fixed += range(self.at, self.at + 4)
-        if len(self.fixed) > MOST_FIXED:
+        if len(self.fixed) > MOST_PARTS:
             raise ValueError
         self.at += 4
         return length

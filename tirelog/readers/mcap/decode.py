@@ -26,10 +26,8 @@ from tirelog.readers.mcap.fields import FieldColumn, FieldError, RequestedField,
 from tirelog.readers.mcap.records import MessageTable
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: layouts of one channel that are remembered, and messages without one before the library does the
-#: rest
-MOST_LAYOUTS = 64
-MOST_FAILURES = 8
+#: messages of one channel from which a layout is learned before the library does the rest
+MOST_LEARNED = 64
 #: bytes of messages decoded at once
 PIECE_BYTES = 1 << 21
 #: bytes of one message: ten seconds of 64 channels at 1 kHz are 5 MB.  A library's decoder makes 30
@@ -49,7 +47,6 @@ class ChannelDecoder:
     def __init__(self, topic: str, encoding: str, schema: Any) -> None:
         self.topic, self.encoding = topic, encoding
         self.faults: Counter[str] = Counter()  # messages that gave no number, by what was wrong
-        self.refused_size = False
         try:
             decoder = _decoder(encoding, schema)
         except DECODE_ERRORS as problem:
@@ -69,7 +66,7 @@ class ChannelDecoder:
             )
         self.decode, self.layout_of = decoder
         self.layouts: list[CdrLayout] = []
-        self.failures = 0
+        self.learned = 0
 
     def _add_fault(self, what: str, messages: int = 1) -> None:
         if what in self.faults or len(self.faults) < 100:  # no more kinds are separated
@@ -90,7 +87,6 @@ class ChannelDecoder:
         small = table.sizes <= LARGEST_MESSAGE_BYTES
         if small.all():
             return table
-        self.refused_size = True
         if count:
             self._add_fault(
                 f"larger than {LARGEST_MESSAGE_BYTES >> 20} MB; record fewer samples per message",
@@ -148,7 +144,7 @@ class ChannelDecoder:
                     rest = rest[~fits]
             tried = len(self.layouts)
             if rest.size:
-                full = self.failures >= MOST_FAILURES or tried >= MOST_LAYOUTS
+                full = self.learned >= MOST_LEARNED
                 slow = table.take(rest if full else rest[:1])
                 pieces.append((rest[: len(slow)], self.read_slowly(slow, wants)))
                 rest = rest[len(slow) :]
@@ -164,10 +160,10 @@ class ChannelDecoder:
     ) -> None:
         """Adds the layout of a message of which the library gave `truth`, if it gives that too."""
         assert self.layout_of is not None
+        self.learned += 1
         try:
             layout = self.layout_of(one.messages()[0], wants)
         except ValueError:
-            self.failures += 1
             return
         same = [
             np.array_equal(own.values, its.values, equal_nan=True)
@@ -176,8 +172,6 @@ class ChannelDecoder:
         ]
         if all(same):
             self.layouts.append(layout)
-        else:
-            self.failures += 1
 
 
 def _assemble(n: int, pieces: list[tuple[IntArray, FieldColumn]]) -> FieldColumn:

@@ -17,7 +17,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -300,32 +300,21 @@ def _several_signals(decoder: ChannelDecoder, table: MessageTable, message: Any)
 READ_AHEAD_BYTES = 1 << 23
 
 
-def open_mcap(
-    source: Path | str | BinaryIO, setup: Setup, log_name: str, path: Path | None = None
-) -> McapLog:
-    """The log in a file or a stream; `log_name` is its name in messages.
+class McapLog:
+    """An open MCAP log (see `tirelog.readers.base.LogReader`); `log_name` is its name in messages.
 
-    `path` is the file that a stream reads, if there is one: from its end come the definitions
+    `path` is the file that the stream reads, if there is one: from its end come the definitions
     that a damaged chunk took away. ReadError if nothing in it can be read.
     """
-    if not isinstance(source, Path | str):
-        return McapLog(source, setup, log_name, path)
-    with ExitStack() as opened:
-        log = McapLog(opened.enter_context(open(source, "rb")), setup, log_name, Path(source))
-        log.opened = opened.pop_all()  # closed with its last block
-    return log
 
-
-class McapLog:
-    """An open MCAP log (see `tirelog.readers.base.LogReader`)."""
-
-    def __init__(self, stream: BinaryIO, setup: Setup, log_name: str, path: Path | None) -> None:
+    def __init__(
+        self, stream: BinaryIO, setup: Setup, log_name: str, path: Path | None = None
+    ) -> None:
         self.report = ReadReport(format="mcap")
         self.setup, self.log_name, self.path = setup, log_name, path
         self.topics = self._topics()
         self.records = Records(stream, self.report, log_name)
         self.decoders: dict[int, ChannelDecoder | None] = {}
-        self.opened = ExitStack()  # what is closed at the end, as it was opened here
         self.undecodable: set[str] = set()  # topics of which that was reported
         self.unknown: dict[int, int] = {}
         self.origin_ns: int | None = None
@@ -446,14 +435,11 @@ class McapLog:
 
     def blocks(self) -> Iterator[RawBlock]:
         """Blocks of every group, in the order of log time within each."""
-        try:
-            while self._feed_chunk():
-                if any(group.full for topic in self.topics.values() for group in topic.groups):
-                    yield from self._emit(everything=False)
-            yield from self._emit(everything=True)
-            self._finish()
-        finally:
-            self.opened.close()
+        while self._feed_chunk():
+            if any(group.full for topic in self.topics.values() for group in topic.groups):
+                yield from self._emit(everything=False)
+        yield from self._emit(everything=True)
+        self._finish()
 
     def _feed_chunk(self) -> bool:
         """Feed the next chunk to its topics, and let go of it; False at the end of the log."""
@@ -516,18 +502,9 @@ class McapLog:
                 continue
             names = ", ".join(topic.wants)
             has = f"; the log has {', '.join(known[:20])}" if known else ""
-            large = any(
-                decoder.refused_size
-                for decoder in self.decoders.values()
-                if decoder and decoder.topic == topic.name
-            )
-            decodes = (
-                "has no message that "
-                f"decodes{f' and is at most {LARGEST_MESSAGE_BYTES >> 20} MB' if large else ''}"
-            )
-            state = (
-                decodes if topic.name in known else f"is not in the log{nearest(topic.name, known)}"
-            )
+            state = f"is not in the log{nearest(topic.name, known)}"
+            if topic.name in known:
+                state = f"has no message of at most {LARGEST_MESSAGE_BYTES >> 20} MB that decodes"
             self.report.losses.append(
                 f"channel {names}: topic {topic.name!r} {state}{has}; mend source"
             )

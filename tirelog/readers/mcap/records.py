@@ -5,9 +5,8 @@ Whole chunks, checksums verified.
     bytes --record by record--> schemas, channels, chunks
         --decompress, CRC--> Chunk (records, uncompressed)
 
-A chunk whose checksum fails is a loss and is left out. If the chain of records breaks, the next
-chunk is looked for; if none follows, the file is cut off there. Messages outside of chunks are
-gathered into chunks of our own.
+A chunk whose checksum fails is a loss and is left out. Where the chain of records breaks, the file
+is cut off. Messages outside of chunks are gathered into chunks of our own.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, DataEnd, Footer, Schema, Statistics
+from mcap.records import Channel, DataEnd, Footer, Schema
 from numpy.typing import NDArray
 
 from tirelog.errors import ReadError
@@ -121,7 +120,7 @@ class OrderedGroup:
 
 HEAD = struct.Struct("<BQ")
 #: opcode, length; channel, sequence, log time, publish time
-MESSAGE_HEAD_BYTES = 9 + 22
+MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 #: the descriptors of the largest robots are some hundred kilobytes
 LARGEST_DEFINITION_BYTES = 1 << 22
 #: records of one chunk: writers close one at some megabytes, which is below 100,000 messages.  A
@@ -232,10 +231,7 @@ class Records:
         self.channels: dict[int, Channel] = {}
         self._definition_bytes: dict[tuple[int, bytes], int] = {}  # by opcode and id
         self._defined_bytes = 0
-        self.held = b""  # read, and not used yet
-        self.offset = 0
-        self.crc, self.crc_runs = 0, True
-        self.chunks_met, self.messages_lost = 0, 0
+        self.offset = self.crc = 0
         self.unchecked = self.whole_checked = False
         self.ended = False
         magic = self._take(len(MAGIC))
@@ -247,12 +243,9 @@ class Records:
 
     def _take(self, size: int) -> bytes:
         """The next `size` bytes, fewer at the end."""
-        taken, self.held = self.held[:size], self.held[size:]
-        if len(taken) < size:  # a buffered stream gives less only at its end
-            taken += self.stream.read(size - len(taken))
+        taken = self.stream.read(size)  # a buffered stream gives less only at its end
         self.offset += len(taken)
-        if self.crc_runs:
-            self.crc = zlib.crc32(taken, self.crc)
+        self.crc = zlib.crc32(taken, self.crc)
         return taken
 
     def lose(self, what: str) -> None:
@@ -299,9 +292,6 @@ class Records:
         (None, b"") if it is passed over, broken, or the file ends.
         """
         head = self._take(HEAD.size)
-        if not head:
-            self._cut_off(at)
-            return None, b""
         opcode, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, 0)
         if opcode == Opcode.ATTACHMENT or opcode >= PRIVATE:
             self._skip(length, at)
@@ -309,7 +299,7 @@ class Records:
         possible = 0 < opcode <= Opcode.DATA_END and length <= LARGEST_CHUNK_BYTES
         body = self._take(length) if possible else b""
         if not possible or len(body) != length:
-            self._broken(head + body, at)
+            self._cut_off(at)
             return None, b""
         return opcode, head + body
 
@@ -320,20 +310,13 @@ class Records:
                 self.define(opcode, body)
             elif opcode == Opcode.DATA_END:
                 stated = DataEnd.read(_reader(body)).data_section_crc
-                if stated and self.crc_runs and stated != crc:
+                if stated and stated != crc:
                     self.lose(
                         f"the checksum of the whole data fails at byte {at}: something before it "
                         "is damaged; copy the log again"
                     )
-                self.whole_checked = stated != 0 and self.crc_runs
+                self.whole_checked = stated != 0
                 self.crc = 0
-            elif opcode == Opcode.STATISTICS:
-                counted = Statistics.read(_reader(body)).chunk_count
-                if counted > self.chunks_met and "damaged_places" not in self.report.counts:
-                    self.lose(
-                        f"{counted - self.chunks_met} of {counted} chunks are missing; "
-                        "copy the log again"
-                    )
             elif opcode == Opcode.FOOTER:
                 self._footer(body, at, crc)
         except RECORD_ERRORS as problem:
@@ -346,11 +329,7 @@ class Records:
         self.ended = True
         footer = Footer.read(_reader(body))
         stated = footer.summary_crc
-        if (
-            stated
-            and self.crc_runs
-            and zlib.crc32(HEAD.pack(Opcode.FOOTER, len(body)) + body[:16], crc) != stated
-        ):
+        if stated and zlib.crc32(HEAD.pack(Opcode.FOOTER, len(body)) + body[:16], crc) != stated:
             self.lose(
                 f"the checksum of the summary fails at byte {at}; its messages are checked chunk "
                 "by chunk; copy the log again"
@@ -392,39 +371,12 @@ class Records:
     def _cut_off(self, at: int) -> None:
         self.ended = True
         self.lose(
-            f"the file is cut off at byte {at}; the whole chunks before are used; "
+            f"the file is damaged or cut off at byte {at}; the whole chunks before are used; "
             "copy the log again"
         )
 
-    def _broken(self, taken: bytes, at: int) -> None:
-        """The chain of records breaks at `at`; `taken` was read from there.
-
-        Goes on at the next chunk, if there is one.
-        """
-        self.crc_runs = False
-        behind = taken[1:] + self._take(1 << 20)
-        skipped = 1
-        while True:
-            found = find_chunk(behind)
-            if found is not None:
-                self.held = behind[found:] + self.held
-                self.offset = at + skipped + found
-                self.lose(
-                    f"bytes {at} to {self.offset} are damaged; the log goes on with the chunk "
-                    "behind; copy the log again"
-                )
-                return
-            keep = behind[-64:]
-            more = self._take(1 << 20)
-            if not more:
-                self._cut_off(at)
-                return
-            skipped += len(behind) - len(keep)
-            behind = keep + more
-
     def _chunk(self, body: bytes, at: int) -> Iterator[tuple[dict[int, MessageTable], int]]:
         """The chunk, if it is whole."""
-        self.chunks_met += 1
         try:
             _, _, size, crc, name_size = CHUNK_HEAD.unpack_from(body)
             name_end = CHUNK_HEAD.size + name_size
@@ -475,7 +427,7 @@ class Records:
                 "record; copy the log again"
             )
         starts = starts[opcodes == Opcode.MESSAGE]
-        sizes = gather(data, starts + 1, "<u8").astype(np.int64) - 22
+        sizes = gather(data, starts + 1, "<u8").astype(np.int64) + HEAD.size - MESSAGE_HEAD.size
         starts, sizes = starts[sizes >= 0], sizes[sizes >= 0]
         ids = gather(data, starts + 9, "<u2")
         times = np.minimum(gather(data, starts + 15, "<u8"), np.uint64(2**63 - 1)).astype(np.int64)
@@ -483,33 +435,9 @@ class Records:
         for channel in np.unique(ids).tolist():
             which = ids == channel
             tables[channel] = MessageTable(
-                data, starts[which] + MESSAGE_HEAD_BYTES, sizes[which], times[which]
+                data, starts[which] + MESSAGE_HEAD.size, sizes[which], times[which]
             )
         return tables
-
-
-def find_chunk(data: bytes) -> int | None:
-    """Place of a record in `data` that is beyond doubt a chunk.
-
-    Its two lengths agree, and its compression is one that exists.
-    """
-    at = data.find(b"\x06")
-    while at >= 0:
-        if len(data) < at + HEAD.size + CHUNK_HEAD.size + 16:
-            return None
-        length = HEAD.unpack_from(data, at)[1]
-        name_size = struct.unpack_from("<I", data, at + HEAD.size + 28)[0]
-        if name_size <= 4:
-            begins = at + HEAD.size + CHUNK_HEAD.size
-            name = data[begins : begins + name_size]
-            stored = struct.unpack_from("<Q", data, begins + name_size)[0]
-            if (
-                name in (b"", b"lz4", b"zstd")
-                and stored + CHUNK_HEAD.size + name_size + 8 == length <= LARGEST_CHUNK_BYTES + 64
-            ):
-                return at
-        at = data.find(b"\x06", at + 1)
-    return None
 
 
 def decompress(compression: str, stored: memoryview, size: int) -> bytes:

@@ -28,10 +28,10 @@ from tirelog.readers.other.conversion import MEMORY_BYTES, NoNumbers, one_line
 # ---- An HDF5 file of columns, which a converter fills piece by piece.
 
 
-#: values of a chunk, and datasets of a file
-_CHUNK, _MOST_DATASETS = 1 << 14, 5000
-#: letters of a name
-_MOST_LETTERS = 80
+#: values of a chunk and rows decoded at once, and datasets of a file
+_ROWS, _MOST_DATASETS = 1 << 14, 5000
+#: letters of a name, and how deep conversions refer to others and structures hold others
+_MOST_LETTERS, _MOST_DEPTH = 80, 8
 
 
 def proper(name: object) -> str:
@@ -74,7 +74,7 @@ class Datasets:
             if made is None and values.size:
                 free = self._free(group, told)
                 made = group.create_dataset(
-                    free, shape=(0,), maxshape=(None,), dtype=values.dtype, chunks=(_CHUNK,)
+                    free, shape=(0,), maxshape=(None,), dtype=values.dtype, chunks=(_ROWS,)
                 )
             if made is not None:
                 made.resize(at + values.size, axis=0)
@@ -197,8 +197,6 @@ def convert_zip(source: Path, target: Path, answer: ReadReport) -> None:
 # not handed on.
 
 
-#: rows decoded at once
-_ROWS = 1 << 14
 #: arrow's names of types of words
 _WORDS = re.compile(r"(dictionary<values=)?(large_)?string")
 
@@ -307,7 +305,7 @@ def _titles(schema: Any, names: list[str]) -> Iterator[str]:
 #: records read at once
 _RECORDS = 1 << 18
 _FORMULA = re.compile(r"(?:[-+*/() \t]|\d+\.?\d*(?:[eE][-+]?\d+)?|[Xx]1?)*")
-_MDF_LETTERS, _MOST_DEPTH = 200, 8
+_MDF_LETTERS = 200
 
 
 def convert_mdf(source: Path, target: Path, answer: ReadReport) -> None:
@@ -461,7 +459,6 @@ def _number(value: object) -> float | None:
 
 #: bytes of one variable in the file: the library needs up to three times as many at once
 _MOST_VARIABLE_BYTES = MEMORY_BYTES // 4
-_MOST_LEVELS = 16
 _MATLAB_PATH = re.compile(r"(/[A-Za-z]\w{0,62}[(){}\d]{0,40})+", re.ASCII)
 #: what is not read, by the library's class; all others are sparse
 _NOT_READ = {
@@ -529,7 +526,7 @@ def _add_matlab(to: Datasets, path: str, value: Any, depth: int) -> None:
             dtype = value.dtype.newbyteorder("<")
             to.file.create_dataset(path, data=value.T.astype(dtype, copy=False))
             to.many += 1
-    if inside and depth >= _MOST_LEVELS:
+    if inside and depth >= _MOST_DEPTH:
         what, inside = "is structures within structures", []
     if what:
         to.answer.passed_over.append(f"{path[:_MOST_LETTERS]} {what}")

@@ -94,10 +94,6 @@ def concatenated_rows(parts: list[Parsed]) -> Parsed:
     )
 
 
-#: peaks of a row that are read as others are beyond those of the widest row of the sample
-_MORE_PEAKS = 8
-
-
 @dataclass(frozen=True)
 class RowPlan:
     """What to take out of every block.
@@ -131,9 +127,9 @@ class RowPlan:
 
     @property
     def across(self) -> int:
-        """Columns that are looked at; in a list of peaks there may be more than in other rows."""
+        """Columns that are looked at; in a list of peaks those of the widest row of the sample."""
         if self.columns.peaks:
-            return len(self.layout.kinds) + _MORE_PEAKS
+            return len(self.layout.kinds)
         return max(self._wanted) + 1 if self.layout.ragged else self.layout.width
 
     @property
@@ -234,14 +230,11 @@ def single_blanks(block: bytes) -> bytes:
 
     At the ends of lines there is none.
     """
-    data = bytes_of(block)
-    blank = (data == 32) | (data == 9)
-    edges = np.flatnonzero(np.diff(blank.view(np.int8), prepend=0, append=0))
-    firsts, behind = edges[::2], edges[1::2]
-    at_end = (data[behind] == 10) | ((data[behind] == 13) & (data[(behind + 1) % data.size] == 10))
-    kept = ~blank
-    kept[firsts[(firsts > 0) & (data[firsts - 1] != 10) & ~at_end]] = True
-    return bytes(np.where(blank, np.uint8(32), data)[kept])
+    block = block.replace(b"\t", b" ")
+    while b"  " in block:
+        block = block.replace(b"  ", b" ")
+    block = block.replace(b" \r\n", b"\r\n").replace(b" \n", b"\n")
+    return block.replace(b"\n ", b"\n").removeprefix(b" ")
 
 
 def stamps_ns(

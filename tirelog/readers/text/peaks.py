@@ -17,6 +17,7 @@ one, is refused and its sample flagged `spurious_peak`.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -81,7 +82,6 @@ class GratingTracker:
     def __init__(self, channels: Mapping[str, ChannelSetup]) -> None:
         self._gratings = [_grating(name, channels) for name in channels]
         _refuse_overlap(self._gratings, channels)
-        self._peaks: dict[float, int] = {}
 
     def follow(self, parsed: Parsed) -> tuple[dict[str, FloatArray], list[Flag]]:
         """(values of each grating, shape (n,), NaN if it has no peak; flags) of a block's rows.
@@ -94,7 +94,6 @@ class GratingTracker:
         n, width = peaks.shape
         row = np.repeat(np.arange(n), width)
         cells = np.where(peaks > 0.0, peaks, np.nan).ravel()
-        self._note(cells)
         fibre = _fibres(parsed.counts, width)
         claims = [
             (cells >= grating.low) & (cells <= grating.high) & grating.on(fibre)
@@ -124,26 +123,17 @@ class GratingTracker:
         ]
         return dict(zip(names, values, strict=True)), flags
 
-    def why_silent(self, channel: str) -> str:
-        """The sentence on a grating that no row had a peak for."""
+    def why_silent(self, channel: str, peaks: list[float]) -> str:
+        """The sentence on a grating that no row had a peak for, by `peaks` of some rows."""
         grating = next(grating for grating in self._gratings if grating.name == channel)
-        seen = ", ".join(
-            f"{peak:g}"
-            for peak, _ in sorted(sorted(self._peaks.items(), key=lambda kv: -kv[1])[:12])
-        )
+        # to the next half nanometre, those of most rows
+        often = Counter(round(2.0 * peak) / 2.0 for peak in peaks if peak > 0.0).most_common(12)
+        seen = ", ".join(f"{peak:g}" for peak, _ in sorted(often))
         return (
             f"no peak between {grating.low:g} and {grating.high:g} in any row; peaks were seen "
             f"at about {seen or 'no wavelength'}; "
             "mend window_nm, reference_wavelength_nm or unit in the setup"
         )
-
-    def _note(self, cells: FloatArray) -> None:
-        """Keeps where peaks lie, to the next half nanometre, for `why_silent`."""
-        places, many = np.unique(
-            np.round(2.0 * cells[~np.isnan(cells)][:50_000]) / 2.0, return_counts=True
-        )
-        for place, number in zip(places[:200].tolist(), many[:200].tolist()):
-            self._peaks[place] = self._peaks.get(place, 0) + number
 
     def _decide(
         self,

@@ -25,7 +25,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from tirelog.data.setup import Setup
+from tirelog.data.setup import PLAUSIBLE, Setup
 from tirelog.errors import ReadError, SetupError
 from tirelog.readers.base import (
     MOST_SERIES,
@@ -96,7 +96,7 @@ def open_text(source: Path | str | BinaryIO, setup: Setup, log_name: str) -> Tex
     try:
         return TextReader(opened, setup, log_name)
     except (ReadError, SetupError) as problem:
-        damage = opened.damage()
+        damage = opened.problem
         opened.close()
         if not damage or damage in problem.message:
             raise
@@ -345,9 +345,12 @@ class TextReader:
                 "; ".join(report.losses or ["holds no rows"]) + "; check the recording",
                 file=self.name,
             )
+        listed = self._plan.listed(max(map(len, self.layout.rows)))
+        peaks = [peak for k in listed for peak in numbers_of(self.layout, k)]
         for channel in self.columns.peaks:
             if self._tracker and channel not in self._seen:
-                report.losses.append(f"channel {channel}: {self._tracker.why_silent(channel)}")
+                why = self._tracker.why_silent(channel, peaks)
+                report.losses.append(f"channel {channel}: {why}")
 
 
 def _about_names(layout: Layout, columns: Columns) -> list[str]:
@@ -473,8 +476,6 @@ def _plan(layout: Layout, columns: Columns) -> RowPlan:
 _APART_NM = 1.0
 #: share of the rows in which a grating has its peak
 _OFTEN = 0.3
-#: wavelengths that gratings are written at [nm]
-_WAVELENGTHS_NM = (600.0, 2500.0)
 
 
 def columns(source: ByteSource, log: str) -> SeriesList:
@@ -504,8 +505,8 @@ def _gratings(layout: Layout, begin: int, taken: set[int]) -> tuple[Series, ...]
     """The gratings whose peaks stand in the sample rows, by wavelength."""
     widest = max(map(len, layout.rows))
     listed = [numbers_of(layout, k) for k in range(begin, widest) if k not in taken]
-    low, high = _WAVELENGTHS_NM
-    values = np.sort([peak for column in listed for peak in column if low < peak < high])
+    written = PLAUSIBLE["reference_wavelength_nm"]
+    values = np.sort([peak for column in listed for peak in column if written.holds(peak)])
     if not values.size:
         return ()
     groups = np.split(values, np.flatnonzero(np.diff(values) > _APART_NM) + 1)
