@@ -4,6 +4,7 @@ import os
 import sys
 import threading
 from pathlib import Path
+from shutil import copy
 
 import pytest
 
@@ -100,8 +101,8 @@ def test_compiling_is_noticed_once(tmp_path):
     package = copied(tmp_path)
     for built in (package / "kernels").glob("_built*"):
         built.unlink()
-    (tmp_path / "log.csv").write_text("time_s,v\n" + "".join(f"{k},{k}.5\n" for k in range(9)))
-    (tmp_path / "log.toml").write_text('[channels.v]\nkind = "vehicle_speed"\nsource = "v"\n')
-    program, words = "from tirelog.cli import main; main()", ("setup", "check", "log.csv")
+    for file in ("inflation.csv.gz", "inflation.toml"):
+        copy(SAMPLES / file, tmp_path)
+    program, words = "from tirelog.cli import main; main()", ("inflation", "inflation.csv.gz")
     done = python(program, *words, folder=tmp_path, PYTHONPATH=str(tmp_path))
     assert done.stderr.count("compiling kernels") == 1

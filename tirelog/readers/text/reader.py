@@ -96,7 +96,7 @@ def open_text(source: Path | str | BinaryIO, setup: Setup, log_name: str) -> Tex
     try:
         return TextReader(opened, setup, log_name)
     except (ReadError, SetupError) as problem:
-        damage = opened.problem
+        damage = opened.damage()
         opened.close()
         if not damage or damage in problem.message:
             raise

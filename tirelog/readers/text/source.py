@@ -29,6 +29,9 @@ BLOCK_BYTES = 2 << 20
 LONGEST_LINE_BYTES = 8 << 20
 #: compressed bytes unpacked at once: zstd turns 4 bytes into 128 KB, so 2 KB become 64 MB at most
 _UNPACKED_BYTES = 1 << 11
+#: unpacked bytes, a second's, in which damage is looked for that may have spoilt the head; twice as
+#: many keep who has misspelt a setup waiting for twice as long
+_LOOKED_BYTES = 1 << 28
 
 _MAGIC = {
     "gzip": b"\x1f\x8b",
@@ -149,6 +152,16 @@ class ByteSource:
                 file=self.name,
             )
         return self._held[:HEAD_BYTES]
+
+    def damage(self) -> str:
+        """`problem`, after reading on: a checksum follows the data that it covers.
+
+        Nothing can be read after this.
+        """
+        packed = self.kind != "plain"
+        while packed and self.unpacked_bytes < _LOOKED_BYTES and next(self._pieces, b""):
+            pass
+        return self.problem
 
     def blocks(
         self, skip: int, size: int = BLOCK_BYTES, *, returns: bool = False
