@@ -32,10 +32,12 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any, NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 import tomlkit
 
+from tirelog import runtime
 from tirelog.cli import run
 from tirelog.runtime import one_thread
 
@@ -251,7 +253,9 @@ class Outcome(NamedTuple):
 def tirelog(folder: Path, *arguments: str) -> Outcome:
     """A command carried out in a folder."""
     out, err = (io.TextIOWrapper(io.BytesIO(), "utf-8", write_through=True) for _ in range(2))
-    with chdir(folder), redirect_stdout(out), redirect_stderr(err):
+    # notices of slow work depend on the machine: kernels may have to be compiled first
+    without_notices = patch.object(runtime, "notice", lambda _: None)
+    with chdir(folder), redirect_stdout(out), redirect_stderr(err), without_notices:
         status = run(list(arguments))
     texts = [stream.buffer.getvalue().decode() for stream in (out, err)]  # type: ignore[attr-defined]
     return Outcome(status, *texts)
