@@ -1,6 +1,6 @@
 """Golden verdicts: 80 simulated cases of `diagnose`, for a change that is to move no verdict.
 
-    python -m benchmarks.golden_cases [--jobs 2]     rewrite tests/golden/cases.csv
+    python -m benchmarks.golden_cases [--jobs 2]     rewrite tests/golden/answers/cases.csv
 
 40 cases are of `benchmarks.hidden`, 20 of `benchmarks.nuisances`, 20 of `benchmarks.form_cases`.
 They are regressions and no figures: their seeds and tires are those for choosing thresholds.
@@ -27,7 +27,7 @@ from benchmarks.nuisance_worlds import CaseOf
 from tirelog.runtime import one_thread
 from tirelog.simulation.scenario.schema import Manoeuvre
 
-GOLDEN = ANSWERS.parent / "cases.csv"
+GOLDEN = ANSWERS / "cases.csv"
 WORDS = ("verdict", "named", "sets")
 #: errors in noise floors
 NUMBERS = ("before", "after", "chi2_before", "chi2_after")

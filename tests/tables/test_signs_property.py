@@ -91,7 +91,9 @@ def tables(tmp_path_factory):
     model = made(folder / "model.toml", "model", "new", "--preset", "P3")
     traction = ("traction", "--set", "slip_per_g=0.2")
     grips = made(folder / "grips.toml", "model", "add", model, *traction)
-    for name, (verb, *more) in {"predict-all": ("predict", "--all"), "forces": ("forces",)}.items():
+    formula = made(folder / "grips.tir", "model", "forces", grips, "--speed", "10")
+    asked = {"predict-all": ("predict", "--all"), "forces": ("forces", "--against", formula)}
+    for name, (verb, *more) in asked.items():
         parts = []
         for drives, acceleration, slip in (("drive", "3", "-0.06"), ("braking", "-3", "0.06")):
             motion = ["--speed", "10", "--acceleration", acceleration, "--slip", slip]

@@ -28,12 +28,21 @@ from tirelog.physics.model.file import (
     with_gauge_length,
 )
 from tirelog.physics.model.file import new_model as made_model
+from tirelog.physics.model.force_files import (
+    FORCES,
+    SUFFIXES,
+    MagicFormula,
+    sweeps,
+    tir_text,
+    tydex_text,
+)
+from tirelog.physics.model.force_files import read_forces as read_forces
 from tirelog.physics.model.forces import carcass_facts, force_columns, worn_model
 from tirelog.physics.model.model import Model, difference_rows, parameter_rows
 from tirelog.physics.model.user_effects import catalogue_with, effect_called
 from tirelog.storage.whole import LARGEST_BYTES, bounded_input
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.columns import TABLES
+from tirelog.vocabulary.columns import COLUMNS, TABLES
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
 
 #: a model by path, itself, or as a dict of the file's tables
@@ -55,11 +64,11 @@ _ALONG = {
 
 
 __all__ = [
-    "PRESETS", "SCALARS", "Effect", "Model", "ModelLike", "added", "angles", "as_model",
+    "PRESETS", "SCALARS", "SUFFIXES", "Effect", "Model", "ModelLike", "added", "angles", "as_model",
     "carcass_facts", "catalogue_with", "changed", "conditions_of", "contributions",
     "difference_rows", "draw_effects", "draw_modes", "forces", "given_conditions",
     "known_surface", "load_model", "modes", "new_model", "numbers",
-    "parameter_rows", "passage", "predict", "refuse_another", "revolutions", "save_model",
+    "parameter_rows", "passage", "plan", "predict", "refuse_another", "revolutions", "save_model",
     "serves", "table_columns", "with_picture", "worn_model",
 ]  # fmt: skip
 
@@ -455,14 +464,14 @@ def forces(
     model: Model,
     conditions: Conditions | Mapping[str, Any],
     *,
-    slip_angle_deg: float = 0.0,
-    camber_deg: float = 0.0,
+    slip_angle_deg: float | FloatArray = 0.0,
+    camber_deg: float | FloatArray = 0.0,
     setup: Setup | None = None,
 ) -> dict[str, FloatArray]:
     """Columns of `tirelog model forces`, (n,): forces, losses and numbers per revolution.
 
-    With a setup that gives viscosity, height and width of the tread strip also its powers.
-    UsageError and ModelError as `predict`.
+    The angles are one number or (n,). With a setup that gives viscosity, height and width of the
+    tread strip also its powers. UsageError and ModelError as `predict`.
     """
     return force_columns(
         model,
@@ -471,6 +480,81 @@ def forces(
         slip_angle_deg=slip_angle_deg,
         camber_deg=camber_deg,
     )
+
+
+def forces_against(
+    model: Model,
+    reference: MagicFormula | Mapping[str, FloatArray] | None,
+    conditions: Conditions | None = None,
+    *,
+    slip_angle_deg: float = 0.0,
+    camber_deg: float = 0.0,
+    setup: Setup | None = None,
+) -> tuple[dict[str, FloatArray], list[str]]:
+    """Columns of `forces` beside those of a Magic Formula or a TYDEX table, and remarks.
+
+    A Magic Formula is evaluated under the `conditions`. A TYDEX table has conditions of its own;
+    `conditions` of one row give what it does not have, its speed for example. The remarks have the
+    root mean square of each difference. Without a reference it is `forces`, without remarks.
+    UsageError and ModelError as `forces`.
+    """
+    if reference is None or isinstance(reference, MagicFormula):
+        if conditions is None:
+            raise UsageError("no --speed", allowed="a speed in m/s is needed", do="add --speed 20")
+        angles_deg = {"slip_angle_deg": slip_angle_deg, "camber_deg": camber_deg}
+        columns = forces(model, conditions, **angles_deg, setup=setup)
+        if reference is None:
+            return columns, []
+        found = reference.forces(columns)
+    else:
+        n, found = len(reference["load_N"]), dict(reference)
+        own = {f.name: reference[f.name] for f in fields(Conditions) if f.name in reference}
+        more = {} if conditions is None else asdict(conditions)
+        given = {name: value[0] for name, value in more.items() if name not in own}
+        if "speed_m_s" not in {**given, **own}:
+            raise UsageError("the TYDEX file has no LONGVEL", do="give the speed with --speed")
+        columns = forces(
+            model,
+            Conditions.of(n, **given, **own),
+            slip_angle_deg=reference.get("slip_angle_deg", slip_angle_deg),
+            camber_deg=reference.get("camber_deg", camber_deg),
+            setup=setup,
+        )
+    none, remarks = np.full(len(columns["load_N"]), np.nan), []
+    for name in FORCES:
+        column = f"reference_{name.removeprefix('road_')}"
+        columns[column] = found.get(name, none)
+        off, largest = columns[name] - columns[column], np.abs(columns[column])
+        known = np.isfinite(off)
+        if known.any() and largest[known].max() > 0.0:
+            unit, rms = COLUMNS[column].unit, np.sqrt(np.mean(off[known] ** 2))
+            remarks.append(
+                f"{COLUMNS[column].meaning}: the model differs by {rms:.4g} {unit} (root mean "
+                f"square of {known.sum()} rows); the largest is {largest[known].max():.4g} {unit}"
+            )
+    return columns, remarks
+
+
+def force_file(
+    model: Model, columns: Mapping[str, FloatArray], suffix: str
+) -> tuple[str, list[str]]:
+    """Columns of `forces` as text of a .tdx file; as .tir a fitted Magic Formula, with remarks.
+
+    The Magic Formula is that of the model's brush, at the loads of the rows and the first speed.
+    """
+    if suffix == ".tdx":
+        return tydex_text(columns), []
+    names = [field.name for field in fields(Conditions) if field.name in columns]
+    first, swept = {name: columns[name][0] for name in names}, []
+    for rows in sweeps(columns["load_N"]):
+        under = {**first, "load_N": rows["load_N"], "slip": rows["slip"]}
+        brushed = forces(model, under, slip_angle_deg=rows["slip_angle_deg"])
+        swept.append({**brushed, **rows})
+    text, (along, across) = tir_text(swept, model.values["radius_m"])
+    return text, [
+        f"a Magic Formula leaves {100.0 * along:.2g} % of the largest longitudinal force and "
+        f"{100.0 * across:.2g} % of the largest lateral one (root mean squares)"
+    ]
 
 
 def passage(
@@ -511,6 +595,18 @@ def modes(model: Model, *, speed_m_s: float = 0.0, **asked: Any) -> dict[str, li
         for support, mode in modes_of_model(model, speed_m_s=speed_m_s, **asked)
     ]
     return {name: [row[name] for row in rows] for name in TABLES["modes"]}
+
+
+def plan(
+    model: Model, conditions: Conditions | Mapping[str, Any]
+) -> tuple[dict[str, list[Any]], list[str]]:
+    """Columns of `tirelog model plan`, and remarks: what each test of a tire determines.
+
+    `conditions` of driving. UsageError and ModelError as `predict`; no number is free.
+    """
+    from tirelog.physics.plan import plan_rows
+
+    return plan_rows(model, _checked(model, conditions))
 
 
 def angles(count: int = ANGLES) -> FloatArray:

@@ -43,6 +43,7 @@ COMMANDS: Mapping[str, str | LogTable] = {
     "model predict": "model:predict",
     "model forces": "model:forces",
     "model modes": "model:modes",
+    "model plan": "model:plan",
     "compare": "answers:compare",
     "diagnose": "answers:diagnose",
     "propose": "answers:propose",
@@ -273,6 +274,9 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "model modes": (
         ("tirelog model modes ring.toml --speed 20", "of a ring, on the road"),
         ("tirelog model modes ring.toml --plot modes.png", "their shapes"),
+    ),
+    "model plan": (
+        ("tirelog model plan ring.toml --speed 5,10,20", "which test determines which number"),
     ),
     "compare": (
         ("tirelog compare drive.csv.gz --model model.toml", "validation error and noise floor"),

@@ -11,7 +11,7 @@ import typer
 
 import tirelog.api as api
 from tirelog.cli import options, pages
-from tirelog.cli.session import Session
+from tirelog.cli.session import Session, write_text
 from tirelog.errors import UsageError, refuse_unknown
 
 
@@ -366,7 +366,10 @@ def predict(
 
 def forces(
     model: options.Model,
-    speed: Speeds,
+    speed: Annotated[
+        str | None,
+        typer.Option(help=f"Speed [m/s]{_SEVERAL}; a TYDEX file of --against may have its own."),
+    ] = None,
     setup: options.SetupFile = None,
     load: Loads = None,
     pressure: Pressures = None,
@@ -379,6 +382,12 @@ def forces(
         float, typer.Option(help="Camber [deg] of the wheel, for the lateral force.")
     ] = 0.0,
     effects: options.EffectsFile = None,
+    against: Annotated[
+        Path | None,
+        typer.Option(
+            help="TYDEX file of a test rig, or Magic Formula (.tir): its forces beside the model's."
+        ),
+    ] = None,
     output: options.Output = None,
     format: options.Format = None,
     quiet: options.Quiet = False,
@@ -386,19 +395,63 @@ def forces(
     """Forces at hub and road, rolling resistance and losses of a model; a row per condition.
 
     Several speeds, loads, pressures, accelerations or slips are combined, each with each. A column
-    that the model does not have is empty: a beam has no hub, a ring no critical speed.
+    that the model does not have is empty: a beam has no hub, a ring no critical speed. -o FILE.tdx
+    writes a TYDEX file, -o FILE.tir a Magic Formula of the model's brush.
+    """
+    suffix = "" if output is None or format else output.suffix.lower()
+    exported = suffix in api.models.SUFFIXES
+    session = Session(setup, quiet, None if exported else output, format)
+    read, given = api.models.load_model(model, effects=effects), session.setup
+    conditions = None
+    if speed is not None:
+        conditions = options.conditions_given(
+            given, {"time_s": 0.0},
+            speed=speed, load=load, pressure=pressure, acceleration=acceleration, slip=slip,
+        )  # fmt: skip
+        session.note(*options.doubts(conditions, speed, acceleration))
+    rows, remarks = api.models.forces_against(
+        read,
+        None if against is None else api.models.read_forces(against),
+        conditions,
+        slip_angle_deg=slip_angle,
+        camber_deg=camber,
+        setup=given,
+    )
+    session.note(*remarks)
+    if exported:
+        text, remarks = api.models.force_file(read, rows, suffix)
+        session.note(*remarks)
+        write_text(text, output)
+    else:
+        session.write("forces", [rows])
+
+
+def plan(
+    model: options.Model,
+    speed: Speeds = "5,10,20",
+    load: Loads = None,
+    acceleration: Accelerations = "0",
+    setup: options.SetupFile = None,
+    effects: options.EffectsFile = None,
+    output: options.Output = None,
+    format: options.Format = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """Which test determines which free parameter: static, modal, cleat, and driving with a sensor.
+
+    Standard errors after each stage, from the model's own slopes. The options are those of driving.
     """
     session = Session(setup, quiet, output, format)
-    read, given = api.models.load_model(model, effects=effects), session.setup
     conditions = options.conditions_given(
-        given, {"time_s": 0.0},
-        speed=speed, load=load, pressure=pressure, acceleration=acceleration, slip=slip,
-    )  # fmt: skip
-    session.note(*options.doubts(conditions, speed, acceleration))
-    rows = api.models.forces(
-        read, conditions, slip_angle_deg=slip_angle, camber_deg=camber, setup=given
+        session.setup, {"time_s": 0.0}, speed=speed, load=load, acceleration=acceleration
     )
-    session.write("forces", [rows])
+    session.note(*options.doubts(conditions, speed, acceleration))
+    with session.working_on("planning tests"):
+        read = api.models.load_model(model, effects=effects)
+        rows, remarks = api.models.plan(read, conditions)
+    session.show("plan", "\n".join((pages.rows_page(rows), *remarks)), rows)
+    if not session.paged:
+        session.note(*remarks)
 
 
 def modes(

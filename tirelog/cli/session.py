@@ -205,7 +205,11 @@ def columns_of_rows(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
 
 def write_json(value: Mapping[str, Any], output: Path | None) -> None:
     """A JSON document on standard output, or as a whole file."""
-    text = json.dumps(value, indent=1) + "\n"
+    write_text(json.dumps(value, indent=1) + "\n", output)
+
+
+def write_text(text: str, output: Path | None) -> None:
+    """A text on standard output, or as a whole file."""
     if output is None:
         typer.echo(text, nl=False)
         return

@@ -331,8 +331,8 @@ def forces(
     load_N: FloatArray,
     half_length_m: FloatArray,
     slip: FloatArray,
-    slip_angle_rad: float,
-    camber_rad: float,
+    slip_angle_rad: float | FloatArray,
+    camber_rad: float | FloatArray,
     radius_m: float,
     grip: Grip = Grip(),
 ) -> tuple[FloatArray, FloatArray, FloatArray]:

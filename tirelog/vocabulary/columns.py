@@ -533,6 +533,8 @@ ALL = [
     TableColumn(
         "strain_curvature_1_m2", "1/m^2", "float", "strain's second derivative", 1e-5, 1e-5
     ),
+    TableColumn("slip_angle_deg", "deg", "float", "slip angle of the wheel, P2's brush", 1e-6),
+    TableColumn("camber_deg", "deg", "float", "camber of the wheel", 1e-6),
     TableColumn("patch_length_m", "m", "float", "length of the contact patch, 2 L", 1e-7),
     TableColumn("belt_deflection_m", "m", "float", "largest inward displacement of the belt", 1e-8),
     TableColumn(
@@ -573,6 +575,24 @@ ALL = [
     ),
     TableColumn(
         "aligning_moment_N_m", "N m", "float", "its moment, which turns the slip angle back", 1e-4
+    ),
+    TableColumn(
+        "reference_longitudinal_N",
+        "N",
+        "float",
+        "longitudinal force of the file that is compared",
+        1e-3,
+        positive_in="braking",
+    ),
+    TableColumn(
+        "reference_lateral_N", "N", "float", "lateral force of the file that is compared", 1e-3
+    ),
+    TableColumn(
+        "reference_aligning_moment_N_m",
+        "N m",
+        "float",
+        "aligning moment of the file that is compared",
+        1e-4,
     ),
     TableColumn(
         "adhesion_share",
@@ -741,13 +761,15 @@ TABLES: dict[str, tuple[str, ...]] = {
     ),
     "forces": (
         "speed_m_s", "load_N", "inflation_pressure_Pa", "acceleration_m_s2", "slip",
-        "patch_length_m", "dry_length_m", "contact_width_deg", "patch_width_deg",
+        "slip_angle_deg", "camber_deg", "patch_length_m", "dry_length_m", "contact_width_deg",
+        "patch_width_deg",
         "belt_deflection_m", "hub_approach_m", "speed_ratio", "damping_ratio", "hub_longitudinal_N",
         "hub_vertical_N", "road_longitudinal_N", "road_lateral_N", "aligning_moment_N_m",
         "adhesion_share", "pressure_centre_m", "dissipated_power_W", "carcass_power_W",
         "tread_power_W", "sliding_power_W", "rolling_resistance_N",
         "rolling_resistance_coefficient", "rolling_resistance_moment_N_m", "bending_power_W",
-        "stretching_power_W", "strip_power_W",
+        "stretching_power_W", "strip_power_W", "reference_longitudinal_N", "reference_lateral_N",
+        "reference_aligning_moment_N_m",
     ),
     "predict-numbers": (
         "speed_m_s", "load_N", "inflation_pressure_Pa", "acceleration_m_s2", "slip",
@@ -773,4 +795,5 @@ TABLES: dict[str, tuple[str, ...]] = {
 OPTIONAL = {
     "strip_power_W", "strip_rolling_resistance_N", "strip_rolling_resistance_coefficient",
     "vertical_force_N", "vertical_force_se_N", "longitudinal_force_N", "longitudinal_force_se_N",
+    "reference_longitudinal_N", "reference_lateral_N", "reference_aligning_moment_N_m",
 }  # fmt: skip

@@ -73,10 +73,12 @@ def force_columns(
     conditions: Conditions,
     tire: Tire,
     *,
-    slip_angle_deg: float = 0.0,
-    camber_deg: float = 0.0,
+    slip_angle_deg: float | FloatArray = 0.0,
+    camber_deg: float | FloatArray = 0.0,
 ) -> dict[str, FloatArray]:
     """Columns of `tirelog model forces`, each (n,); NaN if the model has none.
+
+    The angles are one number or (n,).
 
     The brush takes its friction and stiffness from the model's effect `traction`, without it P2's;
     a lateral force or an aligning moment is there whenever slip angle or camber are not zero. With
@@ -86,24 +88,30 @@ def force_columns(
     ModelError: as `Model.predict`; an angle at which a tread does not lie on the road.
     """
     widest = 45.0  # beyond it a tread does not lie on the road as the brush has it
-    for name, angle in (("slip angle", slip_angle_deg), ("camber", camber_deg)):
-        if not abs(angle) <= widest:
+    angles = [np.broadcast_to(angle, len(conditions)) for angle in (slip_angle_deg, camber_deg)]
+    for name, given in zip(("slip angle", "camber"), angles, strict=True):
+        for angle in given[~(np.abs(given) <= widest)]:
             raise ModelError(
                 f"a {name} of {angle:g} degrees",
                 allowed=f"{-widest:g} to {widest:g} degrees is allowed",
                 do="correct it",
             )
     pieces = [
-        _of_task(task, rows.stop - rows.start, slip_angle_deg, camber_deg, tire)
+        _of_task(task, angles[0][rows, None], angles[1][rows, None], tire)
         for rows, task in model._tasks(conditions, model.values)
     ]
-    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+    found = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+    if not np.any(angles):
+        found |= dict.fromkeys(
+            ("road_lateral_N", "aligning_moment_N_m"), np.full(len(conditions), np.nan)
+        )
+    return found
 
 
 def _of_task(
-    task: Task, n: int, slip_angle_deg: float, camber_deg: float, tire: Tire
+    task: Task, slip_angle_deg: FloatArray, camber_deg: FloatArray, tire: Tire
 ) -> dict[str, FloatArray]:
-    """The columns of one block of revolutions, each (n,)."""
+    """The columns of one block of revolutions, each (n,); angles (n, 1)."""
     site, R, speed = loaded_site(task)[0], task.base["radius_m"], task.drive.speed_m_s
     slip, grip = _brush(task)
     carcass, moment = _balance(task)
@@ -117,13 +125,14 @@ def _of_task(
     belt, approach = _deflections(task)
     ring = task.carcass == "ring"
     hub = hub_forces(task) if ring else np.full((2, 1), np.nan)
-    across = bool(slip_angle_deg or camber_deg)
     found = {
         "speed_m_s": speed,
         "load_N": site.load_N,
         "inflation_pressure_Pa": task.drive.inflation_pressure_Pa,
         "acceleration_m_s2": task.drive.acceleration_m_s2,
         "slip": slip,
+        "slip_angle_deg": slip_angle_deg,
+        "camber_deg": camber_deg,
         "patch_length_m": 2.0 * site.half_length_m,
         "dry_length_m": _dry_length(task),
         "contact_width_deg": np.degrees(2.0 * site.half_length_m / R),
@@ -135,8 +144,8 @@ def _of_task(
         "hub_longitudinal_N": hub[0][:, None],
         "hub_vertical_N": hub[1][:, None],
         "road_longitudinal_N": x,
-        "road_lateral_N": y if across else none,
-        "aligning_moment_N_m": aligning if across else none,
+        "road_lateral_N": y,
+        "aligning_moment_N_m": aligning,
         "adhesion_share": (held + site.half_length_m) / (2.0 * site.half_length_m),
         "pressure_centre_m": -turning / site.load_N,
         "dissipated_power_W": moment * (speed / R),
@@ -150,7 +159,9 @@ def _of_task(
         "stretching_power_W": stretching,
         "strip_power_W": strip,
     }
-    return {name: np.broadcast_to(column, (n, 1))[:, 0] for name, column in found.items()}
+    return {
+        name: np.broadcast_to(column, slip_angle_deg.shape)[:, 0] for name, column in found.items()
+    }
 
 
 def _critical(task: Task) -> FloatArray:
