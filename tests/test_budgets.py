@@ -17,16 +17,16 @@ SAMPLES = ROOT / "sample_data"
 #: most files and statements of a folder
 FOLDERS = {
     "(top)": (7, 450),
-    "api": (8, 840),
+    "api": (8, 920),
     "campaign": (5, 630),
-    "cli": (8, 1190),
+    "cli": (8, 1220),
     "data": (5, 530),
     "diagnosis": (23, 4440),
     "drafts": (2, 390),
     "dsp": (4, 910),
     "inference": (17, 3050),
     "kernels": (3, 210),
-    "physics": (23, 3210),
+    "physics": (26, 3580),
     "plots": (5, 970),
     "readers": (23, 4120),
     "report": (6, 820),
@@ -39,7 +39,7 @@ FOLDERS = {
     "wheel": (7, 1540),
 }
 #: numbers with a name at the top of a module, and classes, in the whole package
-CONSTANTS, CLASSES = 483, 274
+CONSTANTS, CLASSES = 487, 276
 #: files that have a function which runs, by command
 WALKS = {"speed drive.csv.gz": 60, "diagnose hidden_1.csv.gz --model MODEL": 124}
 #: lines and parameters that a function may have

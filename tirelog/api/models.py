@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from tirelog.api.logs import Path, SetupLike, as_read, as_setup
-from tirelog.data.recording import Conditions
+from tirelog.data.recording import Conditions, Recording
 from tirelog.data.setup import RoadSetup, Setup, Tire
 from tirelog.errors import ModelError, UsageError, refuse_unknown
+from tirelog.inference.stacks.manoeuvres import conditions_of as revolutions_driven
 from tirelog.physics.effects import Effect, serves
+from tirelog.physics.effects.base import ROOM_K
 from tirelog.physics.model import file
 from tirelog.physics.model.file import (
     PRESETS,
@@ -44,6 +46,7 @@ from tirelog.storage.whole import LARGEST_BYTES, bounded_input
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.columns import COLUMNS, TABLES
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
+from tirelog.vocabulary.quality import OK
 
 #: a model by path, itself, or as a dict of the file's tables
 ModelLike = Model | Path | Mapping[str, Any]
@@ -66,10 +69,10 @@ _ALONG = {
 __all__ = [
     "PRESETS", "SCALARS", "SUFFIXES", "Effect", "Model", "ModelLike", "added", "angles", "as_model",
     "carcass_facts", "catalogue_with", "changed", "conditions_of", "contributions",
-    "difference_rows", "draw_effects", "draw_modes", "forces", "given_conditions",
-    "known_surface", "load_model", "modes", "new_model", "numbers",
+    "difference_rows", "draw_effects", "draw_modes", "driven_conditions", "forces",
+    "given_conditions", "known_surface", "load_model", "modes", "new_model", "numbers",
     "parameter_rows", "passage", "plan", "predict", "refuse_another", "revolutions", "save_model",
-    "serves", "table_columns", "with_picture", "worn_model",
+    "serves", "steady_drive", "table_columns", "warm", "with_picture", "worn_model",
 ]  # fmt: skip
 
 
@@ -607,6 +610,69 @@ def plan(
     from tirelog.physics.plan import plan_rows
 
     return plan_rows(model, _checked(model, conditions))
+
+
+def steady_drive(
+    setup: Setup | None, duration_s: float, speed_m_s: float, load_N: float | None = None
+) -> Conditions:
+    """A drive at one speed in 240 equal steps, with the conditions that the setup knows."""
+    time_s = np.linspace(0.0, duration_s, 241)
+    loads = {} if load_N is None else {"load_N": load_N}
+    given = {"acceleration_m_s2": 0.0, **known_conditions(setup), **loads}
+    drive = Conditions.of(time_s.size, **{**given, "speed_m_s": speed_m_s, "time_s": time_s})
+    check_conditions(drive)
+    return drive
+
+
+def driven_conditions(recording: Recording) -> Conditions:
+    """What each revolution of a log was driven under, in order of time; rows that are `ok`.
+
+    UsageError: no speed that is known.
+    """
+    from tirelog.api.parts import parts_of
+
+    parts = (part.columns for part in parts_of(recording, "speed", {}))
+    rows: Any = max(filter(None, parts), key=lambda columns: len(columns["time_s"]), default={})
+    good = np.asarray(rows.get("quality", [])) == OK
+    if good.sum() < 16:
+        raise UsageError(
+            f"{recording.log}: {good.sum()} revolutions with a speed",
+            allowed="16 are needed",
+            do="see `tirelog speed`",
+        )
+    names = ("time_s", "speed_m_s", "acceleration_m_s2")
+    return revolutions_driven(recording, *(np.asarray(rows[name])[good] for name in names))
+
+
+def warm(
+    model: Model,
+    drive: Conditions,
+    *,
+    ambient_K: float = ROOM_K,
+    **heat: float | None,
+) -> tuple[dict[str, FloatArray], list[str]]:
+    """Columns of `tirelog model warm` and remarks: temperature and losses over a drive.
+
+    `heat` has `heat_capacity` [J/K] and `cooling` [W/K]; what is None is fitted to the drive's
+    temperature. UsageError and ModelError as `predict`, or if it cannot be fitted.
+    """
+    from tirelog.physics.thermal import fitted_heat, thinned, warm_columns
+
+    given = {name: value for name, value in heat.items() if value is not None}
+    rows, remarks = thinned(_checked(model, drive)), []
+    if len(given) < len(heat):
+        for name, (value, error) in fitted_heat(model, rows, given).items():
+            given[name] = value
+            unit = "J/K" if name == "heat_capacity" else "W/K"
+            remarks += [f"{name.replace('_', ' ')} {value:.5g} +- {error:.2g} {unit}"] * (error > 0)
+    columns = warm_columns(model, rows, given["heat_capacity"], given["cooling"], ambient_K)
+    constant = given["heat_capacity"] / given["cooling"]
+    end, resistance = columns["temperature_K"][-1], columns["rolling_resistance_N"]
+    remarks.append(
+        f"time constant {constant:.4g} s; {end:.3g} K above the surroundings at the end; rolling "
+        f"resistance {resistance[0]:.4g} N at the start, {resistance[-1]:.4g} N at the end"
+    )
+    return columns, remarks
 
 
 def angles(count: int = ANGLES) -> FloatArray:

@@ -44,6 +44,7 @@ COMMANDS: Mapping[str, str | LogTable] = {
     "model forces": "model:forces",
     "model modes": "model:modes",
     "model plan": "model:plan",
+    "model warm": "model:warm",
     "compare": "answers:compare",
     "diagnose": "answers:diagnose",
     "propose": "answers:propose",
@@ -274,6 +275,16 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "model modes": (
         ("tirelog model modes ring.toml --speed 20", "of a ring, on the road"),
         ("tirelog model modes ring.toml --plot modes.png", "their shapes"),
+    ),
+    "model warm": (
+        (
+            "tirelog model warm lossy.toml --speed 20 --heat-capacity 15000 --cooling 12",
+            "an hour at one speed",
+        ),
+        (
+            "tirelog model warm lossy.toml --log drive.csv.gz -o warm.csv",
+            "fitted to a log with a temperature channel",
+        ),
     ),
     "model plan": (
         ("tirelog model plan ring.toml --speed 5,10,20", "which test determines which number"),

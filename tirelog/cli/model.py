@@ -454,6 +454,51 @@ def plan(
         session.note(*remarks)
 
 
+def warm(
+    model: options.Model,
+    log: Annotated[
+        str | None,
+        typer.Option(help="Log whose speeds are driven; with a temperature channel a fit."),
+    ] = None,
+    speed: Annotated[float, typer.Option(help="Speed [m/s] without a log.")] = 20.0,
+    duration: Annotated[
+        float, typer.Option(min=1.0, max=1e6, help="Duration [s] without a log.")
+    ] = 3600.0,
+    load: Annotated[float | None, typer.Option(help="Load [N]; default the model's.")] = None,
+    heat_capacity: Annotated[
+        float | None,
+        typer.Option(min=1.0, max=1e9, help="Heat capacity [J/K]; default: fitted to the log."),
+    ] = None,
+    cooling: Annotated[
+        float | None,
+        typer.Option(min=1e-3, max=1e6, help="Cooling [W/K]; default: fitted to the log."),
+    ] = None,
+    ambient: Annotated[
+        float, typer.Option(min=150.0, max=400.0, help="Temperature around the tire [K].")
+    ] = 293.0,
+    setup: options.SetupFile = None,
+    effects: options.EffectsFile = None,
+    output: options.Output = None,
+    format: options.Format = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """Temperature, pressure and losses of a tire that warms up by what its model dissipates.
+
+    One temperature for tire and air. Effects that follow temperature or pressure change the losses.
+    """
+    session = Session(setup, quiet, output, format)
+    read = api.models.load_model(model, effects=effects)
+    if log is None:
+        drive = api.models.steady_drive(session.setup, duration, speed, load)
+    else:
+        (drive,) = map(api.models.driven_conditions, session.recordings([log]))
+    rows, remarks = api.models.warm(
+        read, drive, ambient_K=ambient, heat_capacity=heat_capacity, cooling=cooling
+    )
+    session.note(*remarks)
+    session.write("warm", [rows])
+
+
 def modes(
     model: options.Model,
     speed: Annotated[float, typer.Option(help="Speed [m/s] at which the tire turns.")] = 0.0,

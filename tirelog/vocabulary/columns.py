@@ -49,7 +49,7 @@ def _integer(name: str, meaning: str) -> TableColumn:
 
 
 #: tables of what a model says, not a log
-_MODEL_TABLES = ("predict-all", "predict-numbers", "forces", "passage", "modes")
+_MODEL_TABLES = ("predict-all", "predict-numbers", "forces", "passage", "modes", "warm")
 
 #: every column; a test holds that none is there twice
 ALL = [
@@ -704,6 +704,21 @@ ALL = [
         1.0,
         1e-3,
     ),
+    # model warm
+    TableColumn(
+        "temperature_K",
+        "K",
+        "float",
+        "rise of the tire's mean temperature above the surroundings",
+        1e-4,
+    ),
+    TableColumn(
+        "measured_temperature_K",
+        "K",
+        "float",
+        "rise of the log's temperature since its start",
+        1e-4,
+    ),
     # model modes
     _text("support", "air, or road: the standing patch under the model's load"),
     TableColumn(
@@ -784,6 +799,10 @@ TABLES: dict[str, tuple[str, ...]] = {
         "quantity", "xi_m", "contact_pressure_N_m", "contact_pressure_se_N_m",
         "contact_pressure_formula_N_m", "wavelength_m", "stiffness_N_m2", "stiffness_se_N_m2",
         "stiffness_formula_N_m2", "quality",
+    ),
+    "warm": (
+        "time_s", "temperature_K", "measured_temperature_K", "speed_m_s", "load_N",
+        "inflation_pressure_Pa", "dissipated_power_W", "rolling_resistance_N",
     ),
     "modes": (
         "support", "speed_m_s", "frequency_Hz", "damping_ratio", "shape", "lobes", "direction",
