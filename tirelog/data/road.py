@@ -12,14 +12,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from io import TextIOWrapper
 from pathlib import Path
 
 import numpy as np
 
 from tirelog.errors import ModelError
 from tirelog.storage.schema import Record
-from tirelog.storage.whole import open_input, taken_as_input
+from tirelog.storage.whole import LARGEST_BYTES, bounded_input
 from tirelog.vocabulary.arrays import FloatArray
 
 #: Steepest slope [m/m] of a ramp. Twice as steep asks for nodes half as far apart to see a ramp as
@@ -163,17 +162,29 @@ def load_road(path: str | Path) -> RoadProfile:
     ModelError: no such file, or lines that are no points.
     """
     try:
-        taken_as_input(path)
-        with TextIOWrapper(open_input(path), "utf-8") as file:
-            lines = [line.split("#")[0].replace(",", " ").split() for line in file]
-        points = np.array([line for line in lines if line], float)
-    except (OSError, ValueError) as problem:  # also of a word, or of lines of several lengths
+        text = bounded_input(path, 16 * LARGEST_BYTES).decode("utf-8-sig")
+    except (OSError, ValueError) as problem:
         raise ModelError(
-            f"road profile cannot be read ({problem})",
+            f"road profile cannot be read ({getattr(problem, 'strerror', None) or problem})",
             allowed="a text file of a distance and a height in m in each line is allowed",
-            do="check path and lines",
+            do="give another",
             file=path,
         ) from None
+    rows = []
+    for number, line in enumerate(text.splitlines(), 1):
+        words = line.split("#")[0].replace(",", " ").split()
+        try:
+            values = [float(word) for word in words]
+        except ValueError:
+            values = []
+        if words and len(values) != 2:
+            raise ModelError(
+                f"{line[:40].strip()!r} of a road profile",
+                allowed="a distance and a height in m are allowed in each line",
+                do="correct or remove it",
+            ).at(path, number)
+        rows += [values] * bool(words)
+    points = np.array(rows, dtype=np.float64)
     two = points.ndim == 2 and points.shape[1] == 2 and len(points) > 1
     if not (two and np.isfinite(points).all() and (np.diff(points[:, 0]) > 0.0).all()):
         raise ModelError(
