@@ -34,6 +34,7 @@ MADE = (
     "model new --preset P3 -o ring.toml",
     "model new --setup drive.toml -o fitted.toml",
     "model add model.toml water_film -o better.toml",
+    "model add ring.toml hysteresis --set loss_factor=0.2 -o lossy.toml",
 )
 SCENARIO = """seed = 1
 truth = "beam"

@@ -8,8 +8,8 @@
 Each test gives the model's prediction y with an error. With its slopes J over the free numbers the
 information is sum J^T J / error^2, and stages add up. Before the first, the bounds of a number are
 all that is known of it, a box of standard deviation (max - min) / sqrt(12). The inverse of the sum
-is the covariance (Cramer and Rao) of a fit to all stages up to there, if the model is right and the
-errors are small enough for its slopes to hold: read a large error as "not determined".
+is the covariance (Cramer and Rao) of a fit to all stages up to there, if the model is right. The
+slopes hold for small errors only: read a large error as "not determined".
 
 As in the identification of structural tire models (Gipser, FTire; Gallrein and Baecker, CDTire).
 """
@@ -94,9 +94,9 @@ STAGES: tuple[tuple[str, str, Callable[..., Read]], ...] = (
 def plan_rows(model: Model, conditions: Conditions) -> tuple[dict[str, list[Any]], list[str]]:
     """Columns of `tirelog model plan`, a row per free number, and remarks.
 
-    Standard errors in the number's unit: `se_bounds` before the first stage, `se_STAGE` after each;
-    a stage that the model does not have leaves what was known before. `determined_by` is the stage
-    from which on the error is below a tenth of the value, or empty.
+    Standard errors in the number's unit, before the first stage and after each. A stage that the
+    model does not have leaves what was known before. `determined_by` is the stage from which on the
+    error is below a tenth of the value, or empty.
 
     conditions   of driving
     ModelError   no number is free

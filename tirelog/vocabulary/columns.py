@@ -4,7 +4,7 @@ Name, unit, type, meaning, and the difference that `check` accepts.
 
 `TABLES` says which columns a table has and in which order. A column's tolerance is absolute +
 relative x |value|: differences that another machine's BLAS or a rounding in text may bring, far
-below any error bar.
+below any error bar. The register is longer than others: nobody looks for a column in two files.
 """
 
 from __future__ import annotations
