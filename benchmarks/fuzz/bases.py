@@ -335,6 +335,13 @@ def make(folder: Path) -> None:
             "-o",
             str(folder / "model_water.toml"),
         ],
+        *(
+            [
+                *("model", "forces", str(folder / "model_beam.toml"), "--speed", "12"),
+                *("--slip=-0.1:0.1:0.1", "--slip-angle", "2", "-o", str(folder / f"forces.{kind}")),
+            ]
+            for kind in ("tdx", "tir")
+        ),
     ):
         status = run([*arguments, "--quiet"] if arguments[0] in ("ingest", "speed") else arguments)
         if status:

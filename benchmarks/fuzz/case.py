@@ -218,6 +218,15 @@ def _read_back(base: Path, folder: Path, rng: Rng) -> list[str]:
     return [*log, "--table", f"table.{suffix}"]
 
 
+def _forces(base: Path, folder: Path, rng: Rng) -> list[str]:
+    """A damaged TYDEX file or Magic Formula beside a model."""
+    name = str(rng.choice(["forces.tdx", "forces.tir"]))
+    _copied(base, folder, "model_beam.toml")
+    _mutated(base, folder, name, damage.damaged_text, rng)
+    asked = ["model", "forces", "model_beam.toml", "--against", name, "-o", "out/table.csv"]
+    return [*asked, "--speed", "12", "--slip=-0.1:0.1:0.1"]
+
+
 #: family: (share of the cases, how a case of it is built)
 FAMILIES: dict[str, tuple[float, Callable[[Path, Path, Rng], list[str]]]] = {
     "text": (
@@ -247,6 +256,7 @@ FAMILIES: dict[str, tuple[float, Callable[[Path, Path, Rng], list[str]]]] = {
     "run": (0.13, _hdf5(("run_text.h5", "run_encoder.h5"), False)),
     "setup": (0.1, _setup),
     "model": (0.06, _model),
+    "forces": (0.02, _forces),
     "campaign": (0.04, _campaign),
     "scenario": (0.03, _scenario),
     "check": (0.03, _check),
