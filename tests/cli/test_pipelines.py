@@ -106,16 +106,6 @@ def test_check_does_not_take_another_folder_for_another_log(folder, tirelog):
     ]
 
 
-@pytest.mark.parametrize(
-    "text", ["log,a\nx,1\nx,1,2,3\n", "log,a\nx,1,2\ny,3,4\n", 'log,a\nx,"1\n']
-)
-def test_a_table_whose_rows_do_not_fit_its_header(folder, tirelog, text):
-    (folder / "ragged.csv").write_text(text)
-    outcome = tirelog("check", "ragged.csv", "--against", "ragged.csv").ended(4)
-    assert outcome.err.startswith("tirelog: error: ragged.csv: is not a table (")
-    assert outcome.err.count("\n") == 1
-
-
 def test_info_as_a_table(folder, tirelog):
     rows = json.loads(tirelog("info", "log.csv", "--format", "json").out)
     assert [(r["channel"], r["samples"], r["rate_Hz"]) for r in rows] == [

@@ -288,23 +288,6 @@ def test_an_encoding_that_is_given_spells_the_columns():
         read(text, channels)
 
 
-WRONG = {
-    'separator = "#"': "allowed are ',', ';'",
-    'separator = ","\ndecimal = ","': "separator and decimal are both",
-    'encoding = "utf-16"': "allowed are utf-8, cp1252",
-    "header_rows = -1": "a whole number from 0 to 10000",
-    'columns = ["a", "a"]': "the name 'a' twice",
-    "columns = []": "a list of names",
-    'columns = ["t", "A", "B", "C"]': "names 4, the rows have 3 cells",
-}
-
-
-@pytest.mark.parametrize("log", WRONG)
-def test_words_of_the_layout_that_cannot_be_are_refused(log):
-    with pytest.raises(SetupError, match=WRONG[log]):
-        read("t,A,B\n0,1550,1542\n1,1551,1542\n", {"a": "A"}, log)
-
-
 def test_a_log_that_is_no_text_refuses_what_only_text_has():
     setup = (SAMPLES / "encoder.toml").read_text("utf-8") + '\n[log]\nseparator = ";"\n'
     opened = open_recording(str(SAMPLES / "encoder.h5"), parse_setup(setup))
