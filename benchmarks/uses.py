@@ -5,7 +5,8 @@
 A file has kits (`[[kits]]`): files, commands that `make` further ones, and cases. A case has other
 files or commands than its kit; `edits` are cases of one `file`: a text and what takes its place
 (nothing: it is added at the end), or all of the file. An answer is the status of each command, its
-messages and what it prints. A table is printed as its number of rows and their quality words.
+messages and what it prints. A table is kept as its number of rows and their quality words, but for
+that of `check`.
 tests/golden/test_uses.py holds each to it.
 """
 
@@ -54,7 +55,8 @@ STEPS: dict[str, Callable[..., bytes]] = {
     "xz": lambda data, folder: lzma.compress(data),
     "zstd": lambda data, folder: zstandard.ZstdCompressor().compress(data),
 }
-MOST_PRINTED = 2000
+#: letters that are kept of what is no table
+MOST_PRINTED = 9000
 #: what depends on the last bit of a simulated number, or on a library's version
 VARIES = re.compile(
     r"[\d,]+ bytes, sha256 \w+|(?<=after )\d+(?= unpacked)"
@@ -168,11 +170,11 @@ def asked(folder: Path, line: str) -> str:
     """The status of a command line, what it prints, and which files it makes or changes."""
     before = held(folder)
     done = tirelog(folder, *shlex.split(line))
-    now = held(folder)
-    for path, data in now.items():
+    out = done.out if line.startswith("check ") else printed(done.out)
+    for path, data in held(folder).items():
         if path not in before or before[path] != data:
-            done = done._replace(out=f"{done.out}writes {path.relative_to(folder)}\n")
-    out = printed(done.out) + done.err
+            out += f"writes {path.relative_to(folder)}\n"
+    out += done.err
     out = VARIES.sub("...", out.replace(f"{folder}/", ""))
     return f"{done.status}\n{out}"
 

@@ -6,9 +6,6 @@ import pytest
 
 from tirelog.data.setup import parse_setup
 from tirelog.errors import SetupError, printable
-from tirelog.storage.schema import (
-    Document,
-)
 from tirelog.storage.whole import DEEPEST, json_value, toml_tables
 
 
@@ -35,44 +32,6 @@ def test_what_is_as_deep_as_allowed_is_read():
 def test_a_message_is_one_line_that_a_terminal_does_not_obey(text, shown):
     assert printable(text) == shown
     assert str(SetupError(f"no column {text}", file="a.csv")) == f"a.csv: no column {shown}"
-
-
-TEXT = """seed = 1
-"quoted name" = 2
-[tire]
-width.height = 3 # width.depth = 4
-inner = { radius = 5 }
-[[logs]]
-glob = "a"
-[logs.tags]
-driver = "b"
-[[logs]]
-glob = "c"
-[ channels . "front left" ]
-kind = "strain"
-"""
-LINES = {
-    ("seed",): 1,
-    ("quoted name",): 2,
-    ("tire",): 3,
-    ("tire", "width"): 4,
-    ("tire", "width", "height"): 4,
-    ("tire", "inner", "radius"): 5,
-    ("tire", "absent"): 3,
-    ("logs",): 6,
-    ("logs", 0, "glob"): 7,
-    ("logs", 0, "tags", "driver"): 9,
-    ("logs", 1): 10,
-    ("logs", 1, "glob"): 11,
-    ("logs", 1, "absent"): 10,
-    ("channels", "front left", "kind"): 13,
-    ("absent",): None,
-}
-
-
-@pytest.mark.parametrize(("path", "line"), LINES.items())
-def test_the_line_of_a_key_or_of_the_table_around_it(path, line):
-    assert Document(TEXT, SetupError, "a file").line(path) == line
 
 
 @pytest.mark.parametrize(

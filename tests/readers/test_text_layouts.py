@@ -8,6 +8,7 @@ import pytest
 from tests.readers.text_logs import read, setup_of
 from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, SetupError
+from tirelog.readers.base import date_of
 from tirelog.runs.ingest import open_recording
 from tirelog.vocabulary.quality import Quality
 
@@ -286,6 +287,16 @@ def test_an_encoding_that_is_given_spells_the_columns():
     np.testing.assert_array_equal(block.values["a"], [1.5, 2.5])
     with pytest.raises(ReadError):
         read(text, channels)
+
+
+STAMPED = [(1.77e9, "s"), (1.77e12, "ms"), (1.77e15, "us"), (1.77e18, "ns")]
+TICKS = [(134_144_736_000_000_000, "100ns"), (639_055_968_000_000_000, "100ns")]  # FILETIME, .NET
+
+
+@pytest.mark.parametrize(("stamp", "unit"), [*STAMPED, *TICKS])
+def test_the_date_of_a_stamp_by_its_size(stamp, unit):
+    assert date_of(stamp, unit) == "2026-02-02T02:40:00+00:00"
+    assert date_of(12.0, unit) is None
 
 
 def test_a_log_that_is_no_text_refuses_what_only_text_has():
