@@ -125,17 +125,6 @@ def test_if_every_log_is_refused_nothing_is_written(swapped, tirelog, arguments)
         assert tirelog(table, "more.csv", "bad.csv").out == tirelog(table, "more.csv").out == ""
 
 
-def test_a_log_without_a_setup_is_refused_alone(folder, tirelog):
-    (folder / "bare.csv").write_bytes((folder / "log.csv").read_bytes())
-    outcome = tirelog("speed", "log.csv", "bare.csv")
-    assert (outcome.status, outcome.out) == (3, tirelog("speed", "log.csv").out)
-    assert "error: bare" in outcome.err
-    (folder / "broken.toml").write_text("[tire\n")
-    outcome = tirelog("speed", "log.csv", "bare.csv", "--setup", "broken.toml")
-    assert (outcome.status, outcome.out) == (2, "")
-    assert outcome.err.count("error:") == 1
-
-
 # ---- one channel --------------------------------------------------------------------------------
 
 
