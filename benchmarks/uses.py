@@ -60,7 +60,7 @@ MOST_PRINTED = 9000
 #: what depends on the last bit of a simulated number, or on a library's version
 VARIES = re.compile(
     r"[\d,]+ bytes, sha256 \w+|(?<=after )\d+(?= unpacked)"
-    r"|(?<=a table )\((Err|Exp)\w+ .*\)(?=; csv)|(?<=no pattern )\(.*\)(?=; allowed)"
+    r"|(?<=a table )\((Err|Exp|No|Parquet)\w* .*\)(?=; csv)|(?<=no pattern )\(.*\)(?=; allowed)"
     r"|(?<=\(ValueError: ).*(?=\);)"
 )
 

@@ -52,22 +52,6 @@ def test_two_outputs_may_both_go_nowhere(folder, tirelog):
     assert "two outputs" not in outcome.err
 
 
-def test_an_unreadable_log_leaves_the_older_table(folder, tirelog):
-    assert tirelog("speed", "log.csv", "-o", "t.csv").status == 0
-    assert tirelog("tables", "log.csv", "-o", "made", "--table", "speed").status == 0
-    table = (folder / "t.csv").read_bytes()
-    (folder / "log.csv").write_bytes(b"\x00\x01nothing of ours" * 40)
-    for arguments in (
-        ["speed", "log.csv", "-o", "t.csv"],
-        ["tables", "log.csv", "-o", "made", "--table", "speed"],
-    ):
-        outcome = tirelog(*arguments).ended(4)
-        assert outcome.out == ""
-    assert (folder / "t.csv").read_bytes() == table == (folder / "made" / "speed.csv").read_bytes()
-    assert tirelog("speed", "log.csv", "-o", "new.csv").status == 4
-    assert not (folder / "new.csv").exists()
-
-
 @pytest.mark.filterwarnings("default")  # the tests' own rule would make an error of it
 def test_a_library_s_warning_is_no_message(folder, tirelog, monkeypatch):
     def warns(*_):

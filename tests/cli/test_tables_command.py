@@ -147,13 +147,6 @@ def test_all_tables_of_one_channel(several, tirelog):
         assert set(pd.read_csv(f"made/{table}.csv").channel) == {"G1"}
 
 
-def test_a_channel_that_is_not_there_is_refused_before_anything_is_written(several, tirelog):
-    tirelog("speed", "more.csv", "-o", "one.csv", "--channel", "G9").refused("G0, G1, G2, G3")
-    assert not (several / "one.csv").exists()
-    other_kind = tirelog("speed", "log.csv", "--channel", "temp_1").ended(2)
-    assert not other_kind.out
-
-
 def test_the_rows_of_a_phase_shift_are_of_the_accelerometer(tirelog):
     chosen = tirelog("phase-shift", SAMPLES / "encoder.h5", "--channel", "acceleration").ended(0)
     assert chosen.out == tirelog("phase-shift", SAMPLES / "encoder.h5").out

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tests.readers.text_logs import read, setup_of
-from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, SetupError
 from tirelog.readers.base import date_of
 from tirelog.runs.ingest import open_recording
@@ -297,10 +296,3 @@ TICKS = [(134_144_736_000_000_000, "100ns"), (639_055_968_000_000_000, "100ns")]
 def test_the_date_of_a_stamp_by_its_size(stamp, unit):
     assert date_of(stamp, unit) == "2026-02-02T02:40:00+00:00"
     assert date_of(12.0, unit) is None
-
-
-def test_a_log_that_is_no_text_refuses_what_only_text_has():
-    setup = (SAMPLES / "encoder.toml").read_text("utf-8") + '\n[log]\nseparator = ";"\n'
-    opened = open_recording(str(SAMPLES / "encoder.h5"), parse_setup(setup))
-    with pytest.raises(SetupError, match=r"\[log\] separator: the log is HDF5"), opened:
-        pass
