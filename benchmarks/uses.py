@@ -3,11 +3,13 @@
     python -m benchmarks.uses [NAME...]     rewrite the answers of tests/golden/uses/NAME.toml
 
 A file has kits (`[[kits]]`): files, commands that `make` further ones, and cases. A case has other
-files or commands than its kit; `edits` are cases of one `file`: a text and what takes its place
-(nothing: it is added at the end), or all of the file. An answer is the status of each command, its
-messages and what it prints. A table is kept as its number of rows and their quality words, but for
-that of `check`.
-tests/golden/test_uses.py holds each to it.
+files or commands than its kit. `edits` are cases of one `file`: texts, each with what takes its
+place (of none: it is added at the end), or all of the file. A file's content is a text, or a list
+of STEPS that make its bytes.
+
+An answer is the status of each command, its messages and what it prints. A table is kept as its
+number of rows and their quality words, but for that of `check`. tests/golden/test_uses.py compares
+the answers with their golden copies.
 """
 
 from __future__ import annotations
@@ -26,8 +28,6 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import zstandard
-
 from benchmarks.goldens import ANSWERS, SAMPLES, tirelog
 from tirelog.runtime import one_thread
 
@@ -38,22 +38,20 @@ STEPS: dict[str, Callable[..., bytes]] = {
     "sample": lambda data, folder, name: (SAMPLES / name).read_bytes(),
     "hex": lambda data, folder, text, times=1: data + bytes.fromhex(text) * times,
     "add": lambda data, folder, text, times=1: data + text.encode() * times,
-    "at": lambda data, folder, place, text: put(data, place, bytes.fromhex(text)),
+    "at": lambda data, folder, place, text: with_bytes(data, place, bytes.fromhex(text)),
     "rows": lambda data, folder, count, rate_Hz, text: (
         data + "".join(text.format(t=i / rate_Hz, i=i) + "\n" for i in range(count)).encode()
     ),
-    "replace": lambda data, folder, old, new: replaced(data, old, new, -1),
-    "first": lambda data, folder, old, new: replaced(data, old, new, 1),
+    "replace": lambda data, folder, old, new: with_text(data, old, new, -1),
+    "first": lambda data, folder, old, new: with_text(data, old, new, 1),
     "line": lambda data, folder, number, text: with_line(data, number, text),
-    "rate": lambda data, folder, rate_Hz: restamped(data, rate_Hz),
+    "rate": lambda data, folder, rate_Hz: with_rate(data, rate_Hz),
     "behind": lambda data, folder, mark: re.sub(f"(?m)^.*?{mark}".encode(), b"", data),
     "head": lambda data, folder, lines: b"".join(data.splitlines(keepends=True)[:lines]),
     "cut": lambda data, folder, stop: data[:stop],
     "encode": lambda data, folder, encoding: data.decode().encode(encoding),
     "gzip": lambda data, folder: gzip.compress(data, mtime=0),
-    "unzip": lambda data, folder: gzip.decompress(data),
     "xz": lambda data, folder: lzma.compress(data),
-    "zstd": lambda data, folder: zstandard.ZstdCompressor().compress(data),
 }
 #: letters that are kept of what is no table
 MOST_PRINTED = 9000
@@ -65,21 +63,21 @@ VARIES = re.compile(
 )
 
 
-def replaced(data: bytes, old: str, new: str, times: int) -> bytes:
+def with_text(data: bytes, old: str, new: str, times: int) -> bytes:
     """The bytes with a text in place of another that is there."""
     if old.encode() not in data:
         raise ValueError(f"nothing to replace: {old}")
     return data.replace(old.encode(), new.encode(), times)
 
 
-def restamped(data: bytes, rate_Hz: float) -> bytes:
+def with_rate(data: bytes, rate_Hz: float) -> bytes:
     """A text log whose first column counts its rows at another rate."""
     head, *lines = re.split(rb"(?m)(?<=\n)(?=\d)", data)
     rows = (b"%.6f,%b" % (i / rate_Hz, line.split(b",", 1)[1]) for i, line in enumerate(lines))
     return head + b"".join(rows)
 
 
-def put(data: bytes, place: int, part: bytes) -> bytes:
+def with_bytes(data: bytes, place: int, part: bytes) -> bytes:
     """The bytes with others in their place."""
     place %= len(data)
     return data[:place] + part + data[place + len(part) :]
@@ -93,7 +91,7 @@ def with_line(data: bytes, number: int, text: str) -> bytes:
 
 
 def write(folder: Path, files: Mapping[str, Any]) -> None:
-    """Files of a text, or of steps that make their bytes; None: there is none."""
+    """Files of a text, or of steps that make their bytes."""
     for name, content in files.items():
         data = b"" if isinstance(content, list) else str(content).encode()
         for word, *given in content if isinstance(content, list) else ():
@@ -103,12 +101,12 @@ def write(folder: Path, files: Mapping[str, Any]) -> None:
         (folder / name).write_bytes(data)
 
 
-def held(folder: Path) -> dict[Path, bytes]:
+def contents_of(folder: Path) -> dict[Path, bytes]:
     """Every file of a folder, and those that it links to, with their bytes."""
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def printed(text: str) -> str:
+def output_of(text: str) -> str:
     """What a command printed; of a table how many rows, and which words are in their quality."""
     if re.match(r"\w+(,\w+)+\n", text):
         rows = list(csv.DictReader(io.StringIO(text)))
@@ -131,21 +129,21 @@ def answers(name: str) -> str:
                 os.link(folder / target, folder / link)
             for line in kit.get("make", ()):
                 assert tirelog(folder, *shlex.split(line), "--quiet").status == 0, line
-            before = held(folder)
-            for case in [*kit.get("cases", ()), *edited(kit)] or [{}]:
+            before = contents_of(folder)
+            for case in [*kit.get("cases", ()), *edit_cases(kit)] or [{}]:
                 write(folder, case.get("files", {}))
                 lines = case.get("commands", kit.get("commands", "")).splitlines()
                 said.append(f"== {case['name']}\n" if "name" in case else "")
-                said += each_asked(folder, [line for line in lines if line])
+                said += case_answers(folder, [line for line in lines if line])
                 for path, data in before.items():
                     if path.read_bytes() != data:
                         path.write_bytes(data)
-                for path in held(folder).keys() - before.keys():
+                for path in contents_of(folder).keys() - before.keys():
                     path.unlink()
     return "".join(said)
 
 
-def edited(kit: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+def edit_cases(kit: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """The cases of the edits of a file."""
     for edit in kit.get("edits", ()):
         content = edit
@@ -156,24 +154,26 @@ def edited(kit: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         yield {"name": f"{kit['file']}: {edit!r:.100}", "files": {kit["file"]: content}}
 
 
-def each_asked(folder: Path, lines: list[str]) -> Iterator[str]:
+def case_answers(folder: Path, lines: list[str]) -> Iterator[str]:
     """The answers to command lines of a case; one that is the answer before is not said again."""
     before = ""
     for line in lines:
-        answer = asked(folder, line)
+        answer = answer_to(folder, line)
         shown = "the same\n" if answer == before else answer
         yield f"$ tirelog {line}\n{shown}\n"
         before = answer
 
 
-def asked(folder: Path, line: str) -> str:
+def answer_to(folder: Path, line: str) -> str:
     """The status of a command line, what it prints, and which files it makes or changes."""
-    before = held(folder)
+    before = contents_of(folder)
     done = tirelog(folder, *shlex.split(line))
-    out = done.out if line.startswith("check ") else printed(done.out)
-    for path, data in held(folder).items():
-        if path not in before or before[path] != data:
-            out += f"writes {path.relative_to(folder)}\n"
+    out = done.out if line.startswith("check ") else output_of(done.out)
+    now = contents_of(folder)
+    for path in sorted(before.keys() | now.keys()):
+        if before.get(path) != now.get(path):
+            verb = "writes" if path in now else "removes"
+            out += f"{verb} {path.relative_to(folder)}\n"
     out += done.err
     out = VARIES.sub("...", out.replace(f"{folder}/", ""))
     return f"{done.status}\n{out}"
