@@ -6,18 +6,9 @@ import pickle
 import pytest
 
 from tests.sources import nodes
-from tirelog.errors import ModelError, SetupError, UsageError
+from tirelog.errors import ModelError
 
 pytestmark = pytest.mark.xdist_group("sources")  # one worker parses the package, once
-
-
-def test_the_sentence_is_made_of_the_parts() -> None:
-    words = UsageError("unknown table 'x'", allowed=("speed", "footprint"), do="choose one")
-    assert str(words) == "unknown table 'x'; allowed are speed, footprint; choose one"
-    clause = SetupError("no radius", allowed="a radius is needed", do="add it", file="a", line=3)
-    assert str(clause) == "a:3: no radius; a radius is needed; add it"
-    assert (clause.what, clause.allowed, clause.do) == ("no radius", "a radius is needed", "add it")
-    assert str(UsageError("no log", do="give one")) == "no log; give one"
 
 
 def test_an_error_told_elsewhere_keeps_its_parts() -> None:

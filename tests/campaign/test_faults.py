@@ -60,23 +60,6 @@ def test_a_log_that_fails_later_leaves_no_older_rows(manifest, tmp_path, tirelog
     assert not [name for name in dataset(tmp_path / "results") if "run_0" in name]
 
 
-TWICE = '[[logs]]\nglob = "logs/run_0.csv"\nsetup = "setup.toml"\n[[logs]]'
-BAD = [
-    ("logs/*.csv", "logs/*.txt", "matches no log"),
-    ("steady_step", "steddy_step", "nearest: steady_step"),
-    ("[tables.speed]", "[tables.sped]", "nearest: speed"),
-    ("conditions.csv", "nothing.csv", "cannot be read"),
-    ("[[logs]]", TWICE, "two logs have the name"),
-    ('"results"', '"setup.toml"', "setup.toml"),  # no folder can be made there
-]
-
-
-@pytest.mark.parametrize(("old", "new", "words"), BAD)
-def test_a_manifest_that_cannot_be_used(manifest, tirelog, old, new, words):
-    manifest.write_text(MANIFEST.replace(old, new, 1))
-    tirelog("campaign", "run", manifest).refused(words)
-
-
 @pytest.mark.slow
 def test_only_the_log_that_ends_its_workers_stays_open(manifest, tmp_path):
     assert begun(manifest, dying_on_the_first, "--workers", "2").wait(PATIENCE_S) == 3
@@ -88,21 +71,6 @@ def test_only_the_log_that_ends_its_workers_stays_open(manifest, tmp_path):
 
 MAP = SpeedMap(0.01, 0.0, np.zeros((2, 2)), 5.0, 20.0, 0.05, 60)
 FLAT = Calibration(10.0, MAP, MAP, 30.0, 0.0, 0.01, 0.0, 1e-5)
-
-ROWS = [
-    ("run_0.csv,y\n", "driven = 'y'; allowed are true, yes"),
-    ("run_0.csv,3000\nrun_1.csv,3100\nrun_0.csv,4000\n", "conditions.csv:4: log 'run_0.csv' has"),
-    ("run_0.csv,3000,7\n", "conditions.csv:2: has more cells than the header"),
-    ("run_0.csv,heavy\n", "conditions.csv:2: load_N = 'heavy'; allowed is a number"),
-]
-
-
-@pytest.mark.parametrize(("rows", "words"), ROWS)
-def test_a_row_of_conditions_that_cannot_be_taken_is_told(manifest, tmp_path, tirelog, rows, words):
-    condition = "driven" if "driven" in words else "load_N"
-    (tmp_path / "conditions.csv").write_text(f"log,{condition}\n{rows}")
-    tirelog("campaign", "run", manifest, "--quiet").refused(words)
-    assert not (tmp_path / "results").exists()
 
 
 @pytest.mark.parametrize(("cell", "driven"), [("yes", True), ("0", False)])
@@ -150,52 +118,6 @@ def test_pieces_that_were_cut_are_damaged_and_no_defect():
     for size in (0, 1, len(whole) // 2, len(whole) - 40):
         with pytest.raises(ValueError):
             read_pieces(whole[:size])
-
-
-ODD = [
-    ("[[logs]]\nglob = 1", "glob = 1 in [[logs]] number 1; allowed is a pattern"),
-    ('[[logs]]\nglob = "."', "glob '.' "),
-    ('[[logs]]\nglob = "**foo"', "glob '**foo' is no pattern"),
-    ('[[logs]]\nglob = "a.csv"\nconditions = "."', "cannot be read"),
-    ("[tables.footprint]\ncutoff = -400", "cut-off '-400.0Hz'; allowed are"),
-    ("[tables.dissipation]\nsteady_step = -1", "--steady-step -1; allowed is a step above 0 m/s"),
-    ("[tables.dissipation]\nsteady_step = true", "steady_step = 'True'; allowed is"),
-    ("[[logs]]", "has no glob"),
-    ("[tables.dissipation]\nsteady_step = 1e400", "steady_step"),
-    ("[tables.dissipation]\naverage = 1" + "0" * 400, "allowed is TOML in UTF-8"),
-    ("[tables.speed]\ncalibrate_radius = 1", "allowed is true or false"),
-    ("[tables.phase-shift]\ncalibration = 1", "allowed is the path"),
-    (
-        "[tables.phase-shift]\nzero = 1979-05-27",
-        "zero = '1979-05-27'; allowed is text or a number (Zero of",
-    ),
-    ('[tables.phase-shift]\nzero = "banana"', "--zero banana; allowed are auto"),
-    ("[[models]]\nfile = 1", "file = 1 in [[models]] number 1; allowed is the path"),
-    ('[[models]]\nfile = "m.toml"\ncommands = "compare"', "ladder, in a list"),
-]
-
-
-@pytest.mark.parametrize(("text", "words"), ODD, ids=[text[:50] for text, _ in ODD])
-def test_a_manifest_of_other_types_is_told_what_is_allowed(tmp_path, tirelog, text, words):
-    (tmp_path / "a.csv").write_text("time_s,CH1\n")
-    logs = '[[logs]]\nglob = "a.csv"\n' if "logs" not in text else ""
-    (tmp_path / "m.toml").write_text(
-        f"{text}\n{logs}" + ("" if "tables" in text else "[tables.speed]\n")
-    )
-    for command in ("run", "status"):
-        outcome = tirelog("campaign", command, tmp_path / "m.toml")
-        assert outcome.status == 2, outcome.err
-        assert words in outcome.err
-        assert outcome.err.count("\n") == 1
-    assert not (tmp_path / "results").exists()
-
-
-def test_a_model_of_several_observables_is_refused_before_any_log_is_read(tmp_path, tirelog):
-    (tmp_path / "a.csv").write_text("time_s,CH1\n")
-    (tmp_path / "both.toml").write_text('[model]\nobservable = ["strain", "phase_shift"]\n')
-    (tmp_path / "m.toml").write_text('[[logs]]\nglob = "a.csv"\n[[models]]\nfile = "both.toml"\n')
-    tirelog("campaign", "run", tmp_path / "m.toml").refused("both.toml is of 2 observables")
-    assert not (tmp_path / "results").exists()
 
 
 def test_an_entry_of_the_ledger_that_was_damaged_is_made_again():

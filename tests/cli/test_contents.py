@@ -102,22 +102,6 @@ def test_info_lists_every_series_of_a_log_without_a_setup(suffix, place, tirelog
     assert all(row["lowest"] < row["highest"] for row in rows)
 
 
-def test_info_of_standard_input_and_of_what_has_no_rate(place, tirelog):
-    (place / "l.csv").write_text("a,b\n" + "".join(f"{k % 5},{k % 7}\n" for k in range(50)))
-    told = tirelog("info", "l.csv").ended(0)
-    assert "time: none is found" in told.out
-    assert told.out.count("no rate is known") == 2
-    assert json.loads(tirelog("info", "l.csv", "--format", "json").out)[0]["rate_Hz"] is None
-
-
-def test_info_of_what_cannot_be_read(place, tirelog):
-    (place / "a.csv").write_text("only words\n" * 9)
-    (place / "b.bin").write_bytes(b"TDSm" + bytes(90))
-    told = tirelog("info", "a.csv", "b.bin", "nowhere.csv").ended(4)
-    assert told.err.count("tirelog: error:") == 3
-    assert "TDMS" in told.err
-
-
 @pytest.mark.parametrize("suffix", ["csv", "mcap"])
 def test_a_drafted_setup_reads_the_log_and_gives_its_speed(suffix, place, tirelog):
     LOGS[suffix][0](place / f"drive.{suffix}")

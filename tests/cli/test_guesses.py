@@ -1,7 +1,6 @@
 """Property: every name, unit and size gives a likely kind whose unit a setup takes."""
 
 import numpy as np
-import pytest
 import scipy.io
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -27,56 +26,6 @@ def test_a_guess_is_a_kind_with_a_unit_of_it(name, unit, size, moves):
     assert guess.reason
     lost = guessed(name, unit, np.full(5, np.nan))
     assert lost.kind == "signal"
-
-
-@pytest.mark.parametrize(
-    ("name", "size", "kind", "unit"),
-    [
-        ("acc_x_g", 30.0, "longitudinal_acceleration", "g"),
-        ("acc_x_g", 150.0, "signal", "g"),  # of an accelerometer in the tread
-        ("acc_y_g", 30.0, "signal", "g"),
-        ("acc_y_g", 150.0, "radial_acceleration", "g"),  # its mean is that of a turning wheel
-        ("lateral acceleration", 8.0, "signal", "m/s^2"),
-        ("acc_radial", 3.0, "radial_acceleration", "m/s^2"),
-        ("Acc_Z", 30.0, "radial_acceleration", "m/s^2"),
-        ("AxialLoad_N", 30.0, "vertical_load", "N"),
-        ("load", 3.4, "vertical_load", "kN"),
-        ("tire_pressure", 2.2, "inflation_pressure", "bar"),
-        ("tire_pressure", 220.0, "inflation_pressure", "kPa"),
-        ("pressure_psi", 32.0, "inflation_pressure", "psi"),
-        ("strainOuter", 900.0, "strain", "microstrain"),
-        ("strain", 9e-4, "strain", "strain"),
-        ("lf_ttpms_1", 2.0, "inflation_pressure", "bar"),
-        ("temp_C", 60.0, "temperature", "degC"),
-        ("WL 1", 1532.0, "fbg_strain", "nm"),
-        ("hall", 1.0, "wheel_encoder", "1"),
-        ("enc_fl", 1.0, "wheel_encoder", "1"),
-        ("Dehnung_1", 900.0, "strain", "microstrain"),
-        ("x", 1.0, "signal", "1"),
-    ],
-)
-def test_names_that_loggers_give(name, size, kind, unit):
-    samples = size * (1.0 + 1e-4 * np.sin(np.arange(50.0)))
-    guess = guessed(name, "", samples)
-    assert (guess.kind, guess.unit) == (kind, unit)
-
-
-@pytest.mark.parametrize(
-    ("name", "unit", "size", "kind"),
-    [
-        ("acc_y", "g", 8.0, "signal"),
-        ("acc_z", "g", 8.0, "radial_acceleration"),
-        ("acc_x", "g", 0.3, "longitudinal_acceleration"),
-        ("acc_x", "g", 150.0, "signal"),
-        ("Fy", "N", 900.0, "signal"),
-        ("Fz", "N", 3400.0, "vertical_load"),
-        ("Fx", "N", 900.0, "longitudinal_force"),
-    ],
-)
-def test_a_unit_does_not_tell_the_direction(name, unit, size, kind):
-    """Peaks of both signs at passages, as an axis across the tread has them."""
-    samples = size * np.sin(np.arange(5000.0)) * (np.arange(5000) % 500 < 30)
-    assert guessed(name, unit, samples).kind == kind
 
 
 def test_the_name_of_a_matrix_that_holds_the_time_is_not_that_of_its_rows(tmp_path):

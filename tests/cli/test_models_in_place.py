@@ -41,29 +41,6 @@ def test_an_edited_model_may_keep_its_name(model, tirelog):
     assert not list(model.parent.glob(".*.part"))
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        "add m.toml no_such_effect -o m.toml",
-        "remove m.toml wear -o m.toml",
-        "set m.toml wheel=perhaps",
-        "fit nowhere.csv --model m.toml -o m.toml",
-        "fit log.csv nowhere.csv --model m.toml -o m.toml",
-        "fit log.csv cut.csv.gz --model m.toml -o m.toml",
-        "fit log.csv log.csv --model m.toml -o m.toml",
-    ],
-)
-def test_what_failed_leaves_the_model_as_it_was(model, tirelog, words):
-    whole = (SAMPLES / "hidden_2.csv.gz").read_bytes()
-    (model.parent / "cut.csv.gz").write_bytes(whole[:200_000])
-    shutil.copy(SAMPLES / "hidden_2.toml", model.parent / "cut.toml")
-    before = {path: path.read_bytes() for path in model.parent.iterdir()}
-    outcome = tirelog("model", *words.split())
-    assert outcome.status != 0
-    assert "Traceback" not in outcome.err
-    assert {path: path.read_bytes() for path in model.parent.iterdir()} == before
-
-
 def test_of_several_gratings_the_one_taken_is_named(model, tirelog, folder):
     rows = (folder / "log.csv").read_text().splitlines()
     setup = (folder / "log.toml").read_text()
@@ -115,23 +92,6 @@ def test_a_change_is_read_back(model, tirelog, change, place, value, bare):
     assert [n.use for n in load_model("new.toml").nuisances if n.name == "wheel"] == ["on"]
 
 
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ("lever_arm=1", "nearest: lever_arm_m); list: `tirelog model show"),
-        ("lever_arm_m", "allowed are NAME=NUMBER"),
-        ("lever_arm_m=9", "lies outside its bounds"),
-        ("lever_arm_m=1:0", "min < max"),
-        ("lever_arm_m=a:b", "allowed are a number, fixed, free, MIN:MAX"),
-        ("wheel=perhaps", "allowed are auto, on, off"),
-    ],
-)
-def test_a_change_that_cannot_be_is_refused(model, tirelog, change, says):
-    before = model.read_bytes()
-    tirelog("model", "set", "m.toml", "line_mass_kg_m=5", change).refused(says)
-    assert model.read_bytes() == before
-
-
 # ---- presets ------------------------------------------------------------------------------------
 
 
@@ -151,8 +111,3 @@ def test_a_setup_goes_before_a_preset_and_set_before_both(folder, tirelog):
     assert load_model("m.toml").values["foundation_stiffness_N_m2"] == 7.79e6
     assert tirelog(*line, "--set", "radius_m=0.31").status == 0
     assert load_model("m.toml").values["radius_m"] == 0.31
-
-
-def test_a_preset_of_another_carcass_is_refused(folder, tirelog):
-    tirelog("model", "new", "--preset", "P1", "--carcass", "ring", "-o", "m.toml").refused("a beam")
-    assert not (folder / "m.toml").exists()

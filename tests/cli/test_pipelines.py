@@ -73,49 +73,6 @@ def test_a_parquet_table_and_a_run_carry_the_hash_of_the_log(folder, tirelog, co
     assert digest[:12] in tirelog("info", "log.csv").out
 
 
-def test_check_says_what_moved(folder, tirelog):
-    tirelog("speed", "log.csv", "-o", "a.csv")
-    table = pd.read_csv("a.csv")
-    table.loc[3, "speed_m_s"] += 0.5
-    table.to_csv("b.csv", index=False)
-    outcome = tirelog("check", "b.csv", "--against", "a.csv").ended(1)
-    assert outcome.out.splitlines()[1].startswith(
-        "log=log.csv channel=strain_1 revolution=3,speed_m_s,12.5"
-    )
-    assert (
-        tirelog("check", "b.csv", "--against", "a.csv", "--tolerance", "speed_m_s=0.6").status == 0
-    )
-
-
-def test_check_does_not_take_another_folder_for_another_log(folder, tirelog):
-    tirelog("speed", "log.csv", "-o", "a.csv")
-    table = pd.read_csv("a.csv").assign(log="somewhere/else/log.csv")
-    table.to_csv("b.csv", index=False)
-    outcome = tirelog("check", "b.csv", "--against", "a.csv")
-    assert (outcome.status, outcome.out) == (0, "")
-    assert (
-        outcome.err
-        == "tirelog: note: no row has the path of its log in common; logs are matched by file "
-        "name\n"
-    )
-    table.drop(index=2).to_csv("b.csv", index=False)
-    outcome = tirelog("check", "b.csv", "--against", "a.csv").ended(1)
-    assert outcome.err.splitlines()[1] == "tirelog: note: 1 rows are missing"
-    assert outcome.out.splitlines()[1:] == [
-        "log=log.csv channel=strain_1 revolution=2,(row),absent,present,inf"
-    ]
-
-
-@pytest.mark.parametrize(
-    "text", ["log,a\nx,1\nx,1,2,3\n", "log,a\nx,1,2\ny,3,4\n", 'log,a\nx,"1\n']
-)
-def test_a_table_whose_rows_do_not_fit_its_header(folder, tirelog, text):
-    (folder / "ragged.csv").write_text(text)
-    outcome = tirelog("check", "ragged.csv", "--against", "ragged.csv").ended(4)
-    assert outcome.err.startswith("tirelog: error: ragged.csv: is not a table (")
-    assert outcome.err.count("\n") == 1
-
-
 def test_info_as_a_table(folder, tirelog):
     rows = json.loads(tirelog("info", "log.csv", "--format", "json").out)
     assert [(r["channel"], r["samples"], r["rate_Hz"]) for r in rows] == [

@@ -117,44 +117,6 @@ def test_a_model_is_its_waveform_its_pressure_and_its_effects(model: Path) -> No
     np.testing.assert_allclose(waves["20 m/s"], expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("log.csv beam.toml", "one picture of log.csv, beam.toml (log and model)"),
-        ("beam.toml beam.toml", "one picture of beam.toml, beam.toml (model)"),
-        ("log.toml", "log.toml: is a setup; a log is needed here"),
-        ("none.csv", "none.csv: cannot be read"),
-        ("odd.json", "odd.json: cannot be drawn"),
-        ("odd.json --from 1", "picture of odd.json (answer)"),
-        ("list.json", "list.json: is not a table"),
-        ("empty.csv", "empty.csv: no rows to draw"),
-        ("one.csv", "one.csv: is no table of numbers that vary"),
-        ("log.csv --kind pie", "--kind pie"),
-        ("log.csv --kind polar --from 1", "the picture polar is of the whole log"),
-        ("log.csv --channel strain_9", "no channel is called 'strain_9' (nearest: strain_1)"),
-        ("log.csv --from 90", "no sample lies in --from 90"),
-        ("beam.toml --kind polar", "picture of beam.toml (model); they are allowed for logs"),
-    ],
-)
-def test_what_cannot_be_drawn_is_refused(
-    model: Path, folder: Path, tirelog: Command, words: str, said: str
-) -> None:
-    (folder / "odd.json").write_text('{"effects": 1, "verdict": 2}')
-    (folder / "list.json").write_text('[{"log": ')
-    (folder / "empty.csv").write_text("log,channel,revolution,time_s,quality\n")
-    (folder / "one.csv").write_text("log,channel,revolution,time_s,quality\none.csv,a,0,1.5,ok\n")
-    done = tirelog(f"plot {words} -o p.png")
-    assert done.status in (2, 4)
-    assert said in done.err
-    assert not (folder / "p.png").exists()
-
-
-def test_without_a_screen_a_file_is_asked_for(folder: Path, tirelog: Command) -> None:
-    done = tirelog("plot log.csv")
-    assert done.status == 2
-    assert "give -o PICTURE.png" in done.err
-
-
 SCREEN = """
 from matplotlib.backends.backend_agg import FigureCanvasAgg as FigureCanvas
 from matplotlib.backend_bases import FigureManagerBase as FigureManager

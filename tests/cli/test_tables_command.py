@@ -59,28 +59,6 @@ def test_a_remark_is_said_once(several, tirelog):
     assert said.count("no rolling radius in the setup") == 1
 
 
-def test_a_log_without_rotation_leaves_nothing(folder, tirelog):
-    rows = [f"{k / RATE_HZ:.4f},1550.0001,1542.0" for k in range(5000)]
-    (folder / "log.csv").write_text("time_s,CH1,CH2\n" + "\n".join(rows) + "\n")
-    outcome = tirelog("tables", "log.csv", "-o", "made")
-    assert (outcome.status, list((folder / "made").glob("*"))) == (2, [])
-    assert "the wheel does not turn" in outcome.err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--table", "sped"], "nearest: speed"),
-        (["--table", "phase-shift"], "no channel for phase-shift"),
-        (["--format", "xlsx"], "allowed are csv"),
-        (["--workers", "0"], "--workers"),
-    ],
-)
-def test_usage(folder, tirelog, arguments, words):
-    outcome = tirelog("tables", "log.csv", "-o", "made", *arguments).ended(2)
-    assert words in outcome.err.replace("\n", " ")
-
-
 def test_a_channel_that_fails_is_not_waited_for(several, tirelog, monkeypatch):
     from tirelog.strain.passages import find as passage_surface
 
@@ -147,17 +125,6 @@ def test_if_every_log_is_refused_nothing_is_written(swapped, tirelog, arguments)
         assert tirelog(table, "more.csv", "bad.csv").out == tirelog(table, "more.csv").out == ""
 
 
-def test_a_log_without_a_setup_is_refused_alone(folder, tirelog):
-    (folder / "bare.csv").write_bytes((folder / "log.csv").read_bytes())
-    outcome = tirelog("speed", "log.csv", "bare.csv")
-    assert (outcome.status, outcome.out) == (3, tirelog("speed", "log.csv").out)
-    assert "error: bare" in outcome.err
-    (folder / "broken.toml").write_text("[tire\n")
-    outcome = tirelog("speed", "log.csv", "bare.csv", "--setup", "broken.toml")
-    assert (outcome.status, outcome.out) == (2, "")
-    assert outcome.err.count("error:") == 1
-
-
 # ---- one channel --------------------------------------------------------------------------------
 
 
@@ -178,13 +145,6 @@ def test_all_tables_of_one_channel(several, tirelog):
     assert tirelog("tables", "more.csv", "-o", "made", "--channel", "G1").status == 0
     for table in ("speed", "footprint", "dissipation"):
         assert set(pd.read_csv(f"made/{table}.csv").channel) == {"G1"}
-
-
-def test_a_channel_that_is_not_there_is_refused_before_anything_is_written(several, tirelog):
-    tirelog("speed", "more.csv", "-o", "one.csv", "--channel", "G9").refused("G0, G1, G2, G3")
-    assert not (several / "one.csv").exists()
-    other_kind = tirelog("speed", "log.csv", "--channel", "temp_1").ended(2)
-    assert not other_kind.out
 
 
 def test_the_rows_of_a_phase_shift_are_of_the_accelerometer(tirelog):
@@ -242,28 +202,3 @@ def test_a_stamp_is_a_moment_of_the_log(folder, tirelog, begin):
         assert zoned.out == by_stamp.out
     wrong = tirelog("speed", "log.csv", "--from", "first")
     assert "a stamp such as 2024-05-01T12:00:00" in wrong.err
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        ("speed log.csv --to=-1", "no sample lies in --to -1"),
-        ("speed log.csv --from 3 --to 2", "no sample lies"),
-        ("speed log.csv --from nan", "--from nan; allowed are seconds since"),
-        ("speed log.csv --from 500ms", "500 ms is 0.5 s"),
-        ("speed log.csv --from 1,5", "the decimal sign is a point: 1.5"),
-        ("dissipation log.csv --from 1 --fit", "of the whole log"),
-        ("footprint log.csv --from 1 --plot p.png", "of the whole log"),
-        ("phase-shift log.csv --from 1 --calibrate c.toml", "from whole logs"),
-        ("tables log.csv -o made --table inflation --from 1", "no option of inflation"),
-    ],
-)
-def test_a_stretch_that_cannot_be_is_refused(folder, tirelog, words, says):
-    done = tirelog(words)
-    done.refused(says)
-    assert done.out == ""
-
-
-def test_a_stretch_without_rows_is_an_empty_table(folder, tirelog):
-    done = tirelog("speed", "log.csv", "--from", "1", "--to", "1.0001").ended(0)
-    assert done.out.count("\n") == 1

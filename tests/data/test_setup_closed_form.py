@@ -4,7 +4,6 @@ import pytest
 
 from tests.data.good_setup import GOOD
 from tirelog.data.setup import parse_setup, setup_beside
-from tirelog.errors import SetupError
 
 
 def test_a_good_setup():
@@ -32,10 +31,20 @@ def test_the_road_of_a_log():
     assert (road.kind, road.height_m, road.length_m) == ("cleat", 0.01, 0.04)
     assert (road.position_m, road.time_s) == (12.5, None)
     assert parse_setup(GOOD).road.kind == "flat"
-    for text, said in (
-        ('kind = "cleet"', "nearest: cleat"),
-        ("heigth_m = 0.1", "nearest: height_m"),
-        ("length_m = 0.0", "above 0"),
-    ):
-        with pytest.raises(SetupError, match=said):
-            parse_setup(f"{GOOD}[road]\n{text}\n")
+
+
+@pytest.mark.parametrize(
+    ("load", "pressure", "unloaded", "rolling", "width"),
+    [
+        (300.0, 1.0e6, 0.34, 0.335, 0.028),
+        (50_000.0, 8.5e5, 0.52, 0.5, 0.3),
+        (300_000.0, 1.6e6, 0.66, 0.6, 0.5),
+        (8_000.0, 4e4, 0.6, 0.55, 0.5),
+    ],
+    ids=["bicycle", "truck", "aircraft", "farm"],
+)
+def test_tires_of_all_kinds_are_allowed(load, pressure, unloaded, rolling, width):
+    radii = f"{unloaded}\nrolling_radius_m = {rolling}"
+    text = GOOD.replace("0.3126", radii).replace("width_m = 0.215", f"width_m = {width}")
+    text = text.replace("3434.0", f"{load}\ninflation_pressure_Pa = {pressure}")
+    assert parse_setup(text).conditions.load_N == load

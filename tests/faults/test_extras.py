@@ -17,7 +17,7 @@ from tests.readers.logs import spoilt
 from tests.readers.other_files import outcome, refusal
 from tirelog.readers.other import conversion as apart
 from tirelog.readers.other.datasets import proper, unsafe_formula
-from tirelog.readers.other.formats import FORMATS, name_of, refuse_foreign
+from tirelog.readers.other.formats import FORMATS, name_of
 
 N = 400
 COLUMNS = {"inner": 10.0 + np.sin(np.arange(N) * 0.37), "outer": 1e-3 * np.arange(N)}
@@ -57,14 +57,6 @@ def test_every_extra_is_one_that_can_be_installed():
         assert any(one.startswith(what.package or what.library) for one in wanted)
     all_of_them = ",".join(what.extra for what in FORMATS.values() if what.extra)
     assert extras["formats"] == [f"tirelog[{all_of_them}]"]
-
-
-NUMBERS = ["-1\n58\n3\n", "    -1,2\n    58,3\n", "    58\n    59\n", "    -1.0\n    58\n"]
-
-
-@pytest.mark.parametrize("text", [*NUMBERS, "time,a\n    -1\n    58\n"])
-def test_a_column_of_numbers_is_no_universal_file(text):
-    refuse_foreign(text.encode(), "log")
 
 
 def feather(table, **options):

@@ -9,7 +9,6 @@ import pytest
 import zstandard
 
 from tests.readers.text_logs import Pipe, piped, read, setup_of
-from tirelog.errors import ReadError
 from tirelog.readers.text import source as text_source
 from tirelog.readers.text.reader import open_text
 from tirelog.runs.clock import ClockFit
@@ -27,15 +26,6 @@ def log(change=None, n=200):
     for i, text in (change or {}).items():
         lines[i] = text
     return HEADER + "\n".join(lines) + "\n"
-
-
-@pytest.mark.parametrize("cell", ["Tuesday 29", "12.03.24 11:59:59", "11h59", "2024-03-12T25h"])
-def test_a_first_cell_that_cannot_be_read_is_told_with_its_line(cell):
-    text = "time,A,B\n" + "".join(f"{cell},{1550 + i / 1000},1542.0\n" for i in range(30))
-    with pytest.raises(ReadError) as caught:
-        read(text, SETUP)
-    assert str(caught.value).startswith(f"log.csv:2: the first cell {cell!r} is no number and no")
-    assert "allowed are 2024-03-12 13:00:00.5" in str(caught.value)
 
 
 CUT_OFF = "line 201: the last row is cut off"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.readers.text_logs import read, setup_of
-from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, SetupError
+from tirelog.readers.base import date_of
 from tirelog.runs.ingest import open_recording
 from tirelog.vocabulary.quality import Quality
 
@@ -288,25 +288,11 @@ def test_an_encoding_that_is_given_spells_the_columns():
         read(text, channels)
 
 
-WRONG = {
-    'separator = "#"': "allowed are ',', ';'",
-    'separator = ","\ndecimal = ","': "separator and decimal are both",
-    'encoding = "utf-16"': "allowed are utf-8, cp1252",
-    "header_rows = -1": "a whole number from 0 to 10000",
-    'columns = ["a", "a"]': "the name 'a' twice",
-    "columns = []": "a list of names",
-    'columns = ["t", "A", "B", "C"]': "names 4, the rows have 3 cells",
-}
+STAMPED = [(1.77e9, "s"), (1.77e12, "ms"), (1.77e15, "us"), (1.77e18, "ns")]
+TICKS = [(134_144_736_000_000_000, "100ns"), (639_055_968_000_000_000, "100ns")]  # FILETIME, .NET
 
 
-@pytest.mark.parametrize("log", WRONG)
-def test_words_of_the_layout_that_cannot_be_are_refused(log):
-    with pytest.raises(SetupError, match=WRONG[log]):
-        read("t,A,B\n0,1550,1542\n1,1551,1542\n", {"a": "A"}, log)
-
-
-def test_a_log_that_is_no_text_refuses_what_only_text_has():
-    setup = (SAMPLES / "encoder.toml").read_text("utf-8") + '\n[log]\nseparator = ";"\n'
-    opened = open_recording(str(SAMPLES / "encoder.h5"), parse_setup(setup))
-    with pytest.raises(SetupError, match=r"\[log\] separator: the log is HDF5"), opened:
-        pass
+@pytest.mark.parametrize(("stamp", "unit"), [*STAMPED, *TICKS])
+def test_the_date_of_a_stamp_by_its_size(stamp, unit):
+    assert date_of(stamp, unit) == "2026-02-02T02:40:00+00:00"
+    assert date_of(12.0, unit) is None

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from tirelog.data.setup import parse_setup
-from tirelog.errors import SetupError
 from tirelog.runs.ingest import open_recording, write_run
 
 RAW = np.round(np.sin(np.arange(500) * 0.37), 4)
@@ -111,19 +110,3 @@ def test_a_file_s_own_scale_comes_before_the_setup_s(tmp_path):
     with open_recording(str(tmp_path / "log.h5"), setup_of(keys)) as recording:
         np.testing.assert_allclose(recording.channels["x"].read(), 5.0 * np.arange(100) + 1.0)
         assert "scale of its own" in recording.remarks[0]
-
-
-@pytest.mark.parametrize(
-    ("keys", "says"),
-    [
-        ('kind = "signal"\nscale = 0.0', "scale = 0"),
-        ('kind = "signal"\nscale = inf', "scale = inf"),
-        ('kind = "signal"\noffset = "1"', "offset = '1'"),
-        ('kind = "signal"\nunit = "p\\u0007F"', "up to 24 letters"),
-        (f'kind = "signal"\nunit = "{"x" * 25}"', "up to 24 letters"),
-        ('kind = "strain"\nunit = "V"\nscale = 2.0', "unit 'V' is not one of"),
-    ],
-)
-def test_what_no_scale_or_unit_can_be(keys, says):
-    with pytest.raises(SetupError, match=says):
-        setup_of(keys)

@@ -10,7 +10,6 @@ from tirelog.errors import UsageError
 from tirelog.strain.slip import (
     EXPONENT_SD,
     grip_columns,
-    refuse_frictions,
     strain_shift_of,
 )
 from tirelog.wheel.phase_shift import wheel_angle_of
@@ -54,12 +53,6 @@ def test_an_onset_tells_slip_friction_and_what_is_left():
     assert stiffer["brush_slip"][1] == pytest.approx(0.015)
     assert "vertical_force_N" not in stiffer
     assert grip(-0.049)["grip_left"][1] == 0.0  # beyond the peak
-
-
-def test_numbers_that_no_brush_has_are_refused():
-    refuse_frictions(1.0, 0.7, 5.0, 0.6)
-    with pytest.raises(UsageError, match="--static-friction nan"):
-        refuse_frictions(static_friction=float("nan"))
 
 
 SETUP = """

@@ -5,7 +5,6 @@ import pytest
 
 from tirelog.data.recording import Channel, Recording, TimeAxis
 from tirelog.data.setup import Setup, Tire
-from tirelog.errors import UsageError
 from tirelog.strain.inflation import inflation, inflation_of
 
 SLOPE_1_Pa = 2.4e-9
@@ -77,9 +76,3 @@ def test_the_table_says_what_leaked():
     assert table.columns["quality"].tolist().count("leak") == 2
     assert any("126.0 mm" in remark for remark in table.remarks)
     assert any("microstrain/bar" in remark for remark in table.remarks)
-
-
-def test_too_short_a_log_is_refused():
-    short = Channel.of_array("s", "strain", np.zeros(500), TimeAxis.uniform(500, RATE_HZ))
-    with pytest.raises(UsageError, match=r"inflation test|test of some seconds"):
-        inflation(short, None)

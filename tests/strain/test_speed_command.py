@@ -65,23 +65,6 @@ def test_few_revolutions(speed, radius_m, turns, rows, known):
     assert (table["quality"][[0, rows - 1] if rows else []] == "edge_of_log").all()
 
 
-NO_STRAIN = SETUP.replace('kind = "strain"', 'kind = "temperature"').replace('"strain"', '"K"')
-WANTED = "no channel tells the speed; allowed are strain, wheel_encoder and radial_acceleration"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "more", "says"),
-    [
-        ((), {"setup": NO_STRAIN}, WANTED),
-        ((CALIBRATE,), {"reference_s": 1.0}, "fewer than 10 whole turns"),
-    ],
-)
-def test_what_tells_no_speed_or_no_radius_is_refused(speed, arguments, more, says):
-    status, table, err = speed(10.0, 4, *arguments, **more)
-    assert (status, table) == (2, None)
-    assert says in err
-
-
 @pytest.mark.parametrize("error", [np.inf, 1e100, 40.0])
 def test_an_error_without_bounds_is_blank_and_said(radius_m, error):
     d = make_drive([0, 8], [12, 12], seed=1311)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
 
-from tirelog.errors import ReadError, UsageError
+from tirelog.errors import UsageError
 from tirelog.tables.frame import read_table
 from tirelog.tables.writer import TableWriter
 from tirelog.vocabulary.columns import ALL, COLUMNS
@@ -114,10 +114,3 @@ def test_rows_of_many_parts_are_all_there(tmp_path):
     rows = (tmp_path / "t.csv").read_text().splitlines()
     assert rows[1:] == [f"a.csv,{k},ok" for k in range(count)]
     assert table.rows == count
-
-
-@pytest.mark.parametrize("name", ["t.csv", "t.parquet", "t.json"])
-def test_what_is_no_table(tmp_path, name):
-    (tmp_path / name).write_bytes(b"")
-    with pytest.raises(ReadError, match="is not a table"):
-        read_table(tmp_path / name)

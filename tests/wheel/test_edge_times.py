@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from tirelog.data.setup import parse_setup
-from tirelog.errors import TirelogError
 from tirelog.runs.ingest import open_recording
 from tirelog.wheel.angle import wheel_angle
 
@@ -44,15 +43,3 @@ def test_even_edges_are_not_a_clock_that_loses_samples(tmp_path):
     with opened(tmp_path, "".join(f"{t:.6f}\n" for t in times)) as recording:
         np.testing.assert_allclose(recording.channels["e"].axis.time(), times, atol=1e-6)
         assert recording.remarks == ()
-
-
-@pytest.mark.parametrize(
-    ("rows", "says"),
-    [
-        ("".join(f"{k * 7919 % 1000}\n" for k in range(100)), "no column rises"),
-        ("".join(f"{53_005_368 + 1000 * k}\n" for k in range(100)), 'time_unit = "us"'),
-    ],
-)
-def test_what_is_no_list_of_edges(rows, says, tmp_path):
-    with pytest.raises(TirelogError, match=says), opened(tmp_path, rows):
-        pass

@@ -256,11 +256,3 @@ def test_an_even_tone_wheel_needs_a_vehicle_speed_with_a_sign(vehicle, word):
     assert said == (word == Quality.DIRECTION_UNKNOWN)
     quality = wheel.quality(np.array([5.0, 20.0, 35.0]), np.array([5.1, 20.1, 35.1]))
     assert quality.tolist() == [0, word, 0]
-
-
-def test_no_steps_is_an_error():
-    drive = Drive((0, 20), (10, 10))
-    found = recording(drive, Encoder().signal(drive))
-    found.channels["encoder"].settings.clear()
-    with pytest.raises(SetupError, match="no steps"):
-        encoder_of(found)
