@@ -2,9 +2,9 @@
 
     C dT/dt = P(T, p, v) - G T        (p + p_air) in proportion to the absolute temperature
 
-T is the rise of one mean temperature of tire and air above the surroundings [K]. P is the power that
-the model dissipates [W], C the heat capacity [J/K], G the cooling [W/K]; 8 kg of rubber have some
-15,000 J/K. Effects that follow temperature or pressure (`warm_hysteresis`,
+T is the rise of one mean temperature of tire and air above the surroundings [K]. P is the power
+that the model dissipates [W], C the heat capacity [J/K], G the cooling [W/K]; 8 kg of rubber have
+some 15,000 J/K. Effects that follow temperature or pressure (`warm_hysteresis`,
 `inflated_sidewalls`, `belt_tension`) take part.
 
 T and P depend on each other: P at the last T gives the next T, until it no longer moves. Of a log

@@ -460,11 +460,7 @@ _ROLES = {
 
 def toml_role(text: str) -> tuple[str, str]:
     """What kind of file ("a setup") the TOML `text` is, and where it goes; '' of another."""
-    heads = set(re.findall(r"^\s*\[\[?\s*(\w+)", text, re.MULTILINE))
-    # a key before the first table belongs to the file itself
-    heads |= set(
-        re.findall(r"^(\w+)\s*=", re.split(r"^\s*\[", text, flags=re.MULTILINE)[0], re.MULTILINE)
-    )
+    heads = set(re.findall(r"^(?:\s*\[\[?\s*(?=\w)|(?=manoeuvres\s*=))(\w+)", text, re.MULTILINE))
     return next((role for name, role in _ROLES.items() if name in heads), ("", ""))
 
 

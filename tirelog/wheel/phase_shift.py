@@ -21,7 +21,14 @@ import numpy as np
 
 from tirelog.data.plausibility import implausible
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
-from tirelog.dsp.filters import UNLIKE_SPEED, of_the_log, runs, unlike_neighbours, widened
+from tirelog.dsp.filters import (
+    UNLIKE_SPEED,
+    of_the_log,
+    runs,
+    sliding_median,
+    unlike_neighbours,
+    widened,
+)
 from tirelog.dsp.teeth import crossings, probe
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.runs.in_memory import joined_ranges, with_holes, without_spikes
@@ -601,17 +608,28 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], Records, tup
     rate = wheel.speed_rad_s(time)
     noise = np.sqrt(2.0) * wheel.angle.noise_at(time) / SPEED_WINDOW_S
     share = np.hypot(np.nan_to_num(radius_se_m) / radius_m, channel.axis.rate_error)
-    speed = rate * radius_m
+    speed, period = rate * radius_m, turns["end_s"] - turns["begin_s"]
     unlike = unlike_neighbours(speed, turns["quality"], UNLIKE_SPEED * np.abs(speed))
+    # a tooth that is lost or added in a turn moves the turn's mean from the speed at its middle; so
+    # does an acceleration that changes there, by up to an eighth of the change times the period
+    allowed = 0.01 + 0.25 * sliding_median(
+        np.abs(turns["acceleration_m_s2"]), min(5, time.size)
+    ) * period / np.maximum(np.abs(speed), 1e-3)
+    contradicted = np.abs(np.abs(rate) * period / (2.0 * np.pi) - 1.0) > allowed
     columns = {
         "log": recording.log,
         "channel": channel.name,
         "revolution": np.arange(time.size),
         "time_s": time,
         "speed_m_s": speed,
-        "period_s": turns["end_s"] - turns["begin_s"],
+        "period_s": period,
         "speed_se_m_s": np.hypot(noise * radius_m, share * speed),
         "acceleration_m_s2": turns["acceleration_m_s2"],
-        "quality": quality_column(turns["quality"] | unlike | marked(mended, Quality.GAP)),
+        "quality": quality_column(
+            turns["quality"]
+            | unlike
+            | marked(mended, Quality.GAP)
+            | marked(contradicted, Quality.IMPLAUSIBLE)
+        ),
     }
     return columns, turns, remarks
