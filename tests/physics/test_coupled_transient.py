@@ -5,7 +5,7 @@ import pytest
 
 from tirelog.data.recording import Conditions
 from tirelog.data.road import RoadProfile, road_of
-from tirelog.data.setup import RoadSetup, parse_road
+from tirelog.data.setup import RoadSetup
 from tirelog.errors import ModelError
 from tirelog.physics import Model
 from tirelog.physics.moving.transient import Course, Schedule, driven
@@ -144,9 +144,3 @@ def test_effects_on_the_structure_change_the_tire_that_moves():
     plain = driven(MODEL, AT_20, course()).tire
     assert driven(damped, AT_20, course()).tire.c_w == pytest.approx(60.0 + 2.0 * 3.15 * 50.0)
     assert driven(tight, AT_20, course()).tire.pb == pytest.approx(plain.pb + 500.0 / 0.305)
-
-
-def test_courses_that_cannot_be_driven():
-    near = course(road_of(parse_road("cleat,height_m=0.01,length_m=0.04"), 0.05))
-    with pytest.raises(ModelError, match="begins under the standing tire"):
-        driven(MODEL, AT_20, near)
