@@ -61,7 +61,7 @@ MOST_PRINTED = 9000
 VARIES = re.compile(
     r"[\d,]+ bytes, sha256 \w+|(?<=after )\d+(?= unpacked)"
     r"|(?<=a table )\((Err|Exp|No|Parquet)\w* .*\)(?=; csv)|(?<=no pattern )\(.*\)(?=; allowed)"
-    r"|(?<=\(ValueError: ).*(?=\);)"
+    r"|(?<=\(ValueError: ).*(?=\);)|(?<=a footprint: )(the number|could) .*(?=; lines of)"
 )
 
 

@@ -6,7 +6,6 @@ import pytest
 from tirelog.data.recording import Conditions
 from tirelog.data.road import RoadProfile, road_of
 from tirelog.data.setup import RoadSetup
-from tirelog.errors import ModelError
 from tirelog.physics import Model
 from tirelog.physics.moving.transient import Course, Schedule, driven
 
@@ -122,20 +121,6 @@ def test_a_longer_lag_is_no_echo_from_the_end():
     lag = {"sensor_lag": {"lag_s": 5e-3}}
     late, flat = sensed(CLEAT, **lag), sensed(**lag)
     assert np.abs(late - flat)[:50].max() < 1e-3 * np.ptp(flat)
-
-
-@pytest.mark.parametrize(
-    ("name", "values", "said"),
-    [
-        ("hysteresis", {"loss_factor": 0.1}, "no linear motion in time; .*allowed.*; leave it out"),
-        ("stiffening", {"cubic_1_m2": 1e3}, "no linear motion in time; .*allowed.*; leave it out"),
-        ("belt_shear", {"length_m": 0.01}, "not in the motion in time"),
-        ("belt_viscosity", {"retardation_s": 1e-4}, "not in the motion in time"),
-    ],
-)
-def test_what_the_motion_does_not_have_is_refused_and_not_left_out(name, values, said):
-    with pytest.raises(ModelError, match=f"{name}.*{said}"):
-        driven(MODEL.with_effect(name, **values), AT_20, course())
 
 
 def test_effects_on_the_structure_change_the_tire_that_moves():

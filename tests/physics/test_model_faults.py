@@ -51,6 +51,7 @@ def predicted(model=BEAM, phi=PHI, **drive):
     [
         ("already", lambda: parse_model(CONTRACT + '[[effects]]\nname = "viscous_damping"\n')),
         (f"at most {MOST_NODES} numbers", lambda: parse_model(CONTRACT + MEASURED)),
+        ("no observable", lambda: Model.new("beam", ())),
         ("no speed", predicted),
         ("needs angles", lambda: predicted(phi=None, speed_m_s=8.0)),
         ("not finite", lambda: parse_expression("9 ** 9 ** 9 ** 9", set())({})),
