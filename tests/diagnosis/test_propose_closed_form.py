@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.planted import MODEL, stack
+from tirelog.diagnosis.candidates.assessment import hats_on
 from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.propose.formulas import polished, scan, strengths
 from tirelog.diagnosis.propose.grammar import LAWS
@@ -49,3 +50,14 @@ def test_polishing_finds_the_law_and_the_size_of_a_planted_bump():
 def test_a_law_is_written_without_what_is_one(law, numbers, free, written):
     text = LAWS[law].text.format(load="3500")
     assert replace(LAWS[law], text=text, numbers=numbers).written(free) == written
+
+
+def test_hats_interpolate_straight_lines_and_close_on_themselves():
+    nodes, values = np.array([0.0, 0.1, 0.4, 1.0]), np.array([1.0, -2.0, 0.5, 3.0])
+    x = np.linspace(-0.5, 1.5, 77)
+    np.testing.assert_allclose(
+        hats_on(x, nodes) @ values, np.interp(x, nodes, values, left=0.0, right=0.0), atol=1e-14
+    )
+    round_nodes = np.append(nodes, 1.5)
+    found = hats_on(x, round_nodes, 1.5) @ np.append(values, values[0])
+    np.testing.assert_allclose(found, np.interp(x, nodes, values, period=1.5), atol=1e-12)
