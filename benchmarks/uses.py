@@ -48,8 +48,10 @@ STEPS: dict[str, Callable[..., bytes]] = {
     "rate": lambda data, folder, rate_Hz: with_rate(data, rate_Hz),
     "behind": lambda data, folder, mark: re.sub(f"(?m)^.*?{mark}".encode(), b"", data),
     "head": lambda data, folder, lines: b"".join(data.splitlines(keepends=True)[:lines]),
+    "from": lambda data, folder, share: without_first_rows(data, share),
     "cut": lambda data, folder, stop: data[:stop],
     "encode": lambda data, folder, encoding: data.decode().encode(encoding),
+    "gunzip": lambda data, folder: gzip.decompress(data),
     "gzip": lambda data, folder: gzip.compress(data, mtime=0),
     "xz": lambda data, folder: lzma.compress(data),
 }
@@ -59,7 +61,7 @@ MOST_PRINTED = 9000
 VARIES = re.compile(
     r"[\d,]+ bytes, sha256 \w+|(?<=after )\d+(?= unpacked)"
     r"|(?<=a table )\((Err|Exp|No|Parquet)\w* .*\)(?=; csv)|(?<=no pattern )\(.*\)(?=; allowed)"
-    r"|(?<=\(ValueError: ).*(?=\);)"
+    r"|(?<=\(ValueError: ).*(?=\);)|(?<=a footprint: )(the number|could) .*(?=; lines of)"
 )
 
 
@@ -75,6 +77,12 @@ def with_rate(data: bytes, rate_Hz: float) -> bytes:
     head, *lines = re.split(rb"(?m)(?<=\n)(?=\d)", data)
     rows = (b"%.6f,%b" % (i / rate_Hz, line.split(b",", 1)[1]) for i, line in enumerate(lines))
     return head + b"".join(rows)
+
+
+def without_first_rows(data: bytes, share: float) -> bytes:
+    """A text log without so much of its rows; its head stays."""
+    head, *lines = re.split(rb"(?m)(?<=\n)(?=\d)", data)
+    return head + b"".join(lines[round(share * len(lines)) :])
 
 
 def with_bytes(data: bytes, place: int, part: bytes) -> bytes:

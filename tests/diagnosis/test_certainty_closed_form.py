@@ -18,7 +18,6 @@ from benchmarks.nuisances import Row
 from tests.diagnosis.planted import stack
 from tirelog.diagnosis import diagnose as diagnosing
 from tirelog.diagnosis.candidates.separation import (
-    expected_gain,
     probability_after,
 )
 from tirelog.diagnosis.certainty import (
@@ -140,14 +139,6 @@ def test_of_two_as_likely_the_right_one_is_told_as_two_normals_part():
     assert probability_after(math.log(9.0), 0.0) == pytest.approx(0.9)
     assert probability_after(math.log(9.0), 1e-3) == pytest.approx(0.9)
     assert probability_after(-math.log(9.0), 30.0) == pytest.approx(1.0)
-
-
-def test_a_gain_is_the_share_of_the_two():
-    # a set of two that is right in 90 of 100: 45 points are to be won at most
-    assert expected_gain(0.45, 0.45, 40.0) == pytest.approx(0.45)
-    assert expected_gain(0.45, 0.45, 2.0) == pytest.approx(0.9 * 0.841345 - 0.45, abs=1e-5)
-    assert expected_gain(0.9, 0.05, 0.0) == pytest.approx(0.0, abs=1e-12)
-    assert expected_gain(0.9, 0.0, 5.0) == 0.0
 
 
 WHOLE = NO_VERDICT | {"logs": ("a", "b", "c"), "verdict": "missing", "selected": ("wear",)}

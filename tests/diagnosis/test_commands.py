@@ -63,12 +63,7 @@ def length(folder, name, *more):
     return run([name, str(folder / "log_0.csv"), "--model", model, "--quiet", *more])
 
 
-def test_of_one_log_none_can_be_left_out(folder, capfd):
-    for by in ("log", "tire"):
-        assert length(folder, "diagnose", "--leave-one-out", by) == 2
-        assert f"one {by} alone: none can be left out" in capfd.readouterr().err
-    assert length(folder, "diagnose", "--leave-one-out", "wheel") == 2
-    assert "allowed are log, tire" in capfd.readouterr().err
+def test_a_page_of_lengths_has_a_verdict_and_a_next_command(folder, capfd):
     assert length(folder, "diagnose") == 0
     page = capfd.readouterr().out
     assert page.startswith(("NOTHING MISSING", "TOO FEW", "UNKNOWN", "SCATTER", "MISSING"))

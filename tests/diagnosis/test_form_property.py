@@ -231,9 +231,3 @@ def test_an_effect_that_a_form_has_learnt_is_named(tmp_path, capsys):
     assert named["p_adjusted"] <= 0.01
     strengths = {name: number["value"] for name, number in named["strengths"].items()}
     assert strengths == pytest.approx({"amplitude": FILM, "length": FILM_LENGTH}, rel=0.1)
-
-
-def test_a_number_per_revolution_has_no_form(bare, tmp_path):
-    lengths = str(tmp_path / "lengths.toml")
-    done("model", "new", "--observable", "patch_length", "-o", lengths)
-    assert run(["form", *bare[0], "--model", lengths]) == 2

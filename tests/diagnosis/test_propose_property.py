@@ -20,7 +20,6 @@ from tirelog.diagnosis.propose.formulas import Atom, Choice, Draft, entry_of
 from tirelog.diagnosis.propose.grammar import LAWS, forms
 from tirelog.diagnosis.propose.propose import LOCK_EVERY, _Climb, _without_needless, propose
 from tirelog.diagnosis.residual_structure import describe
-from tirelog.errors import UsageError
 from tirelog.inference.base import refit
 from tirelog.physics import Model
 from tirelog.physics.model.file import load_model, save_model
@@ -177,11 +176,6 @@ def test_nothing_is_proposed_if_nothing_is_missing():
     result = propose([stack(seed=5, m=64)], MODEL)
     assert (result.status, result.model, result.written) == ("nothing", None, ())
     assert result.sentence.startswith("Nothing to propose: Nothing is missing")
-
-
-def test_a_number_per_revolution_has_no_shape():
-    with pytest.raises(UsageError, match="one number per revolution"):
-        propose(LOGS, Model.new("beam", "patch_length"))
 
 
 COMMAND = ("propose", "log.csv", "--model", "m.toml")

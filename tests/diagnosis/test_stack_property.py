@@ -7,20 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.diagnosis.toy import channel, make_cells, stack, stack_of, waveform
+from tests.diagnosis.toy import stack_of
 from tirelog.data.recording import Conditions
-from tirelog.inference.stacks.align import PassageAngle, Samples, refine_passages
 from tirelog.inference.stacks.hum import lines_said, without_hum
 from tirelog.inference.stacks.manoeuvres import SHORTEST, accelerations, regimes, segment
-
-
-@pytest.mark.parametrize("seed", [1, 2])
-def test_matched_filter_finds_passages_to_a_thousandth_of_the_width(seed):
-    toy, truth = channel(seed)
-    random = np.random.default_rng(seed)
-    found = refine_passages(Samples(toy), truth + 1e-3 * random.standard_normal(truth.size))
-    error = (found - truth)[2:-2] * PassageAngle.through(truth).speed_rad_s(truth)[2:-2]
-    assert np.std(error) < 2.5e-3
 
 
 def test_a_drive_falls_into_its_regimes():
@@ -42,27 +32,6 @@ def test_short_stretches_join_their_neighbours_and_gaps_part():
     number, found = segment(started, np.isin(np.arange(23), [0, 3]))
     assert set(number) == {0}
     assert set(found) == {"cruise"}
-
-
-def test_scatter_of_revolutions_comes_back_as_it_was_put_in():
-    cells = make_cells(
-        stack(3, manoeuvres=8, revolutions=40, amplitude=0.02, baseline=0.0, noise=0.01)
-    )
-    single = cells.random_cov[0, 0, 0] * cells.revolutions[0]
-    assert np.sqrt(single) == pytest.approx(0.02, rel=0.25)
-    assert np.nanmedian(cells.sd * np.sqrt(cells.revolutions)[:, None]) == pytest.approx(
-        0.01, rel=0.05
-    )
-
-
-def test_cell_means_lie_on_the_waveform_at_their_own_angles():
-    cells = make_cells(stack(4, noise=1e-4, amplitude=0.01, baseline=0.0))
-    good = np.isfinite(cells.values)
-    left = np.where(good, cells.values - waveform(cells.phi), 0.0)
-    columns = np.concatenate([cells.random, cells.shift[..., None]], axis=-1)
-    for c in range(len(cells)):
-        rest = left[c] - columns[c] @ np.linalg.lstsq(columns[c], left[c], rcond=None)[0]
-        assert np.sqrt(np.mean(rest**2)) < 5e-4
 
 
 @settings(deadline=None, max_examples=200)

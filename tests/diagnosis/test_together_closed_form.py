@@ -14,7 +14,7 @@ from tirelog.diagnosis.candidates.assessment import at_noise_floor
 from tirelog.diagnosis.compare import compare, comparison_of, measured_pieces, start_from
 from tirelog.diagnosis.results import agreement_sentence, contributions
 from tirelog.diagnosis.rules import QUIET_CHI2
-from tirelog.errors import ModelError, UsageError
+from tirelog.errors import UsageError
 from tirelog.inference.base import bases_by_observable, refit
 from tirelog.inference.cells.cells import one_drive
 from tirelog.inference.cells.pieces import pieces_of
@@ -215,21 +215,6 @@ def test_one_observable_in_a_list_is_that_observable():
     assert again.observables == ALL
     assert again.values == TRUTH.values
     assert again.free == TRUTH.free
-
-
-@pytest.mark.parametrize(
-    ("names", "why"),
-    [
-        (("strain", "patch_length"), "the same strain"),
-        (("radial_acceleration", "patch_width"), "the same acceleration"),
-        (("phase_shift", "patch_width"), "one level"),
-        (("strain", "strain"), "twice"),
-        ((), "no observable"),
-    ],
-)
-def test_data_are_not_counted_twice(names, why):
-    with pytest.raises(ModelError, match=why):
-        Model.new("beam", names)
 
 
 def test_an_observable_that_no_log_measures_is_named_with_what_it_needs():

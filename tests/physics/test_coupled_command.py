@@ -1,7 +1,6 @@
 """Property: `tirelog model predict` of a coupled ring driven in time, from the outside."""
 
 import io
-import re
 
 import numpy as np
 import pandas
@@ -63,48 +62,3 @@ def test_a_step_of_load(folder, capsys):
     assert both.load_N.iloc[0] == 3434.0
     assert both.load_N.iloc[-1] == 4000.0
     assert both.spindle_vertical_N.max() > 4000.0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (
-            ("--road", "cleat,height_m=0.4,length_m=0.9"),
-            "rises 0.4 m within one tire diameter; up to 0.061 m is allowed",
-        ),
-        (("--road", "step,height_m=0.02,ramp_m=0.001"), "slope of 20; up to 3 is allowed"),
-        (("--road", "cleat,height_m=0.01"), "cleat without length_m"),
-        (("--road", "cleet,height_m=0.01"), "nearest: cleat"),
-        (("--road", "cleat,hight_m=0.01"), "nearest: height_m"),
-        (("--road", "cleat,height_m=high"), "KEY=NUMBER is allowed"),
-        (("--road", "setup"), "the setup has no"),
-        (("--road", "profile,file=none.txt"), "none.txt: road profile cannot be read"),
-        (("--road", "flat", "--duration", "1e4"), "up to 100 s is allowed"),
-        (("--load-step", "0.1"), "TIME:LOAD"),
-        (("--load-step", "0.1:-5"), "zero and above is allowed"),
-        (("--load-step", "0.2:4000", "--load-step", "0.1:3000"), "times that grow from 0 on"),
-    ],
-)
-def test_what_cannot_be_driven(folder, capsys, arguments, said):
-    assert status("model predict m.toml --setup s.toml --speed 20", *arguments) == 2
-    assert re.search(r"tirelog: error: .*" + said + ".*; ", capsys.readouterr().err)
-
-
-def test_a_speed_beyond_the_critical_one_and_a_mass_that_is_none(folder, capsys):
-    assert status("model predict m.toml --speed 150 --road flat") == 2
-    assert "beyond the critical one, 136.4 m/s" in capsys.readouterr().err
-    text = (folder / "m.toml").read_text()
-    for mass in ("hub_mass_kg = 20.0", "line_mass_kg_m = 3.15"):
-        name = mass.split()[0]
-        (folder / "none.toml").write_text(text.replace(mass, f"{name} = 0.0"))
-        assert status("model predict none.toml --speed 20 --road flat") == 2
-        assert re.search(
-            rf"none\.toml:\d+: {name} = 0 .*lies outside its bounds; allowed is",
-            capsys.readouterr().err,
-        )
-
-
-def test_a_ring_does_not_move(folder, capsys):
-    status("model new --carcass ring -o ring.toml --quiet")
-    assert status("model predict ring.toml --speed 20", *CLEAT) == 2
-    assert "--carcass coupled_ring" in capsys.readouterr().err

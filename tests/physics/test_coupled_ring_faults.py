@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.physics.coupled_tire import FLAT, course, obstacle
+from tests.physics.coupled_tire import FLAT, course
 from tests.physics.coupled_tire import TIRE as PASSENGER_TIRE
-from tirelog.data.road import RoadProfile, load_road
+from tirelog.data.road import load_road
 from tirelog.errors import ModelError
 from tirelog.physics.moving.transient import State, Stepper, stepped_motion
 
@@ -18,33 +18,13 @@ def stepper(tire=TIRE, speed=20.0, road=FLAT, **more):
     return Stepper(tire, State.rolling(tire, 1000.0, speed), course(1000.0, speed, road), **more)
 
 
-@pytest.mark.parametrize("name", ["rho_A", "m_h", "J_h", "EI", "k_w", "k_t", "R", "c_w"])
-@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
-def test_what_has_no_mass_or_stiffness_does_not_move(name, value):
-    if (name, value) == ("c_w", 0.0):
-        return  # no damping is one
-    with pytest.raises(ModelError, match=rf"{name} = .*; .*allowed; "):
-        replace(TIRE, **{name: value})
-
-
-def test_an_obstacle_larger_than_the_tire_takes():
-    """Of a cleat and of a step: `test_coupled_command.py`."""
-    with pytest.raises(ModelError, match=r"rises .* m within one tire diameter; up to .*; give a"):
-        stepper(road=RoadProfile(amplitude_m=0.05, wavelength_m=0.7))
-    with pytest.raises(ModelError, match="ramps"):
-        obstacle("cleat", 1.0, height_m=0.01, length_m=0.02, ramp_m=0.02)
-
-
 def test_a_profile_from_a_file(tmp_path):
-    """What is none: `tests/simulation/test_faults.py`."""
+    """What is none is golden: tests/golden/mistakes.toml."""
     path = tmp_path / "road.txt"
     path.write_text("# distance, height\n0, 0\n1.0, 0.01  # bump\n\n2.0 0\n")
     height, slope = load_road(path).profile(np.array([-1.0, 0.5, 1.5, 3.0]))
     assert height == pytest.approx([0.0, 0.005, 0.005, 0.0])
     assert slope == pytest.approx([0.0, 0.01, -0.01, 0.0])
-    path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ModelError, match="cannot be read"):
-        load_road(path)
 
 
 def test_a_ring_torn_from_its_sidewall():

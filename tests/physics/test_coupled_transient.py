@@ -5,8 +5,7 @@ import pytest
 
 from tirelog.data.recording import Conditions
 from tirelog.data.road import RoadProfile, road_of
-from tirelog.data.setup import RoadSetup, parse_road
-from tirelog.errors import ModelError
+from tirelog.data.setup import RoadSetup
 from tirelog.physics import Model
 from tirelog.physics.moving.transient import Course, Schedule, driven
 
@@ -124,29 +123,9 @@ def test_a_longer_lag_is_no_echo_from_the_end():
     assert np.abs(late - flat)[:50].max() < 1e-3 * np.ptp(flat)
 
 
-@pytest.mark.parametrize(
-    ("name", "values", "said"),
-    [
-        ("hysteresis", {"loss_factor": 0.1}, "no linear motion in time; .*allowed.*; leave it out"),
-        ("stiffening", {"cubic_1_m2": 1e3}, "no linear motion in time; .*allowed.*; leave it out"),
-        ("belt_shear", {"length_m": 0.01}, "not in the motion in time"),
-        ("belt_viscosity", {"retardation_s": 1e-4}, "not in the motion in time"),
-    ],
-)
-def test_what_the_motion_does_not_have_is_refused_and_not_left_out(name, values, said):
-    with pytest.raises(ModelError, match=f"{name}.*{said}"):
-        driven(MODEL.with_effect(name, **values), AT_20, course())
-
-
 def test_effects_on_the_structure_change_the_tire_that_moves():
     damped = MODEL.with_effect("viscous_damping", damping_rate_1_s=50.0)
     tight = MODEL.with_effect("belt_tension", tension_N=500.0)
     plain = driven(MODEL, AT_20, course()).tire
     assert driven(damped, AT_20, course()).tire.c_w == pytest.approx(60.0 + 2.0 * 3.15 * 50.0)
     assert driven(tight, AT_20, course()).tire.pb == pytest.approx(plain.pb + 500.0 / 0.305)
-
-
-def test_courses_that_cannot_be_driven():
-    near = course(road_of(parse_road("cleat,height_m=0.01,length_m=0.04"), 0.05))
-    with pytest.raises(ModelError, match="begins under the standing tire"):
-        driven(MODEL, AT_20, near)

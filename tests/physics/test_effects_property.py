@@ -155,27 +155,6 @@ def test_what_is_followed_is_put_in_words():
     )
 
 
-@pytest.mark.parametrize(
-    ("wrong", "match"),
-    [
-        ({"follows": (("sped_m_s", 2),)}, "'sped_m_s' is not a condition"),
-        ({"follows": ("speed_m_s",)}, "pairs .condition, power."),
-        ({"follows": (("speed_m_s", float("nan")),)}, "finite powers"),
-        ({"follows": None}, "pairs .condition, power."),
-        ({"follows": "speed^2"}, "pairs .condition, power."),
-        ({"follows": (), "valid_range": {"water": (0, 1)}}, "'water' is not a condition"),
-        (
-            {"follows": (), "valid_range": {"speed_m_s": (40.0, 2.0)}},
-            "speed_m_s ends before it begins",
-        ),
-        ({"follows": (), "valid_range": {"speed_m_s": ("slow", "fast")}}, "pair"),
-    ],
-)
-def test_data_that_say_nothing_are_refused(wrong, match):
-    with pytest.raises(ModelError, match=match):
-        following(**wrong).checked()
-
-
 @by_id([e for e in CATALOGUE if e.needs])
 def test_conditions_that_it_lacks_are_named(effect):
     model = probed(base_for(effect).with_effect(effect), effect)

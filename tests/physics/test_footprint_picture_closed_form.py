@@ -49,25 +49,3 @@ def test_the_strain_is_that_of_a_beam_under_the_measured_pressure(beam, power, s
     driven = Conditions.of(1, speed_m_s=12.0, acceleration_m_s2=0.0, time_s=0.0, load_N=LOAD_N)
     own = model.predict(driven, phi, surface="inner")[0]
     assert np.abs(own + np.interp(0.305 * phi, xi, strain)).max() < 0.02 * np.ptp(strain)
-
-
-@pytest.mark.parametrize("content", ["", "1,2\n3\n", "a,b\n", "0,0\n0,0\n"])
-def test_what_is_no_footprint_is_refused(beam, content, capsys):
-    with open("mat.csv", "w") as file:
-        file.write(content)
-    assert made() == 2
-    assert "allowed" in capsys.readouterr().err
-
-
-def test_a_picture_that_unpacks_to_much_is_refused(beam, capsys):
-    with open("mat.csv", "w") as file:
-        file.write("1,2,3\n" * 3_000_000)
-    assert made() == 2
-    assert "larger than 16 MB" in capsys.readouterr().err
-
-
-def test_a_patch_that_follows_from_the_road_takes_none(beam, capsys):
-    np.savetxt("mat.csv", picture(6.0, 0.0), delimiter=",")
-    assert run(["model", "new", "--preset", "P3", "-o", "beam.toml"]) == 0
-    assert made() == 2
-    assert "contact with the road" in capsys.readouterr().err

@@ -1,32 +1,9 @@
 """Faults: what cannot be used or shown is said, and nothing is left half-written."""
 
-import json
-
 import pandas as pd
 import pytest
 
 from tests.report.test_page import data, numbers
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["log.csv"], "nothing to write"),
-        (["log.csv", "--campaign", "nowhere", "-o", "page.html"], "no campaign's output"),
-        (["log.csv", "--ladder", "log.toml", "-o", "page.html"], "is no ladder"),
-        (["log.csv", "--ladder", "nowhere.json", "-o", "page.html"], "is no ladder"),
-        (["log.csv", "--table", "log.csv", "-o", "page.html"], "is no table of"),
-        (["log.csv", "--model", "log.toml", "-o", "page.html"], "log.toml"),
-        (["log.csv", "--ladder", "steps.json", "-o", "page.html"], "is no ladder"),
-    ],
-)
-def test_unusable_input_ends_with_status_2(folder, tirelog, arguments, said):
-    ladder = {"observable": "strain", "unit": "1", "steps": [{"step": 0}]}
-    (folder / "steps.json").write_text(json.dumps({"ladders": [ladder]}))
-    outcome = tirelog("report", *arguments)
-    outcome.refused(said)
-    assert "making the tables" not in outcome.err
-    assert not (folder / "page.html").exists()
 
 
 def test_a_model_that_does_not_suit_the_log_is_named(folder, tirelog):

@@ -1,13 +1,7 @@
 """Faults: scenarios and motions that cannot be are refused, with what to do."""
 
-import pytest
-
 from tests.processes import python
 from tirelog.cli import run
-from tirelog.errors import UsageError
-from tirelog.simulation import simulate, write_log
-
-from .worlds import scenario
 
 GOOD = '[[manoeuvres]]\nduration_s = 1.0\nspeed_m_s = 10.0\n\n[channels.s]\nkind = "fbg_strain"\n'
 
@@ -29,36 +23,6 @@ def test_command_writes_log_truth_and_setup(tmp_path, capsys):
         "log.toml",
     }
     assert "no effect" in said
-
-
-@pytest.mark.parametrize(
-    ("output", "why"),
-    [
-        ("log.dat", "suffix"),
-        ("log", "suffix"),
-        ("log.mcap.gz", "suffix"),
-        ("missing/log.csv", "missing"),
-        ("s.csv", "scenario"),  # its setup would be on the scenario itself
-    ],
-)
-def test_command_refuses_where_nothing_can_be_written(tmp_path, output, why, capsys):
-    status, said = command(tmp_path, GOOD, output, capsys)
-    assert status == 2
-    assert said.startswith("tirelog: error: ")
-    assert why in said
-    assert [p.name for p in tmp_path.iterdir()] == ["s.toml"]
-    assert (tmp_path / "s.toml").read_text(encoding="utf-8") == GOOD
-
-
-def test_text_cannot_hold_two_rates(tmp_path):
-    channels = {
-        "s": {"kind": "fbg_strain"},
-        "v": {"kind": "vehicle_speed", "sampling_rate_Hz": 100.0},
-    }
-    made = simulate(scenario(channels=channels))
-    with pytest.raises(UsageError, match="one sampling rate"):
-        write_log(made, tmp_path / "log.csv")
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_disk_that_is_full_while_hdf5_is_written(tmp_path):
