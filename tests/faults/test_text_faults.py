@@ -29,8 +29,8 @@ def log(change=None, n=200):
 
 
 CUT_OFF = "line 201: the last row is cut off"
-SHORT = "1 rows do not parse (first in line 102: not 3 cells)"
-NO_TIME = "1 rows do not parse (first in line 9: no readable time)"
+SHORT = "1 row does not parse (first in line 102: not 3 cells)"
+NO_TIME = "1 row does not parse (first in line 9: no readable time)"
 IN_102 = "(first in line 102"
 #: a log, how many rows are kept, what is said
 LOST = {
@@ -50,16 +50,16 @@ LOST = {
         "2 cells are no numbers (first in line 9: 'ERR')",
     ),
     "text for a stamp": (log({7: "noon,1550.0,1542.0"}), 200, NO_TIME),
-    "nul bytes inside": (log({150: "\0" * 50}, 9000), 8999, "1 rows do not parse"),
+    "nul bytes inside": (log({150: "\0" * 50}, 9000), 8999, "1 row does not parse"),
 }
 #: what a power cut leaves, a block that was never written, in the part by which a layout is told
 NUL = {
-    "a byte in a row": (log({100: "0.0400,15\x0050.1,1542.0"}), 200, f"no numbers {IN_102}"),
+    "a byte in a row": (log({100: "0.0400,15\x0050.1,1542.0"}), 200, f"is no number {IN_102}"),
     "a byte in a stamp": (log({100: "0.04\x0000,1550.1,1542.0"}), 200, f"{IN_102}: no readable"),
     "a hole in the middle": (
         log({100: "0.04" + "\0" * 3000 + "1,1542.0"}),
         199,
-        f"1 rows do not parse {IN_102}",
+        f"1 row does not parse {IN_102}",
     ),
     "a padded tail": (log() + "\0" * 4096, 200, "line 202: the last row is cut off"),
     "a padded tail behind half a row": (log()[:-8] + "\0" * 4096, 199, CUT_OFF),

@@ -85,8 +85,9 @@ def with_picture(model: Model, picture: Path, pitch_m: float, load_N: float) -> 
         text = bounded_input(File(picture), 16 * LARGEST_BYTES).decode("utf-8-sig")
         pressure = np.loadtxt(StringIO(text), delimiter=",", ndmin=2)
     except (OSError, ValueError) as problem:
+        reason = str(getattr(problem, "strerror", None) or problem)
         raise UsageError(
-            f"no picture of a footprint: {problem}",
+            f"no picture of a footprint: {reason.split(';')[0].rstrip('.')}",
             allowed="lines of as many numbers each, commas between them, are allowed",
             do="give another",
             file=picture,

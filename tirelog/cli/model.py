@@ -63,7 +63,7 @@ def new(
     model, remarks = api.models.new_model(
         carcass,
         session.setup,
-        observable=observable and [word.strip() for word in observable.split(",")],
+        observable=None if observable is None else [word.strip() for word in observable.split(",")],
         contact=contact,
         values=_assignments(sets),
         preset=preset,

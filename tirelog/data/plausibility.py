@@ -76,7 +76,8 @@ def implausible(
             words = " or ".join(f'unit = "{unit}"' for unit in units)
             advice = f"is the unit {' or '.join(units)}? write {words} in the setup"
         elif bounds.holds(-value):
-            advice = "is the sign inverted? write scale = -1 in the setup"
+            scale = -_setup_of(recording, channel).scaling[0]
+            advice = f"is the sign inverted? write scale = {scale:g} in the setup"
     return SetupError(
         what, allowed=f"allowed is {bounds}", do=f"{advice}; {override(name)}", file=recording.log
     )

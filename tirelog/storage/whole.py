@@ -526,8 +526,14 @@ def toml_tables(text: str, error: type[TirelogError], *, file: object) -> dict[s
         ValueError
     ) as problem:  # tomllib's own error is one; so is an integer of thousands of digits
         where = re.search(r"line (\d+)", str(problem))
+        # Python itself refuses thousands of digits, with advice to programmers
+        what = (
+            "a whole number of thousands of digits, where 19 are allowed"
+            if "set_int_max_str_digits" in str(problem)
+            else problem
+        )
         message, line = (
-            f"not TOML: {problem}; allowed is TOML in UTF-8; mend the line",
+            f"not TOML: {what}; allowed is TOML in UTF-8; mend the line",
             int(where[1]) if where else None,
         )
     raise error(message, file=file, line=line)

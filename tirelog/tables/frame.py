@@ -272,7 +272,13 @@ def summary(found: Sequence[Difference]) -> str:
         "columns are new": [d for d in found if d.key == _ALL_ROWS and d.value == "present"],
         "columns are missing": [d for d in found if d.key == _ALL_ROWS and d.value == "absent"],
     }
-    return ", ".join(f"{len(some)} {words}" for words, some in counted.items() if some)
+    said = [f"{len(some)} {words}" for words, some in counted.items() if some]
+    one = {"1 rows are": "1 row is", "1 columns are": "1 column is"}
+    one["1 values moved beyond their"] = "1 value moved beyond its"
+    return ", ".join(
+        next((text.replace(a, b) for a, b in one.items() if text.startswith(a)), text)
+        for text in said
+    )
 
 
 def _indexed(table: pd.DataFrame, keys: list[str]) -> pd.DataFrame:

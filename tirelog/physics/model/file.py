@@ -372,7 +372,7 @@ def with_footprint(model: Model, pressure: FloatArray, pitch_m: float, load_N: f
     if "patch_half_length_m" not in model.values:
         raise ModelError(
             "the patch of this model follows from its contact with the road",
-            allowed='a model with a patch_half_length_m is allowed, as contact = "parabola"',
+            allowed='a model with a patch_half_length_m is allowed, as contact = "prescribed"',
             do="take another",
         )
     inside = along[held[0] : held[-1] + 1]

@@ -318,13 +318,15 @@ class TextReader:
         report = self.report
         if "rows_cut_off" in report.counts:
             report.losses.append(f"line {line}: the last row is cut off and was left out")
-        for what, sentence in (("row", "rows do not parse"), ("cell", "cells are no numbers")):
+        for what, one, several in (
+            ("row", "1 row does not parse", "rows do not parse"),
+            ("cell", "1 cell is no number", "cells are no numbers"),
+        ):
             bad = self._bad[what]
             self._count(f"bad_{what}s", len(bad))
             if bad:
-                report.losses.append(
-                    f"{len(bad)} {sentence} (first in line {min(bad)[0]}: {min(bad)[1]})"
-                )
+                sentence = one if len(bad) == 1 else f"{len(bad)} {several}"
+                report.losses.append(f"{sentence} (first in line {min(bad)[0]}: {min(bad)[1]})")
         said = filter(None, map(_PROMISE.fullmatch, self.layout.preamble))
         promised = max((int(n) for one in said for n in re.findall(r"\d+", one[1])), default=0)
         if rows + len(self._bad["row"]) < promised:
