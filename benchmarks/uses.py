@@ -61,7 +61,8 @@ MOST_PRINTED = 9000
 VARIES = re.compile(
     r"[\d,]+ bytes, sha256 \w+|(?<=readable HDF5 file )\(.*\)(?=; allowed)"
     r"|(?<=after )\d+(?= unpacked)|(?<=is not a formula )\(.*\)|(?<= rows, )[\d.]+ s, .* left$"
-    r"|(?<=a table )\((Err|Exp|No|Parquet|Could)[\w']* .*\)(?=; csv)|(?<=no pattern )\(.*\)(?=; allowed)"
+    r"|(?<=a table )\((Err|Exp|No|Parquet|Could)[\w']* .*\)(?=; csv)"
+    r"|(?<=no pattern )\(.*\)(?=; allowed)"
     r"|(?<=\(ValueError: ).*(?=\);)|(?<=a footprint: )(the number|could) .*(?=; lines of)",
     re.MULTILINE,
 )
