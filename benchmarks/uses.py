@@ -59,9 +59,12 @@ STEPS: dict[str, Callable[..., bytes]] = {
 MOST_PRINTED = 9000
 #: what depends on the last bit of a simulated number, or on a library's version
 VARIES = re.compile(
-    r"[\d,]+ bytes, sha256 \w+|(?<=after )\d+(?= unpacked)"
-    r"|(?<=a table )\((Err|Exp|No|Parquet)\w* .*\)(?=; csv)|(?<=no pattern )\(.*\)(?=; allowed)"
-    r"|(?<=\(ValueError: ).*(?=\);)|(?<=a footprint: )(the number|could) .*(?=; lines of)"
+    r"[\d,]+ bytes, sha256 \w+|(?<=readable HDF5 file )\(.*\)(?=; allowed)"
+    r"|(?<=after )\d+(?= unpacked)|(?<=is not a formula )\(.*\)|(?<= rows, )[\d.]+ s, .* left$"
+    r"|(?<=a table )\((Err|Exp|No|Parquet|Could)[\w']* .*\)(?=; csv)"
+    r"|(?<=no pattern )\(.*\)(?=; allowed)"
+    r"|(?<=\(ValueError: ).*(?=\);)|(?<=a footprint: )(the number|could) .*(?=; lines of)",
+    re.MULTILINE,
 )
 
 

@@ -5,7 +5,6 @@ import json
 
 import h5py
 import numpy as np
-import pytest
 
 from tests.cli.conftest import SETUP, pulse_rows
 from tests.readers.mcap_files import START_NS, write_json
@@ -32,15 +31,6 @@ def test_a_full_disk_is_told_of_the_run_that_was_asked_for(folder, tirelog, monk
     assert message(outcome.err).startswith("tirelog: error: a.h5: cannot be written (No space")
     assert "run: cannot be written (No space" in message(tirelog("speed log.csv").err)
     assert sorted(path.name for path in folder.iterdir()) == ["log.csv", "log.toml"]
-
-
-@pytest.mark.parametrize("log", [".", "/", "", "..", "x" * 300, "a" * 5000 + ".csv"])
-def test_a_log_that_is_no_file(folder, tirelog, log):
-    for command in (["speed"], ["info"], ["ingest", "-o", "run.h5"]):
-        outcome = tirelog(command[0], log, *command[1:])
-        assert outcome.status in (2, 4), outcome.err
-        message(outcome.err)
-    assert sorted(p.name for p in folder.iterdir()) == ["log.csv", "log.toml"]
 
 
 def test_names_of_a_log_do_not_reach_the_terminal_raw(folder, tirelog):

@@ -13,7 +13,7 @@ from benchmarks.cases import Case, case
 from tests.cli.conftest import Command, folder, tirelog
 from tests.diagnosis.toy import phase_shifts
 from tirelog.diagnosis.diagnose import diagnose
-from tirelog.errors import ModelError, UsageError
+from tirelog.errors import ModelError
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.user_effects import effect_by_expression
@@ -45,21 +45,6 @@ def test_one_manoeuvre_is_too_few_and_ranks(one_cruise, model):
     assert result.selected == ()
     assert "manoeuvres" in " ".join(result.notes)
     assert result.effects
-
-
-def test_logs_without_enough_passages_the_channel_or_the_right_surface_are_refused(one_cruise):
-    swapped = [
-        replace(r, channels={name: replace(c, surface="inner") for name, c in r.channels.items()})
-        for r in one_cruise
-    ]
-    short = recordings((Manoeuvre(1.0, 10.0),))
-    for logs, observable, said in (
-        (short, "strain", r"5 passages in channel .*at least 8"),
-        (one_cruise, "radial_acceleration", "no channel"),
-        (swapped, "strain", 'write surface = "outer"'),
-    ):
-        with pytest.raises(UsageError, match=said):
-            stacks_from_logs(logs, observable)
 
 
 def test_a_condition_that_is_not_known_leaves_its_effects_untested(one_cruise, model):

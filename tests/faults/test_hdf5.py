@@ -151,28 +151,11 @@ def test_an_index_that_does_not_fit(path, index):
         read(path, f"/d{index}")
 
 
-def test_a_wrong_path_names_the_nearest(path):
+def test_a_wrong_column_names_the_nearest(path):
     with h5py.File(path, "w") as file:
-        file["front_left/encoder"] = np.zeros(5)
         file["rear"] = np.zeros(5, [("encoder", "f8")])
-    with pytest.raises(ReadError, match=r"nearest: /front_left/encoder"):
-        read(path, "/front_left/encodr")
     with pytest.raises(ReadError, match=r"nearest: encoder"):
         read(path, "/rear:encodre")
-
-
-@pytest.mark.parametrize(
-    ("content", "says"),
-    [
-        (b"", "no readable HDF5"),
-        (b"time,x\n1,2\n" * 100, "no readable HDF5"),
-        (b"\x89HDF\r\n\x1a\n", "HDF5"),
-    ],
-)
-def test_what_is_no_hdf5_file(path, content, says):
-    path.write_bytes(content)
-    with pytest.raises(ReadError, match=says):
-        read(path, "/x")
 
 
 def test_a_flipped_bit_loses_its_chunk_and_no_other(chunked):
@@ -199,15 +182,6 @@ def test_damage_to_the_first_stamps_leaves_the_others(path):
     assert np.isnan(stamps[:1000]).all()
     np.testing.assert_allclose(stamps[1000:], GOOD[:-1000] / 100, atol=1e-9)
     assert ["1000 stamps" in loss for loss in reader.report.losses] == [True]
-
-
-@pytest.mark.parametrize("left", [0.2, 0.9])
-def test_a_file_cut_off_is_refused_with_both_sizes(chunked, left):
-    data = chunked.read_bytes()
-    chunked.write_bytes(data[: int(left * len(data))])
-    said = rf"is cut off at {int(left * len(data))} of {len(data)} bytes; .*; copy it again"
-    with pytest.raises(ReadError, match=said):
-        read(chunked, "/x", "/small")
 
 
 def test_chunks_that_were_never_written_are_lost_not_zero(path):

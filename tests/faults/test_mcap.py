@@ -153,47 +153,6 @@ def test_a_file_without_its_end_record(path):
 
 
 @pytest.mark.parametrize(
-    ("content", "says"),
-    [
-        (b"", "is empty"),
-        (b"time,x\n1,2\n" * 9, "does not begin as an MCAP"),
-        (b"\x89MCAP0\r\n", "cut off"),
-    ],
-)
-def test_what_is_no_mcap_file(content, says):
-    with pytest.raises(ReadError, match=says):
-        read(io.BytesIO(content), SOURCES)
-
-
-def test_a_wrong_topic_or_field_names_the_nearest_and_leaves_the_others(path):
-    write_json(path, [("/front_left/strain", t, m) for _, t, m in messages(50)])
-    said = r"'/front_left/strains' is not in the log \(nearest: /front_left/strain\)"
-    with pytest.raises(ReadError, match=said):
-        read(path, {"x": "/front_left/strains:x"})
-    sources = {
-        "a": "/front_left/strain:x",
-        "d": "nonsense",
-        "b": "/front_left/strain:yy",
-        "e": "/front_left/strain:x.real",  # of a number in Python, no field of the message
-        "c": "/rear:x",
-    }
-    values, _, reader = read(path, sources)
-    assert set(values) == {"a"}
-    losses = reader.report.losses
-    assert [f"channel {c}" in loss for c, loss in zip("dbec", losses, strict=True)] == [True] * 4
-    assert "has no field 'yy' (nearest: y); it has x, y" in losses[1]
-
-
-@pytest.mark.parametrize(
-    "source", ["/t", "/t:", "/t:a..b", "/t:a[", "/t:a[-1]", "/t:a[1 2]", "/t:[", ":x", "/t:a[::0]"]
-)
-def test_sources_that_do_not_parse(path, source):
-    write_json(path, messages(5))
-    with pytest.raises(ReadError, match="allowed"):
-        read(path, {"x": source})
-
-
-@pytest.mark.parametrize(
     "bad",
     [
         b"{",
@@ -261,12 +220,6 @@ def test_an_absurd_chunk_is_refused_before_it_is_decompressed(path):
     values, _, reader = read(io.BytesIO(content), SOURCES)
     assert "declares 1125899906842624 bytes" in reader.report.losses[0]
     assert values["x"].size > 0.7 * N
-
-
-def test_an_absurd_record_length_is_not_allocated():
-    content = b"\x89MCAP0\r\n" + struct.pack("<BQ", Opcode.SCHEMA, 1 << 60) + b"x" * 100
-    with pytest.raises(ReadError, match="cut off at byte 8"):
-        read(io.BytesIO(content), SOURCES)
 
 
 def all_kinds(tmp_path):

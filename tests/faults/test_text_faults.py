@@ -11,7 +11,6 @@ import zstandard
 from tests.readers.text_logs import Pipe, piped, read, setup_of
 from tirelog.readers.text import source as text_source
 from tirelog.readers.text.reader import open_text
-from tirelog.runs.clock import ClockFit
 
 SETUP = setup_of({"a": "A", "b": "B"})
 HEADER = "time_s,A,B\n"
@@ -129,23 +128,6 @@ def test_a_channel_without_one_reading_and_a_constant_one():
     assert np.isnan(block.values["a"]).all()
     assert (block.values["b"] == 1542.0).all()
     assert reader.report.losses == []
-
-
-@pytest.mark.parametrize(
-    ("change", "repaired"),
-    [
-        ({i: rows(1, i - 50)[0] for i in range(100, 200)}, "clock_set_back"),
-        ({100: rows(1, 20)[0]}, "stamps_repaired"),
-        ({i: rows(1, i - 1)[0] for i in range(100, 200)}, "repeated_stamps"),
-    ],
-)
-def test_time_that_runs_backwards_or_stands(change, repaired):
-    reader, block = read(log(change), SETUP)
-    clock = ClockFit(resolution_s=reader.groups[0].stamp_resolution_s)
-    clock.add(block.stamps_s, None, 200)
-    assert (np.diff(clock.axis.time()) > 0).all()
-    assert clock.repairs == {repaired: 1}
-    assert clock.axis.rate_Hz == 2500.0
 
 
 @pytest.mark.parametrize(

@@ -118,3 +118,5 @@ def test_tydex_channels_come_in_si_with_the_brush_s_signs(tmp_path):
     assert set(found) == set(wanted)
     for name, values in wanted.items():
         assert found[name] == pytest.approx(values, rel=1e-12), name
+    path.write_text(TYDEX.replace("**MEASURCHANNELS", "INCLANGL a deg 2\n**MEASURCHANNELS"))
+    assert read_forces(path)["camber_deg"] == pytest.approx([2.0, 2.0])

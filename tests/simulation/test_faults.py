@@ -1,28 +1,8 @@
-"""Faults: scenarios and motions that cannot be are refused, with what to do."""
+"""Faults: a disk that is full while a simulated log is written."""
 
 from tests.processes import python
-from tirelog.cli import run
 
 GOOD = '[[manoeuvres]]\nduration_s = 1.0\nspeed_m_s = 10.0\n\n[channels.s]\nkind = "fbg_strain"\n'
-
-
-def command(tmp_path, text, output, capsys):
-    scenario = tmp_path / "s.toml"
-    scenario.write_text(text, encoding="utf-8")
-    status = run(["simulate", str(scenario), "-o", str(tmp_path / output)])
-    return status, capsys.readouterr().err
-
-
-def test_command_writes_log_truth_and_setup(tmp_path, capsys):
-    status, said = command(tmp_path, GOOD, "log.csv", capsys)
-    assert status == 0
-    assert {p.name for p in tmp_path.iterdir()} == {
-        "s.toml",
-        "log.csv",
-        "log.csv.truth.json",
-        "log.toml",
-    }
-    assert "no effect" in said
 
 
 def test_a_disk_that_is_full_while_hdf5_is_written(tmp_path):
