@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from benchmarks.cases import Case, case
-from benchmarks.nuisance_worlds import CaseOf
 from tests.diagnosis.planted import diagnosed, simulated
 from tirelog.diagnosis import diagnose
 from tirelog.diagnosis.candidates.assessment import at_noise_floor
@@ -192,16 +191,6 @@ def test_a_load_that_wanders_is_in_the_floor():
     assert calm.floor.scatter.wander_sd < 0.005 < 0.012 < restless.floor.scatter.wander_sd < 0.05
     assert restless.reduced_chi2 < 1.2
     np.testing.assert_array_less(calm.floor.between, restless.floor.between)
-
-
-def test_loads_that_scatter_by_3_percent_leave_a_null_at_its_floor():
-    logs = CaseOf("scatter_3", 2).scenarios()
-    base = start(
-        simulated(logs, angles=256), Model.new("beam", radius_m=logs[0].tire.rolling_radius_m)
-    )
-    assert 0.015 < base.floor.scatter.load_sd < 0.04
-    assert base.reduced_chi2 < 1.15  # 2 and more if a waveform were straight in its load
-    assert at_noise_floor(base, base.floor.square)
 
 
 def test_nuisances_are_seen_where_bins_are_empty(wheel_null):

@@ -62,9 +62,3 @@ def test_a_fitted_magic_formula_is_the_brush_to_a_percent_of_its_peak(folder):
             off = rows[f"road_{name}"].fillna(0.0) - rows[f"reference_{name}"]
             assert np.abs(off / rows["load_N"]).max() < 0.02
     assert read_forces(folder / "tire.tir")["FNOMIN"] == 4000.0
-
-
-def test_a_magic_formula_has_no_conditions_of_its_own(folder):
-    (folder / "t.tir").write_text("[MDI_HEADER]\n")
-    assert tirelog(folder, "model", "forces", "m.toml", "-o", "no.tir").status == 2
-    assert not (folder / "no.tir").exists()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from tests.simulation.worlds import world
 from tirelog.data.recording import Conditions
 from tirelog.inference.cells.cells import model_of
 from tirelog.physics.effects import BY_ID
@@ -17,8 +18,6 @@ from tirelog.physics.model.model import Model
 from tirelog.simulation.scenario.schema import BENDING_N_M2, PLANTABLE, Sensor
 from tirelog.simulation.steady.loads import Instants, with_columns
 from tirelog.simulation.steady.waveforms import World
-
-from .worlds import world
 
 R, SPEED, ACCELERATION, TIME = 0.305, 17.0, 1.7, 3.0
 #: so that these are the speed and the acceleration then

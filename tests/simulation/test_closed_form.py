@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from tests.simulation.rolls import K_V, LINE_MASS, RADIUS, belt, orders, rolling
+from tests.simulation.worlds import instants, scenario, world
 from tirelog.data.road import RoadProfile
 from tirelog.simulation import simulate
 from tirelog.simulation.rolling import step_kernel as kernel
@@ -10,9 +12,6 @@ from tirelog.simulation.scenario.schema import PLANTABLE, Planted, Sensor
 from tirelog.simulation.sensors.sampling import passages, tread_angle
 from tirelog.simulation.steady.carcass import FlatRoadContact, carcass
 from tirelog.simulation.steady.loads import Ring, friction, true_parabola, with_columns
-
-from .rolls import K_V, LINE_MASS, RADIUS, belt, orders, rolling
-from .worlds import instants, scenario, world
 
 R = 0.305
 TRACTION = Planted("traction", "exact", {**PLANTABLE["traction"].parameters, "lever_m": 0.018})

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from tests.simulation.worlds import instants, scenario, world
 from tirelog.simulation import setup_text, simulate
 from tirelog.simulation.scenario.schema import Sensor
 from tirelog.simulation.sensors.sampling import noise_of
 from tirelog.simulation.steady.loads import with_columns
 from tirelog.simulation.steady.waveforms import WANDER_STEP_S, wander_of
-
-from .worlds import instants, scenario, world
 
 COARSE = {"grid_points": 512}
 CHANNELS = {

@@ -9,13 +9,12 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from benchmarks.cases import IN_CATALOGUE, OUTSIDE, Case, case
+from tests.simulation.worlds import instants, scenario, world
 from tirelog.simulation import simulate
 from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
 from tirelog.simulation.sensors.sampling import tread_angle
 from tirelog.simulation.steady.loads import with_columns
 from tirelog.simulation.steady.waveforms import roughness_of
-
-from .worlds import instants, scenario, world
 
 DRIVE = [
     {"duration_s": 1.5, "speed_m_s": 9.0},

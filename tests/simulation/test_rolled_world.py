@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.simulation.worlds import instants
+from tests.simulation.worlds import world as steady_world
 from tirelog.simulation import scenario_of, simulate
 from tirelog.simulation.rolling.world import RolledWorld
 from tirelog.simulation.scenario.schema import Sensor
-
-from .worlds import instants
-from .worlds import world as steady_world
 
 pytestmark = pytest.mark.xdist_group("rolled world")  # one worker makes what these tests share
 

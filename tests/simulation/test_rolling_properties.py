@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from tirelog.simulation.scenario.schema import Sensor
-
-from .rolls import (
+from tests.simulation.rolls import (
     EI,
     K_V,
     K_W,
@@ -19,7 +17,8 @@ from .rolls import (
     rolling,
     strain_rider,
 )
-from .worlds import instants, world
+from tests.simulation.worlds import instants, world
+from tirelog.simulation.scenario.schema import Sensor
 
 SPEED, LOAD = 20.0, 3000.0
 DAMPED = {"radial_damping_N_s_m2": 100.0, "tangential_damping_N_s_m2": 100.0}

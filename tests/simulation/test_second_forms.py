@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from benchmarks.forms import nearest, table
+from tests.simulation.test_against_models import modelled
+from tests.simulation.worlds import instants, world
 from tirelog.data.recording import Conditions
 from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
-
-from .test_against_models import modelled
-from .worlds import instants, world
 
 pytestmark = pytest.mark.xdist_group("second forms")  # one worker makes what these tests share
 

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
+from tests.simulation.worlds import scenario, tables, world
 from tirelog.simulation import scenario_of, simulate
 from tirelog.simulation.sensors.sampling import phase_shift, tread_angle
-
-from .worlds import scenario, tables, world
 
 R = 0.305
 #: cruise, drive, cruise, brake, coast

@@ -6,10 +6,9 @@ import tomllib
 import numpy as np
 import pytest
 
+from tests.simulation.worlds import scenario
 from tirelog.runs.ingest import open_recording
 from tirelog.simulation import setup_text, simulate, to_recording, write_log
-
-from .worlds import scenario
 
 GRATINGS = {
     "outer": {
