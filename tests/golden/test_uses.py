@@ -6,7 +6,12 @@ import pytest
 
 from benchmarks import uses
 
-NAMES = sorted(path.stem for path in uses.USES.glob("*.toml"))
+#: most of a minute
+SLOW = ("pooled",)
+NAMES = [
+    pytest.param(path.stem, marks=[pytest.mark.slow] * (path.stem in SLOW))
+    for path in sorted(uses.USES.glob("*.toml"))
+]
 
 
 @pytest.mark.parametrize("name", NAMES)
