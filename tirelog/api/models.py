@@ -654,19 +654,23 @@ def warm(
 ) -> tuple[dict[str, FloatArray], list[str]]:
     """Columns of `tirelog model warm` and remarks: temperature and losses over a drive.
 
-    `heat` has `heat_capacity` [J/K] and `cooling` [W/K]; what is None is fitted to the drive's
-    temperature. UsageError and ModelError as `predict`, or if it cannot be fitted.
+    `heat` has `heat_capacity` [J/K] and `cooling` [W/K]. What is None is fitted to the drive's
+    temperature, and then how warm the tire begins; else it begins cold. UsageError and ModelError
+    as `predict`, or if it cannot be fitted.
     """
     from tirelog.physics.thermal import fitted_heat, thinned, warm_columns
 
     given = {name: value for name, value in heat.items() if value is not None}
     rows, remarks = thinned(_checked(model, drive)), []
+    units = {"heat_capacity": "J/K", "cooling": "W/K", "start": "K above the surroundings"}
     if len(given) < len(heat):
         for name, (value, error) in fitted_heat(model, rows, given).items():
             given[name] = value
-            unit = "J/K" if name == "heat_capacity" else "W/K"
-            remarks += [f"{name.replace('_', ' ')} {value:.5g} +- {error:.2g} {unit}"] * (error > 0)
-    columns = warm_columns(model, rows, given["heat_capacity"], given["cooling"], ambient_K)
+            text = f"{name.replace('_', ' ')} {value:.5g} +- {error:.2g} {units[name]}"
+            remarks += [text] * (error > 0.0)
+    columns = warm_columns(
+        model, rows, given["heat_capacity"], given["cooling"], ambient_K, given.get("start", 0.0)
+    )
     constant = given["heat_capacity"] / given["cooling"]
     end, resistance = columns["temperature_K"][-1], columns["rolling_resistance_N"]
     remarks.append(

@@ -282,8 +282,8 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
             "an hour at one speed",
         ),
         (
-            "tirelog model warm lossy.toml --log drive.csv.gz -o warm.csv",
-            "fitted to a log with a temperature channel",
+            "tirelog model warm lossy.toml --log drive.csv.gz --heat-capacity 15000 --cooling 12",
+            "at a log's speeds; without the two numbers they are fitted to its temperature",
         ),
     ),
     "model plan": (

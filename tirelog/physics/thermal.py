@@ -9,7 +9,9 @@ some 15,000 J/K. Effects that follow temperature or pressure (`warm_hysteresis`,
 
 T and P depend on each other: P at the last T gives the next T, until it no longer moves. Of a log
 with a temperature channel C and G are fitted, with P at the measured temperature; then T is linear
-in P. Their errors hold for residuals that hang together: a jackknife over twelve stretches of time.
+in P. The tire may begin warm: what it is above the surroundings then is fitted too, since the log
+knows its own rise only. The errors hold for residuals that hang together, by a jackknife over
+twelve stretches of time.
 """
 
 from __future__ import annotations
@@ -32,9 +34,16 @@ AIR_PA = 1.013e5
 
 
 def warm_columns(
-    model: Model, drive: Conditions, capacity_J_K: float, cooling_W_K: float, ambient_K: float
+    model: Model,
+    drive: Conditions,
+    capacity_J_K: float,
+    cooling_W_K: float,
+    ambient_K: float,
+    start_K: float = 0.0,
 ) -> dict[str, FloatArray]:
     """Columns of `tirelog model warm`, (n,): state and losses at the times of the drive.
+
+    start_K      of the tire above the surroundings
 
     drive        in order of time; its `temperature_K` is not used, and a pressure that varies is
                  taken as measured
@@ -54,10 +63,8 @@ def warm_columns(
     for _ in range(50):
         pressure = cold_Pa if measured else (cold_Pa + AIR_PA) * (1.0 + rise / ambient_K) - AIR_PA
         rows = _losses(model, drive, rise, pressure)
-        before, rise = (
-            rise,
-            risen(drive.time_s, rows["dissipated_power_W"], capacity_J_K, cooling_W_K),
-        )
+        power, before = rows["dissipated_power_W"], rise
+        rise = risen(drive.time_s, power, capacity_J_K, cooling_W_K, start_K)
         if np.abs(rise - before).max() < 1e-3:
             break
     else:
@@ -70,7 +77,7 @@ def warm_columns(
     return {
         "time_s": drive.time_s,
         "temperature_K": rise,
-        "measured_temperature_K": drive.temperature_K,
+        "measured_temperature_K": drive.temperature_K + start_K,
         **{name: rows[name] for name in (*kept, "rolling_resistance_N")},
     }
 
@@ -91,10 +98,14 @@ def _losses(
 
 
 def risen(
-    time_s: FloatArray, power_W: FloatArray, capacity_J_K: float, cooling_W_K: float
+    time_s: FloatArray,
+    power_W: FloatArray,
+    capacity_J_K: float,
+    cooling_W_K: float,
+    start_K: float,
 ) -> FloatArray:
-    """T [K] (n,) from 0 on, for a power that is its mean between each two times."""
-    rise = np.zeros(time_s.size)
+    """T [K] (n,) from `start_K` on, for a power that is its mean between each two times."""
+    rise = np.full(time_s.size, start_K)
     faded = np.exp(-np.diff(time_s) * (cooling_W_K / capacity_J_K))
     level = 0.5 * (power_W[1:] + power_W[:-1]) / cooling_W_K
     for i, (share, end) in enumerate(zip(faded, level, strict=True)):
@@ -105,47 +116,59 @@ def risen(
 def fitted_heat(
     model: Model, drive: Conditions, given: Mapping[str, float]
 ) -> dict[str, tuple[float, float]]:
-    """(Value, standard error) of `heat_capacity` [J/K] and `cooling` [W/K] by the drive's warmth.
+    """(Value, standard error) of `heat_capacity` [J/K], `cooling` [W/K] and `start` [K].
 
-    A number that is `given` is kept, with an error of 0.
+    By the drive's warmth; `start` is the tire's temperature above the surroundings when the drive
+    begins. A number that is `given` is kept, with an error of 0.
 
-    UsageError: the drive has no temperature, or one that does not rise.
+    UsageError: the drive has no temperature, or one that does not determine them.
     """
-    if not drive.known("temperature_K") or not drive.temperature_K[-1] > 0.0:
+    changed = float(np.ptp(drive.temperature_K))
+    if not changed > 0.0:  # NaN of none
         raise UsageError(
-            "no temperature that rises",
-            allowed="a log with a channel of kind temperature that is warmer at its end is needed "
-            "to fit them",
+            "no temperature that changes",
+            allowed="a log with a channel of kind temperature is needed to fit them",
             do="give --heat-capacity and --cooling",
         )
     pressure = drive.inflation_pressure_Pa
     power = _losses(model, drive, drive.temperature_K, pressure)["dissipated_power_W"]
     mean = float(power.mean())
     start = {
-        "heat_capacity": mean * float(np.ptp(drive.time_s)) / float(drive.temperature_K[-1]),
-        "cooling": 0.5 * mean / float(drive.temperature_K.max()),
+        "heat_capacity": mean * float(np.ptp(drive.time_s)) / changed,
+        "cooling": 0.5 * mean / changed,
     }
     names = [name for name in start if name not in given]
 
     def heat(x: FloatArray) -> dict[str, float]:
-        found = {name: start[name] * np.exp(log) for name, log in zip(names, x, strict=False)}
-        return {name: float({**found, **given}[name]) for name in start}
+        logs = dict(zip(names, x[2:], strict=True))
+        return {
+            name: given[name] if name in given else float(value * np.exp(logs[name]))
+            for name, value in start.items()
+        } | {"start": float(x[1])}
 
     def off(x: FloatArray) -> FloatArray:
         of = heat(x)
-        rise = risen(drive.time_s, power, of["heat_capacity"], of["cooling"])
-        return np.asarray(rise + x[-1] - drive.temperature_K)
+        rise = risen(drive.time_s, power, of["heat_capacity"], of["cooling"], of["start"])
+        return np.asarray(rise - of["start"] + x[0] - drive.temperature_K)
 
-    # the last number is the error of the temperature at the start, off which the log's are
-    found = least_squares(off, np.zeros(len(names) + 1), max_nfev=200)
+    # the first number is the error of the first reading, off which the others are
+    found = least_squares(off, np.zeros(len(names) + 2), max_nfev=200)
     whole, moves = found.jac.T @ found.jac, []
     for rows in np.array_split(np.arange(len(drive)), blocks := 12):
         own = found.jac[rows]
         moves.append(np.linalg.pinv(whole - own.T @ own) @ (own.T @ found.fun[rows]))
-    covariance = (blocks - 1) / blocks * np.cov(np.transpose(moves), bias=True) * blocks
-    errors = dict(zip(names, np.sqrt(np.diagonal(covariance)), strict=False))
+    errors = np.sqrt((blocks - 1) * np.var(moves, axis=0))
+    # logarithms: an error of 1 is the number itself
+    if not (found.success and np.all(errors[2:] < 1.0) and np.all(errors[2:] > 0.0)):
+        raise UsageError(
+            f"a temperature that does not determine {' and '.join(names)}",
+            allowed="a log is needed that warms up, at speeds that change",
+            do="give --heat-capacity and --cooling",
+        )
+    of, relative = heat(found.x), dict(zip(names, errors[2:], strict=True))
     return {
-        name: (value, value * float(errors.get(name, 0.0))) for name, value in heat(found.x).items()
+        name: (value, float(errors[1]) if name == "start" else value * float(relative.get(name, 0)))
+        for name, value in of.items()
     }
 
 
