@@ -46,14 +46,14 @@ def test_a_wheel_that_slides_has_the_shape_factor_s_share_of_the_peak(tmp_path):
 
 
 def test_load_and_pressure_change_friction_and_stiffness(tmp_path):
-    tire = formula(tmp_path, PDX2=-0.1, PPX3=-0.2, NOMPRES=2e5, PPX1=0.5)
+    tire = formula(tmp_path, PDX2=-0.1, PPX3=-0.2, NOMPRES=2e5, PPX1=0.5, PKX2=2.0, PKX3=-0.3)
     slips = np.linspace(0.0, 1.0, 20001)
     given = under(slips.size, slip=slips, load_N=5000.0, inflation_pressure_Pa=2.2e5)
     peak = tire.forces(given)["road_longitudinal_N"].max()
     assert peak == pytest.approx((1.2 - 0.1 * 0.25) * (1.0 - 0.2 * 0.1) * 5000.0, rel=1e-6)
-    stiff = under(slip=1e-6, inflation_pressure_Pa=2.2e5)
+    stiff = under(slip=1e-6, load_N=5000.0, inflation_pressure_Pa=2.2e5)
     assert tire.forces(stiff)["road_longitudinal_N"][0] == pytest.approx(
-        21.0 * (1.0 + 0.5 * 0.1) * LOAD * 1e-6, rel=1e-5
+        (21.0 + 0.5) * np.exp(-0.075) * (1.0 + 0.5 * 0.1) * 5000.0 * 1e-6, rel=1e-5
     )
 
 

@@ -34,11 +34,11 @@ from tirelog.physics.model.force_files import (
     FORCES,
     SUFFIXES,
     MagicFormula,
+    read_forces,
     sweeps,
     tir_text,
     tydex_text,
 )
-from tirelog.physics.model.force_files import read_forces as read_forces
 from tirelog.physics.model.forces import carcass_facts, force_columns, worn_model
 from tirelog.physics.model.model import Model, difference_rows, parameter_rows
 from tirelog.physics.model.user_effects import catalogue_with, effect_called
@@ -71,8 +71,8 @@ __all__ = [
     "carcass_facts", "catalogue_with", "changed", "conditions_of", "contributions",
     "difference_rows", "draw_effects", "draw_modes", "driven_conditions", "forces",
     "given_conditions", "known_surface", "load_model", "modes", "new_model", "numbers",
-    "parameter_rows", "passage", "plan", "predict", "refuse_another", "revolutions", "save_model",
-    "serves", "steady_drive", "table_columns", "warm", "with_picture", "worn_model",
+    "parameter_rows", "passage", "plan", "predict", "read_forces", "refuse_another", "revolutions",
+    "save_model", "serves", "steady_drive", "table_columns", "warm", "with_picture", "worn_model",
 ]  # fmt: skip
 
 
