@@ -62,10 +62,8 @@ def test_a_stiffness_that_frequencies_follow_is_known_to_their_error(planned):
         for s in (0.9999, 1.0001)
     )
     slopes = np.log(high / low) / (2e-4 * k)
-    slopes = slopes[
-        np.append(True, np.abs(np.diff(low)) > 1e-6 * low[1:])
-    ]  # pairs in the air count once
-    information = ((slopes / 0.005) ** 2).sum()
+    # pairs in the air count once
+    information = ((slopes[np.append(True, np.abs(np.diff(low)) > 1e-4)] / 0.005) ** 2).sum()
     of_stage = row["se_modal"] ** -2 - row["se_static"] ** -2
     assert of_stage == pytest.approx(information, rel=1e-3)
     assert row["determined_by"] == "static"

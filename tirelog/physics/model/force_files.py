@@ -253,8 +253,9 @@ def _read_tydex(lines: Sequence[tuple[int, str]], path: Path) -> dict[str, Float
     for number, line in _section(lines, "MEASURDATA"):
         numbers = [_number(word) for word in line.split()]
         if len(numbers) != len(heads) or None in numbers:
+            wrong = f", {numbers.count(None)} of them no numbers" if None in numbers else ""
             raise ReadError(
-                f"{len(numbers)} cells of which {numbers.count(None)} are no numbers",
+                f"{len(numbers)} cells{wrong}",
                 allowed=f"allowed are {len(heads)} numbers, one for each of **MEASURCHANNELS",
                 do="correct or remove the line",
             ).at(path, number)
