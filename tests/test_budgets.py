@@ -26,7 +26,7 @@ FOLDERS = {
     "dsp": (4, 910),
     "inference": (17, 3050),
     "kernels": (3, 210),
-    "physics": (26, 3580),
+    "physics": (26, 3590),
     "plots": (5, 970),
     "readers": (23, 4120),
     "report": (6, 820),
