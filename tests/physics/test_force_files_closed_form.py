@@ -51,10 +51,9 @@ def test_load_and_pressure_change_friction_and_stiffness(tmp_path):
     given = under(slips.size, slip=slips, load_N=5000.0, inflation_pressure_Pa=2.2e5)
     peak = tire.forces(given)["road_longitudinal_N"].max()
     assert peak == pytest.approx((1.2 - 0.1 * 0.25) * (1.0 - 0.2 * 0.1) * 5000.0, rel=1e-6)
-    stiff = under(slip=1e-6, load_N=5000.0, inflation_pressure_Pa=2.2e5)
-    assert tire.forces(stiff)["road_longitudinal_N"][0] == pytest.approx(
-        (21.0 + 0.5) * np.exp(-0.075) * (1.0 + 0.5 * 0.1) * 5000.0 * 1e-6, rel=1e-5
-    )
+    stiff = tire.forces(under(slip=1e-6, load_N=5000.0, inflation_pressure_Pa=2.2e5))
+    wanted = (21.0 + 0.5) * np.exp(-0.075) * (1.0 + 0.5 * 0.1) * 5000.0 * 1e-6
+    assert stiff["road_longitudinal_N"][0] == pytest.approx(wanted, rel=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ from io import StringIO
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.signal import lfilter
 
 from benchmarks.goldens import SAMPLES, tirelog
 from tirelog.api.models import steady_drive, warm
@@ -54,7 +53,9 @@ def drive_of(rng, noise_K, temperature):
     """Half an hour at changing speeds, with a measured temperature whose noise hangs together."""
     time_s = np.linspace(0.0, 1800.0, 161)
     speed = 12.0 + 8.0 * np.sin(time_s / 150.0)
-    wander = lfilter([1.0], [1.0, -0.6], rng.normal(0.0, noise_K, time_s.size))
+    wander = np.zeros(time_s.size)
+    for i in range(1, time_s.size):
+        wander[i] = 0.6 * wander[i - 1] + rng.normal(0.0, noise_K)
     drive = {"speed_m_s": speed, "time_s": time_s, "acceleration_m_s2": 0.0}
     return Conditions.of(time_s.size, **drive, temperature_K=temperature(drive) + wander)
 
