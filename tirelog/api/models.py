@@ -513,13 +513,15 @@ def forces_against(
     else:
         n, found = len(reference["load_N"]), dict(reference)
         own = {f.name: reference[f.name] for f in fields(Conditions) if f.name in reference}
-        more = {} if conditions is None else asdict(conditions)
-        given = {name: value[0] for name, value in more.items() if name not in own}
+        # a rig drives at steady speed
+        given: dict[str, Any] = {"acceleration_m_s2": 0.0, **known_conditions(setup)}
+        if conditions is not None:
+            given = {name: value[0] for name, value in asdict(conditions).items()}
         if "speed_m_s" not in {**given, **own}:
             raise UsageError("the TYDEX file has no LONGVEL", do="give the speed with --speed")
         columns = forces(
             model,
-            Conditions.of(n, **given, **own),
+            Conditions.of(n, **{**given, **own}),
             slip_angle_deg=reference.get("slip_angle_deg", slip_angle_deg),
             camber_deg=reference.get("camber_deg", camber_deg),
             setup=setup,
